@@ -1,0 +1,23 @@
+"""The robot: bodies, transmission, contacts, effects, and how it is loaded."""
+
+from wbc.robot.contact import ContactPoint
+from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
+from wbc.robot.effect import Effect, Parameter
+from wbc.robot.library import find_description, robot_names, robots_directory
+from wbc.robot.motion import Motion
+from wbc.robot.robot import Robot
+
+__all__ = [
+    "ContactPoint",
+    "Effect",
+    "Motion",
+    "Parameter",
+    "Robot",
+    "RobotDescription",
+    "bare_robot",
+    "build_robot",
+    "find_description",
+    "read_description",
+    "robot_names",
+    "robots_directory",
+]

@@ -1,0 +1,25 @@
+"""Reduction, topology, efficiencies and the mesh law."""
+
+from wbc.transmission.mesh import (
+    Direction,
+    direction,
+    efficiency,
+    mesh_input,
+    mesh_input_interval,
+    mesh_output,
+    wedge_backward_efficiency,
+)
+from wbc.transmission.transmission import Transmission
+from wbc.transmission.wedge import WedgeBlock
+
+__all__ = [
+    "Direction",
+    "Transmission",
+    "WedgeBlock",
+    "direction",
+    "efficiency",
+    "mesh_input",
+    "mesh_input_interval",
+    "mesh_output",
+    "wedge_backward_efficiency",
+]

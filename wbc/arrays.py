@@ -1,0 +1,55 @@
+"""Shape checks and read-only arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.errors import WbcError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int_]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """Return a read-only copy of `values` as an array of `dtype`."""
+    array = np.array(values, dtype=dtype)
+    array.setflags(write=False)
+    return array
+
+
+def checked(
+    values: ArrayLike,
+    shape: Sequence[int | None],
+    name: str,
+    error: type[WbcError] = WbcError,
+) -> FloatArray:
+    """Return a read-only float copy of `values` after checking shape and finiteness.
+
+    Args:
+        values: what the caller gave.
+        shape: expected shape; None leaves an axis free.
+        name: what to call the array in the message.
+        error: exception class to raise.
+
+    Raises:
+        WbcError: (or `error`) for a wrong shape, a value that is no number, NaN or infinity.
+    """
+    try:
+        array = frozen(values)
+    except (TypeError, ValueError) as cause:
+        raise error(f"{name} must be an array of numbers: {cause}.") from cause
+    fits = array.ndim == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
+        raise error(f"{name} has shape {array.shape}, expected {wanted}.")
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise error(f"{name} holds {array[where]} at index {where}; every value must be finite.")
+    return array

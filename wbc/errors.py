@@ -1,0 +1,55 @@
+"""The exception family. Every error names the thing, the place and the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class WbcError(Exception):
+    """Base of every error that this library raises on purpose."""
+
+
+class RobotError(WbcError):
+    """A robot description is unknown, unreadable or inconsistent."""
+
+
+class TransmissionError(WbcError):
+    """A reduction, topology, inertia or efficiency is outside its range."""
+
+
+class EffectError(WbcError):
+    """A physical effect is unknown, misplaced or has a parameter outside its range."""
+
+
+class DynamicsError(WbcError):
+    """A quantity of the equation of motion does not exist here (singular pose, wrong base)."""
+
+
+class ControlError(WbcError):
+    """A controller is set up in a way that cannot work; never raised inside the loop."""
+
+
+class SimulationError(WbcError):
+    """A time step has no solution, or several."""
+
+
+class LogError(WbcError):
+    """A log is unreadable, incomplete or contradicts itself."""
+
+
+class IdentificationError(WbcError):
+    """Logs and robot cannot be compared, or hold too little to identify anything."""
+
+
+class ViewError(WbcError):
+    """Something needed to draw or to take a picture is missing."""
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+    """Return the message for a name that does not exist, with the names that do."""
+    names = list(known)
+    near = get_close_matches(name, names, n=1)
+    hint = f" Did you mean '{near[0]}'?" if near else ""
+    listed = ", ".join(names) if names else "(none)"
+    return f"Unknown {kind} '{name}'.{hint} There are: {listed}."

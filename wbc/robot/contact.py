@@ -1,0 +1,38 @@
+"""Where the robot touches the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, checked
+from wbc.errors import RobotError
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoint:
+    """A point fixed to a link that may touch the ground.
+
+    Attributes:
+        name: how logs and controllers call it.
+        frame: name of a frame of the pinocchio model.
+        offset: (3,) [m] of the point in that frame.
+        friction: Coulomb coefficient mu assumed between point and ground.
+    """
+
+    name: str
+    frame: str
+    offset: FloatArray
+    friction: float = 0.7
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        label = f"offset of contact '{self.name}'"
+        object.__setattr__(self, "offset", checked(self.offset, (3,), label, RobotError))
+        if not self.friction >= 0.0:
+            raise RobotError(f"contact '{self.name}': friction must be >= 0, got {self.friction}.")
+
+    def placement(self) -> pin.SE3:
+        """Return the placement of the point in its frame."""
+        return pin.SE3(pin.SE3.Identity().rotation, self.offset)

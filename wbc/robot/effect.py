@@ -1,0 +1,144 @@
+"""What a physical effect is to a robot: the hooks that controller, simulator and logs share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import EffectError, unknown_name
+
+if TYPE_CHECKING:
+    from wbc.robot.motion import Motion
+    from wbc.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes:
+        name: attribute of the effect that holds it.
+        unit: SI unit, "1" for a pure number.
+        null: value at which the effect is not there.
+        low, high: bounds that physics allows and a fit searches.
+        scale: a typical size, also the step of finite differences times 1e-4.
+        shape: True if it only shapes the effect (a frequency, a rest angle) and has no null.
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    scale: float
+    shape: bool = False
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """A physical effect at one place of the robot; subclasses are final, small and frozen.
+
+    An effect either changes a number of the robot (`change`), or adds torque through one of the
+    hooks below. Every hook takes arrays with free leading axes, so that the simulator calls it
+    with one sample and identification with a whole log. A hook that is not overridden costs
+    nothing: `None` means "no such torque".
+
+    Attributes:
+        where: name of the joint, body or contact it sits at; "robot" when it has no place.
+    """
+
+    where: str
+
+    name: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    explanation: ClassVar[str]
+    experiment: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        """Check every parameter against its bounds."""
+        for parameter in self.parameters:
+            value = getattr(self, parameter.name)
+            if not (np.isfinite(value) and parameter.low <= value <= parameter.high):
+                raise EffectError(
+                    f"{self.name} at '{self.where}': {parameter.name} = {value:g} "
+                    f"{parameter.unit} lies outside [{parameter.low:g}, {parameter.high:g}]."
+                )
+
+    @classmethod
+    @abstractmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Return the names at which this effect can sit on `robot`."""
+
+    @classmethod
+    def at(cls, where: str, values: Mapping[str, float] | None = None) -> Self:
+        """Return the effect at `where` with `values`; what is left out is at its null value.
+
+        Raises:
+            EffectError: a parameter that the effect does not have, or a value out of bounds.
+        """
+        known = {parameter.name: parameter.null for parameter in cls.parameters}
+        for name, value in (values or {}).items():
+            if name not in known:
+                raise EffectError(unknown_name(f"parameter of {cls.name}", name, known))
+            known[name] = float(value)
+        return cls(where=where, **known)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The parameters by name."""
+        return {p.name: float(getattr(self, p.name)) for p in self.parameters}
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """Return the same effect with some parameters changed."""
+        known = {f.name for f in fields(self)}
+        for name in values:
+            if name not in known:
+                raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
+        return replace(self, **dict(values))
+
+    def check_place(self, robot: Robot) -> None:
+        """Raise EffectError unless `where` is a place of this effect on `robot`."""
+        places = self.places(robot)
+        if self.where not in places:
+            raise EffectError(unknown_name(f"place for {self.name}", self.where, places))
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot with a number of its bodies or gears changed (default: unchanged)."""
+        return robot
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return the smooth torque that the effect exerts on the coordinates, (..., nv) [N m]."""
+        return None
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return the level >= 0 of dry friction on the coordinates, (..., nv) [N m].
+
+        The friction torque is -level sgn(v), anything between at v = 0; a level that depends on
+        speed (Stribeck) uses |v|.
+        """
+        return None
+
+    def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return the torque that the effect adds on the rotors, (..., m) [N m]."""
+        return None
+
+    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the rotor torque delivered for the reported or commanded `torque`, (..., m)."""
+        return torque
+
+    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque that the drive reports when it delivers `torque`, (..., m)."""
+        return torque
+
+    def measured(self, robot: Robot, motion: Motion) -> Motion:
+        """Return what the encoders report for the true `motion`."""
+        return motion
+
+    def true(self, robot: Robot, motion: Motion) -> Motion:
+        """Return the true motion behind what the encoders report; the inverse of `measured`."""
+        return motion

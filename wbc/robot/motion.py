@@ -1,0 +1,35 @@
+"""A motion of the robot, one sample or many, as the physical effects see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from wbc.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Positions, velocities and what else was known at the same instants.
+
+    Leading axes are free: one sample is (nq,) and (nv,), a whole log is (N, nq) and (N, nv).
+
+    Attributes:
+        position: q (..., nq), pinocchio's configuration vector [m, rad, quaternion].
+        velocity: v (..., nv) [m/s, rad/s].
+        acceleration: a (..., nv), or None where it is not known yet (a simulator's step).
+        time: (...) [s], or None.
+        temperature: (..., m) of the motors [deg C], or None.
+        supply_voltage: (..., m) [V] at the motor drives, or None.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray | None = None
+    time: FloatArray | None = None
+    temperature: FloatArray | None = None
+    supply_voltage: FloatArray | None = None
+
+    def replace(self, **changes: Any) -> Motion:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)

@@ -1,0 +1,208 @@
+"""The robot: rigid bodies, transmission, contact points and physical effects. Immutable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.errors import RobotError, unknown_name
+from wbc.robot.contact import ContactPoint
+from wbc.robot.effect import Effect
+from wbc.transmission import Transmission
+
+_FREE_FLYER = "JointModelFreeFlyer"
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """One robot model that controller, simulator and identification share.
+
+    The pinocchio model holds the links only: its `armature`, `friction` and `damping` are zero and
+    the rotors live in `transmission`. Treat it as immutable; `with_...` methods copy it.
+
+    Attributes:
+        name: what the user calls it.
+        model: pinocchio model of the links, world z up.
+        transmission: gears of the driven joints.
+        contacts: points that may touch the ground.
+        effects: physical effects added so far, in order; already folded in where they change a
+            number of the bodies or gears.
+        rotors_turn_with_links: whether the spin of each rotor couples inertially to the motion of
+            its housing (the paper's full H_s); without it rotors only feel their own spin.
+        notes: what the loader read but could not use, for the user to see.
+    """
+
+    name: str
+    model: pin.Model
+    transmission: Transmission
+    contacts: tuple[ContactPoint, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    rotors_turn_with_links: bool = False
+    notes: tuple[str, ...] = ()
+    actuated: IntArray = field(init=False)
+    actuated_position: IntArray = field(init=False)
+    unactuated: IntArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Resolve names to indices and check that everything refers to something."""
+        object.__setattr__(self, "contacts", tuple(self.contacts))
+        model = self.model
+        rows, positions = [], []
+        for joint in self.transmission.joints:
+            number = self._joint_id(joint)
+            if model.joints[number].nv != 1 or model.joints[number].nq != 1:
+                raise RobotError(
+                    f"joint '{joint}' of '{self.name}' has {model.joints[number].nv} degrees of "
+                    "freedom; a gear drives a joint with one (revolute with limits or prismatic)."
+                )
+            rows.append(model.joints[number].idx_v)
+            positions.append(model.joints[number].idx_q)
+        object.__setattr__(self, "actuated", frozen(rows, np.int_))
+        object.__setattr__(self, "actuated_position", frozen(positions, np.int_))
+        rest = [i for i in range(model.nv) if i not in set(rows)]
+        object.__setattr__(self, "unactuated", frozen(rest, np.int_))
+        for contact in self.contacts:
+            if not model.existFrame(contact.frame):
+                known = [frame.name for frame in model.frames]
+                raise RobotError(
+                    f"contact '{contact.name}': "
+                    + unknown_name(f"frame of '{self.name}'", contact.frame, known)
+                )
+        if np.any(np.abs(np.asarray(model.armature)) > 0.0):
+            raise RobotError(
+                f"the model of '{self.name}' carries armature; put rotor inertias into the "
+                "transmission instead (they would count twice)."
+            )
+
+    def _joint_id(self, joint: str) -> int:
+        if not self.model.existJointName(joint):
+            raise RobotError(unknown_name(f"joint of '{self.name}'", joint, self.joints))
+        return int(self.model.getJointId(joint))
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all moving joints, driven or not, in pinocchio's order."""
+        return tuple(self.model.names)[1:]
+
+    @property
+    def single_joints(self) -> tuple[str, ...]:
+        """Names of the joints with one degree of freedom, driven or not."""
+        model = self.model
+        return tuple(n for n in self.joints if model.joints[model.getJointId(n)].nv == 1)
+
+    @property
+    def has_free_flyer(self) -> bool:
+        """Whether the first joint is a free-flyer (base.* columns in a log)."""
+        return len(self.joints) > 0 and self.model.joints[1].shortname() == _FREE_FLYER
+
+    @property
+    def floating_size(self) -> int:
+        """b, the number of coordinates that no gear drives."""
+        return int(self.unactuated.size)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """One name per moving joint: the link that the joint carries."""
+        return tuple(self.body_of(joint) for joint in self.joints)
+
+    def body_of(self, joint: str) -> str:
+        """Return the name of the link that `joint` moves (fixed links are part of it)."""
+        number = self._joint_id(joint)
+        for frame in self.model.frames:
+            if frame.type == pin.FrameType.BODY and frame.parentJoint == number:
+                return str(frame.name)
+        return joint
+
+    def body_joint(self, body: str) -> int:
+        """Return the number of the joint that moves `body`.
+
+        Raises:
+            RobotError: no such body.
+        """
+        bodies = self.bodies
+        if body not in bodies:
+            raise RobotError(unknown_name(f"body of '{self.name}'", body, bodies))
+        return bodies.index(body) + 1
+
+    def velocity_index(self, joint: str) -> int:
+        """Return the row of a joint's (first) velocity in v."""
+        return int(self.model.joints[self._joint_id(joint)].idx_v)
+
+    def position_index(self, joint: str) -> int:
+        """Return the row of a joint's (first) position in q."""
+        return int(self.model.joints[self._joint_id(joint)].idx_q)
+
+    def contact(self, name: str) -> ContactPoint:
+        """Return the contact point called `name`.
+
+        Raises:
+            RobotError: no such contact; the message lists those there are.
+        """
+        for contact in self.contacts:
+            if contact.name == name:
+                return contact
+        raise RobotError(
+            unknown_name(f"contact of '{self.name}'", name, [c.name for c in self.contacts])
+        )
+
+    def with_effect(self, effect: Effect) -> Robot:
+        """Return a new robot that has `effect` too.
+
+        Raises:
+            EffectError: the effect cannot sit where it says on this robot.
+        """
+        effect.check_place(self)
+        changed = effect.change(self)
+        return replace(changed, effects=(*self.effects, effect))
+
+    def with_effects(self, *effects: Effect) -> Robot:
+        """Return a new robot that has all `effects` too, added in order."""
+        robot = self
+        for effect in effects:
+            robot = robot.with_effect(effect)
+        return robot
+
+    def with_transmission(self, transmission: Transmission) -> Robot:
+        """Return a copy with other gears."""
+        return replace(self, transmission=transmission)
+
+    def with_added_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
+        """Return a copy with `inertia`, given in the frame of that joint, added to its link."""
+        model = self.model.copy()
+        model.inertias[joint_number] = model.inertias[joint_number] + inertia
+        return replace(self, model=model)
+
+    def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
+        """Return a copy whose link at that joint has `inertia`."""
+        model = self.model.copy()
+        model.inertias[joint_number] = inertia
+        return replace(self, model=model)
+
+    def with_gravity(self, gravity: ArrayLike) -> Robot:
+        """Return a copy in a gravity field `gravity` (3,) [m/s^2], world frame."""
+        model = self.model.copy()
+        model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
+        return replace(self, model=model)
+
+    def lossless(self) -> Robot:
+        """Return the same robot with perfect gears (eta = 1, frictionless rotors)."""
+        return replace(self, transmission=self.transmission.lossless())
+
+    def neutral(self) -> FloatArray:
+        """Return pinocchio's neutral configuration, (nq,)."""
+        return np.asarray(pin.neutral(self.model), dtype=np.float64)
+
+    def configuration(self, **joints: float) -> FloatArray:
+        """Return the neutral configuration with some one-degree joints set by name.
+
+        Raises:
+            RobotError: no such joint.
+        """
+        q = self.neutral()
+        for name, value in joints.items():
+            q[self.position_index(name)] = value
+        return q

@@ -1,0 +1,142 @@
+"""The mesh law: how torque passes through a gear that loses power both ways.
+
+All torques are referred to the output side of the gear [N m]: `t` is what the rotor gives to the
+mesh after its own inertia and friction are paid, `T` is what reaches the topology. Efficiency is
+power out over power in, `forward_efficiency` when the motor drives and `backward_efficiency` when
+the joint drives (Sim & Ramos, section II, with the wedge's slip corrected; see docs/physics.md).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray
+from wbc.errors import TransmissionError
+
+
+class Direction(IntEnum):
+    """Direction of the power through one mesh."""
+
+    BACKWARD = -1
+    STUCK = 0
+    FORWARD = 1
+
+
+def wedge_backward_efficiency(forward_efficiency: ArrayLike) -> FloatArray:
+    """Return eta_b = 2 - 1/eta_f, the wedge's relation between the two efficiencies.
+
+    On a wedge eta_f = 1/(1 + k) and eta_b = 1 - k with k = mu tan(alpha), hence the relation; it
+    reaches zero (self-locking) at eta_f = 1/2, as the paper states of equation (38) of its [9].
+
+    Args:
+        forward_efficiency: eta_f in (0, 1].
+
+    Raises:
+        TransmissionError: eta_f outside (0, 1].
+    """
+    eta = np.asarray(forward_efficiency, dtype=np.float64)
+    if not np.all((eta > 0.0) & (eta <= 1.0)):
+        raise TransmissionError(f"forward efficiency must lie in (0, 1], got {eta.tolist()}.")
+    return np.asarray(2.0 - 1.0 / eta)
+
+
+def mesh_input(
+    output_torque: ArrayLike,
+    speed: ArrayLike,
+    forward_efficiency: ArrayLike,
+    backward_efficiency: ArrayLike,
+) -> FloatArray:
+    """Return the mesh input torque t that a moving gear needs to put out T.
+
+    t = T/eta_f where T v > 0, t = eta_b T where T v < 0. At v = 0 any value between the two will
+    do (see `mesh_input_interval`); their mean is returned.
+
+    Args:
+        output_torque: T [N m], any shape.
+        speed: output speed v [rad/s], same shape.
+        forward_efficiency: eta_f, broadcast over the last axis.
+        backward_efficiency: eta_b, likewise.
+    """
+    torque = np.asarray(output_torque, dtype=np.float64)
+    sign = np.sign(np.asarray(speed, dtype=np.float64)) * np.sign(torque)
+    forward = 1.0 / np.asarray(forward_efficiency, dtype=np.float64)
+    backward = np.asarray(backward_efficiency, dtype=np.float64)
+    gain = np.where(sign > 0, forward, np.where(sign < 0, backward, 0.5 * (forward + backward)))
+    return np.asarray(torque * gain)
+
+
+def mesh_input_interval(
+    output_torque: ArrayLike, forward_efficiency: ArrayLike, backward_efficiency: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest input torque with which a gear at rest holds T.
+
+    For T > 0 that is [eta_b T, T/eta_f]; for T < 0 the mirror image.
+    """
+    torque = np.asarray(output_torque, dtype=np.float64)
+    one = torque / np.asarray(forward_efficiency, dtype=np.float64)
+    other = torque * np.asarray(backward_efficiency, dtype=np.float64)
+    return np.minimum(one, other), np.maximum(one, other)
+
+
+def mesh_output(
+    input_torque: ArrayLike,
+    speed: ArrayLike,
+    forward_efficiency: ArrayLike,
+    backward_efficiency: ArrayLike,
+) -> FloatArray:
+    """Return the output torque T of a moving gear fed with the mesh input torque t.
+
+    v > 0: T = min(eta_f t, t/eta_b);  v < 0: T = max(eta_f t, t/eta_b);  at v = 0 the mean of the
+    two is returned (every value between them is possible).
+
+    Raises:
+        TransmissionError: a self-locking gear (eta_b <= 0) that turns against its input torque,
+            a state in which no output torque balances it.
+    """
+    torque = np.asarray(input_torque, dtype=np.float64)
+    velocity = np.asarray(speed, dtype=np.float64)
+    backward = np.broadcast_to(np.asarray(backward_efficiency, dtype=np.float64), torque.shape)
+    locked = (backward <= 0.0) & (torque * velocity < 0.0)
+    if np.any(locked):
+        raise TransmissionError(
+            "a self-locking gear (backward efficiency <= 0) cannot turn against its input torque; "
+            "it stops at once. Use the simulator's step, which finds the stop."
+        )
+    one = np.asarray(forward_efficiency, dtype=np.float64) * torque
+    other = np.where(backward > 0.0, torque / np.where(backward > 0.0, backward, 1.0), one)
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    return np.asarray(
+        np.where(velocity > 0.0, low, np.where(velocity < 0.0, high, 0.5 * (low + high)))
+    )
+
+
+def direction(mesh_power: ArrayLike, *, deadband: float = 0.0) -> FloatArray:
+    """Return +1 (forward), -1 (backward) or 0 (stuck) per gear from the mesh power t v [W].
+
+    It is the power of the *mesh* input that decides, rotor inertia subtracted, not that of the
+    rotor torque (slip 3 in docs/physics.md).
+    """
+    power = np.asarray(mesh_power, dtype=np.float64)
+    return np.asarray(np.where(np.abs(power) <= deadband, 0.0, np.sign(power)))
+
+
+def efficiency(
+    directions: ArrayLike, forward_efficiency: ArrayLike, backward_efficiency: ArrayLike
+) -> FloatArray:
+    """Return the diagonal of E_m: eta_f where forward, 1/eta_b where backward, 1 where stuck.
+
+    Raises:
+        TransmissionError: backward through a self-locking gear, which has no finite 1/eta_b.
+    """
+    mode = np.asarray(directions, dtype=np.float64)
+    backward = np.broadcast_to(np.asarray(backward_efficiency, dtype=np.float64), mode.shape)
+    if np.any((mode < 0) & (backward <= 0.0)):
+        raise TransmissionError(
+            "backward efficiency <= 0: this gear is self-locking and is never driven backward."
+        )
+    inverse = 1.0 / np.where(backward > 0.0, backward, 1.0)
+    forward = np.broadcast_to(np.asarray(forward_efficiency, dtype=np.float64), mode.shape)
+    return np.asarray(np.where(mode > 0, forward, np.where(mode < 0, inverse, 1.0)))

@@ -1,0 +1,191 @@
+"""The transmission of a robot: reduction, topology, rotors and their efficiencies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray, checked, frozen
+from wbc.errors import TransmissionError, unknown_name
+from wbc.transmission.mesh import wedge_backward_efficiency
+
+_POSITIVE_INFINITY_ALLOWED = ("torque_limit", "speed_limit", "stiffness")
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """What stands between m rotors and m joints (Sim & Ramos, section III).
+
+    dpsi = R dphi with R = diag(1/N), dq_m = D dpsi, and by duality a joint torque B tau_phi with
+    the distribution B = (D R)^-T.
+
+    Attributes:
+        joints: names of the m driven joints, in the order of every array below.
+        gear_ratio: N (m,), rotor turns per turn of the motor's output; a sign reverses the sense.
+        topology: D (m, m), identity for serial drives.
+        rotor_inertia: I_r (m,) [kg m^2], before the reduction.
+        forward_efficiency: eta_f (m,), in (0, 1].
+        backward_efficiency: eta_b (m,), eta_f eta_b <= 1; zero or less is self-locking. When left
+            out it follows from the wedge: 2 - 1/eta_f.
+        rotor_coulomb_friction: (m,) [N m] on the rotor, inside the mesh law.
+        rotor_viscous_friction: (m,) [N m s/rad] on the rotor.
+        torque_limit: (m,) [N m] on the rotor.
+        speed_limit: (m,) [rad/s] of the rotor.
+        torque_constant: (m,) [N m/A] of the motor, NaN where unknown.
+        resistance: (m,) [ohm] of the winding, NaN where unknown.
+        stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
+        damping: (m,) [N m s/rad] beside the stiffness.
+        backlash: (m,) [rad], the whole free play at the motor output.
+    """
+
+    joints: tuple[str, ...]
+    gear_ratio: FloatArray
+    rotor_inertia: FloatArray
+    topology: FloatArray = field(default=None)  # type: ignore[assignment]
+    forward_efficiency: FloatArray = field(default=None)  # type: ignore[assignment]
+    backward_efficiency: FloatArray = field(default=None)  # type: ignore[assignment]
+    rotor_coulomb_friction: FloatArray = field(default=None)  # type: ignore[assignment]
+    rotor_viscous_friction: FloatArray = field(default=None)  # type: ignore[assignment]
+    torque_limit: FloatArray = field(default=None)  # type: ignore[assignment]
+    speed_limit: FloatArray = field(default=None)  # type: ignore[assignment]
+    torque_constant: FloatArray = field(default=None)  # type: ignore[assignment]
+    resistance: FloatArray = field(default=None)  # type: ignore[assignment]
+    stiffness: FloatArray = field(default=None)  # type: ignore[assignment]
+    damping: FloatArray = field(default=None)  # type: ignore[assignment]
+    backlash: FloatArray = field(default=None)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        """Fill defaults, check every array and freeze it."""
+        joints = tuple(self.joints)
+        object.__setattr__(self, "joints", joints)
+        if len(set(joints)) != len(joints):
+            raise TransmissionError(f"a joint is driven twice: {', '.join(joints)}.")
+        m = len(joints)
+        eta_f = np.ones(m) if self.forward_efficiency is None else self.forward_efficiency
+        self._store("forward_efficiency", eta_f, m)
+        _require(self, "forward_efficiency", (eta_f_ := self.forward_efficiency) > 0.0, "> 0")
+        _require(self, "forward_efficiency", eta_f_ <= 1.0, "<= 1")
+        eta_b = self.backward_efficiency
+        self._store(
+            "backward_efficiency", wedge_backward_efficiency(eta_f_) if eta_b is None else eta_b, m
+        )
+        _require(
+            self,
+            "backward_efficiency",
+            self.forward_efficiency * self.backward_efficiency <= 1.0 + 1e-12,
+            "at most 1/forward_efficiency (the two together must not create power)",
+        )
+        defaults: dict[str, ArrayLike] = {
+            "gear_ratio": self.gear_ratio,
+            "rotor_inertia": self.rotor_inertia,
+            "rotor_coulomb_friction": np.zeros(m),
+            "rotor_viscous_friction": np.zeros(m),
+            "torque_limit": np.full(m, np.inf),
+            "speed_limit": np.full(m, np.inf),
+            "torque_constant": np.full(m, np.nan),
+            "resistance": np.full(m, np.nan),
+            "stiffness": np.full(m, np.inf),
+            "damping": np.zeros(m),
+            "backlash": np.zeros(m),
+        }
+        for name, default in defaults.items():
+            given = getattr(self, name)
+            self._store(name, default if given is None else given, m)
+        for name in ("rotor_inertia", "rotor_coulomb_friction", "rotor_viscous_friction"):
+            _require(self, name, getattr(self, name) >= 0.0, ">= 0")
+        for name in ("torque_limit", "speed_limit", "stiffness"):
+            _require(self, name, getattr(self, name) > 0.0, "> 0")
+        for name in ("damping", "backlash"):
+            _require(self, name, getattr(self, name) >= 0.0, ">= 0")
+        _require(self, "gear_ratio", self.gear_ratio != 0.0, "other than 0")
+        topology = np.eye(m) if self.topology is None else self.topology
+        object.__setattr__(
+            self, "topology", checked(topology, (m, m), "topology D", TransmissionError)
+        )
+        if m and np.linalg.cond(self.topology) > 1e8:
+            raise TransmissionError("topology D is singular: some motor motion moves no joint.")
+
+    def _store(self, name: str, values: ArrayLike, m: int) -> None:
+        label = f"transmission {name}"
+        array = np.asarray(values, dtype=np.float64)
+        if name in (*_POSITIVE_INFINITY_ALLOWED, "torque_constant", "resistance"):
+            if array.shape != (m,):
+                raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
+            object.__setattr__(self, name, frozen(array))
+        else:
+            object.__setattr__(self, name, checked(array, (m,), label, TransmissionError))
+
+    @property
+    def size(self) -> int:
+        """m, the number of gears."""
+        return len(self.joints)
+
+    @property
+    def reduction(self) -> FloatArray:
+        """R = diag(1/N), (m, m): dpsi = R dphi."""
+        return np.diag(1.0 / self.gear_ratio)
+
+    @property
+    def distribution(self) -> FloatArray:
+        """B = (D R)^-T, (m, m): joint torque = B E_m tau_phi in quasi-statics."""
+        return np.asarray(np.linalg.solve(self.topology.T, np.diag(self.gear_ratio)))
+
+    @property
+    def motor_from_joint(self) -> FloatArray:
+        """D^-1, (m, m): dpsi = D^-1 dq_m."""
+        return np.asarray(np.linalg.inv(self.topology))
+
+    @property
+    def reflected_inertia(self) -> FloatArray:
+        """N^2 I_r (m,) [kg m^2], the rotor's inertia felt at the motor output."""
+        return np.asarray(self.gear_ratio**2 * self.rotor_inertia)
+
+    @property
+    def self_locking(self) -> FloatArray:
+        """Whether each gear holds any joint torque without the motor (eta_b <= 0), (m,) bool."""
+        return np.asarray(self.backward_efficiency <= 0.0)
+
+    def index(self, joint: str) -> int:
+        """Return the row of `joint`.
+
+        Raises:
+            TransmissionError: no such driven joint; the message lists those there are.
+        """
+        if joint not in self.joints:
+            raise TransmissionError(unknown_name("driven joint", joint, self.joints))
+        return self.joints.index(joint)
+
+    def replace(self, **changes: Any) -> Transmission:
+        """Return a copy with some fields changed (all checks run again)."""
+        return replace(self, **changes)
+
+    def with_value(self, name: str, joint: str, value: float) -> Transmission:
+        """Return a copy in which field `name` of one gear has `value`."""
+        values = np.array(getattr(self, name))
+        values[self.index(joint)] = value
+        return replace(self, **{name: values})
+
+    def lossless(self) -> Transmission:
+        """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""
+        one, zero = np.ones(self.size), np.zeros(self.size)
+        return replace(
+            self,
+            forward_efficiency=one,
+            backward_efficiency=one,
+            rotor_coulomb_friction=zero,
+            rotor_viscous_friction=zero,
+        )
+
+
+def _require(
+    transmission: Transmission, name: str, holds: Sequence[bool] | FloatArray, rule: str
+) -> None:
+    bad = np.flatnonzero(~np.asarray(holds))
+    if bad.size:
+        joint = transmission.joints[int(bad[0])]
+        value = float(np.asarray(getattr(transmission, name))[int(bad[0])])
+        raise TransmissionError(f"{name} of joint '{joint}' is {value:g}; it must be {rule}.")

@@ -1,0 +1,96 @@
+"""The wedge-block of the paper's section II, the smallest machine with directional efficiency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, tan
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import TransmissionError
+from wbc.transmission.mesh import Direction
+
+
+@dataclass(frozen=True)
+class WedgeBlock:
+    """A wedge (mass m, coordinate u) that pushes a block (mass M, coordinate x) by friction.
+
+    The constraint is x = u cos(alpha); the friction force along u is
+    f_d = -mu sin(alpha) |lambda| sgn(u_dot), so that the mesh force on the wedge is
+    r_u = cos(alpha) (lambda - k |lambda| sgn(u_dot)) with k = mu tan(alpha). From it follow
+    eta_f = 1/(1 + k) and eta_b = 1 - k. The paper prints eta_f = 1 - k and 1/eta_b = 1 + k, which
+    contradicts its own statements (eta_b < eta_f; eta_b = 0 at k = 1).
+
+    Attributes:
+        block_mass: M [kg].
+        wedge_mass: m [kg].
+        slope: alpha [rad], in [0, pi/2).
+        friction: mu >= 0.
+    """
+
+    block_mass: float
+    wedge_mass: float
+    slope: float
+    friction: float
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 <= self.slope < np.pi / 2:
+            raise TransmissionError(f"slope must lie in [0, pi/2) rad, got {self.slope:g}.")
+        for name in ("block_mass", "wedge_mass", "friction"):
+            if getattr(self, name) < 0.0:
+                raise TransmissionError(f"{name} must be >= 0, got {getattr(self, name):g}.")
+
+    @property
+    def loss_coefficient(self) -> float:
+        """k = mu tan(alpha)."""
+        return self.friction * tan(self.slope)
+
+    @property
+    def forward_efficiency(self) -> float:
+        """eta_f = 1/(1 + k): the wedge drives the block."""
+        return 1.0 / (1.0 + self.loss_coefficient)
+
+    @property
+    def backward_efficiency(self) -> float:
+        """eta_b = 1 - k: the block drives the wedge; at k >= 1 it cannot."""
+        return 1.0 - self.loss_coefficient
+
+    def mesh_force(self, contact_force: float, wedge_speed: float) -> FloatArray:
+        """Return r = A' lambda + f_d, (2,) [N] on [block, wedge], for a sliding wedge.
+
+        Args:
+            contact_force: lambda [N]; with the paper's A' = [-1, cos(alpha)] the block is pushed
+                along -x by a positive lambda.
+            wedge_speed: u_dot [m/s], not zero.
+        """
+        drag = -self.friction * np.sin(self.slope) * abs(contact_force) * np.sign(wedge_speed)
+        return np.array([-contact_force, cos(self.slope) * contact_force + drag])
+
+    def acceleration(self, mode: Direction, block_force: float, wedge_force: float) -> float:
+        """Return x_ddot [m/s^2] from (M + eta m/cos^2) x_ddot = f_x + eta f_u/cos.
+
+        The plus sign on the right is the second slip of the paper's text, where a minus stands.
+
+        Args:
+            mode: FORWARD (eta = eta_f) or BACKWARD (eta = 1/eta_b).
+            block_force: f_x [N] along x on the block.
+            wedge_force: f_u [N] along u on the wedge.
+
+        Raises:
+            TransmissionError: BACKWARD on a self-locking wedge, or STUCK, which has no motion.
+        """
+        eta = self._efficiency(mode)
+        inertia = self.block_mass + eta * self.wedge_mass / cos(self.slope) ** 2
+        return (block_force + eta * wedge_force / cos(self.slope)) / inertia
+
+    def _efficiency(self, mode: Direction) -> float:
+        if mode is Direction.FORWARD:
+            return self.forward_efficiency
+        if mode is Direction.BACKWARD and self.backward_efficiency > 0.0:
+            return 1.0 / self.backward_efficiency
+        raise TransmissionError(
+            f"the wedge does not move in mode {mode.name.lower()}"
+            f" (backward efficiency {self.backward_efficiency:g})."
+        )
