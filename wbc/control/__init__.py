@@ -1,0 +1,1 @@
+"""Tasks, contacts and limits, the two QPs, and the whole-body controller."""

@@ -1,0 +1,1 @@
+"""Evaluated terms, the redundant model, and the dissipative equation of motion."""

@@ -1,0 +1,1 @@
+"""Compare a robot with logs, diagnose what it lacks, add it, verify."""

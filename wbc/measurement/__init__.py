@@ -1,0 +1,1 @@
+"""Logs: schema, checks, readers and writers, differentiation, repeats."""

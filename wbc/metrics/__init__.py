@@ -1,0 +1,1 @@
+"""Inertia tensors, force capability and impact mitigation of lossy legs."""

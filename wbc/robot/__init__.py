@@ -5,7 +5,7 @@ from wbc.robot.description import RobotDescription, bare_robot, build_robot, rea
 from wbc.robot.effect import Effect, Parameter
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Motion
-from wbc.robot.robot import Robot
+from wbc.robot.robot import Robot, RobotSource
 
 __all__ = [
     "ContactPoint",
@@ -14,6 +14,7 @@ __all__ = [
     "Parameter",
     "Robot",
     "RobotDescription",
+    "RobotSource",
     "bare_robot",
     "build_robot",
     "find_description",

@@ -14,9 +14,9 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
-from wbc.robot.library import find_description, find_model
+from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model_file import read_model
-from wbc.robot.robot import Robot
+from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.units import to_si
 from wbc.transmission import Transmission
 
@@ -97,8 +97,17 @@ def build_robot(description: RobotDescription) -> Robot:
         transmission=_transmission(table, path),
         contacts=tuple(_contact(entry, path) for entry in table.get("contacts", [])),
         rotors_turn_with_links=bool(table.get("transmission", {}).get("rotor_coupling", False)),
+        source=RobotSource(_source_name(path)),
         notes=notes,
     )
+
+
+def _source_name(path: Path) -> str:
+    """Return a shipped robot's bare name, or the full path of any other description."""
+    shipped = path.parent.name
+    if shipped in robot_names() and path.resolve() == find_description(shipped).resolve():
+        return shipped
+    return str(path.resolve())
 
 
 def _transmission(table: Mapping[str, Any], path: Path) -> Transmission:
@@ -131,9 +140,7 @@ def _transmission(table: Mapping[str, Any], path: Path) -> Transmission:
     return Transmission(joints=tuple(gears), **arrays)
 
 
-def _default(
-    key: str, gear: Mapping[str, Any], defaults: Mapping[str, float], place: str
-) -> float:
+def _default(key: str, gear: Mapping[str, Any], defaults: Mapping[str, float], place: str) -> float:
     """Return what a gear has that leaves out a key which another gear gives."""
     if key == "backward_efficiency":
         eta_f = _number(gear["forward_efficiency"], "1", place) if len(gear) else 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -88,6 +88,14 @@ class Effect(ABC):
             known[name] = float(value)
         return cls(where=where, **known)
 
+    @classmethod
+    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
+        """Return the values with which the effect changes nothing on `robot`.
+
+        An effect that replaces a number of the robot has that number as its null value.
+        """
+        return {parameter.name: parameter.null for parameter in cls.parameters}
+
     @property
     def values(self) -> dict[str, float]:
         """The parameters by name."""
@@ -99,7 +107,8 @@ class Effect(ABC):
         for name in values:
             if name not in known:
                 raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
-        return replace(self, **dict(values))
+        changes: dict[str, Any] = dict(values)
+        return replace(self, **changes)
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless `where` is a place of this effect on `robot`."""

@@ -17,6 +17,19 @@ from wbc.transmission import Transmission
 _FREE_FLYER = "JointModelFreeFlyer"
 
 
+@dataclass(frozen=True)
+class RobotSource:
+    """Where a robot was loaded from, so that a saved file can refer to it.
+
+    Attributes:
+        name: a shipped robot's name or the path of its description.
+        lossless: whether its gears were made perfect after loading.
+    """
+
+    name: str
+    lossless: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """One robot model that controller, simulator and identification share.
@@ -33,6 +46,7 @@ class Robot:
             number of the bodies or gears.
         rotors_turn_with_links: whether the spin of each rotor couples inertially to the motion of
             its housing (the paper's full H_s); without it rotors only feel their own spin.
+        source: where it was loaded from, None for a robot built in code.
         notes: what the loader read but could not use, for the user to see.
     """
 
@@ -42,6 +56,7 @@ class Robot:
     contacts: tuple[ContactPoint, ...] = ()
     effects: tuple[Effect, ...] = ()
     rotors_turn_with_links: bool = False
+    source: RobotSource | None = None
     notes: tuple[str, ...] = ()
     actuated: IntArray = field(init=False)
     actuated_position: IntArray = field(init=False)
@@ -190,7 +205,8 @@ class Robot:
 
     def lossless(self) -> Robot:
         """Return the same robot with perfect gears (eta = 1, frictionless rotors)."""
-        return replace(self, transmission=self.transmission.lossless())
+        source = None if self.source is None else replace(self.source, lossless=True)
+        return replace(self, transmission=self.transmission.lossless(), source=source)
 
     def neutral(self) -> FloatArray:
         """Return pinocchio's neutral configuration, (nq,)."""

@@ -1,0 +1,1 @@
+"""The simulator: contact, time step, impact, recording."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import TransmissionError, unknown_name
@@ -45,18 +44,18 @@ class Transmission:
     joints: tuple[str, ...]
     gear_ratio: FloatArray
     rotor_inertia: FloatArray
-    topology: FloatArray = field(default=None)  # type: ignore[assignment]
-    forward_efficiency: FloatArray = field(default=None)  # type: ignore[assignment]
-    backward_efficiency: FloatArray = field(default=None)  # type: ignore[assignment]
-    rotor_coulomb_friction: FloatArray = field(default=None)  # type: ignore[assignment]
-    rotor_viscous_friction: FloatArray = field(default=None)  # type: ignore[assignment]
-    torque_limit: FloatArray = field(default=None)  # type: ignore[assignment]
-    speed_limit: FloatArray = field(default=None)  # type: ignore[assignment]
-    torque_constant: FloatArray = field(default=None)  # type: ignore[assignment]
-    resistance: FloatArray = field(default=None)  # type: ignore[assignment]
-    stiffness: FloatArray = field(default=None)  # type: ignore[assignment]
-    damping: FloatArray = field(default=None)  # type: ignore[assignment]
-    backlash: FloatArray = field(default=None)  # type: ignore[assignment]
+    topology: FloatArray = None  # type: ignore[assignment]
+    forward_efficiency: FloatArray = None  # type: ignore[assignment]
+    backward_efficiency: FloatArray = None  # type: ignore[assignment]
+    rotor_coulomb_friction: FloatArray = None  # type: ignore[assignment]
+    rotor_viscous_friction: FloatArray = None  # type: ignore[assignment]
+    torque_limit: FloatArray = None  # type: ignore[assignment]
+    speed_limit: FloatArray = None  # type: ignore[assignment]
+    torque_constant: FloatArray = None  # type: ignore[assignment]
+    resistance: FloatArray = None  # type: ignore[assignment]
+    stiffness: FloatArray = None  # type: ignore[assignment]
+    damping: FloatArray = None  # type: ignore[assignment]
+    backlash: FloatArray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         """Fill defaults, check every array and freeze it."""
@@ -67,11 +66,13 @@ class Transmission:
         m = len(joints)
         eta_f = np.ones(m) if self.forward_efficiency is None else self.forward_efficiency
         self._store("forward_efficiency", eta_f, m)
-        _require(self, "forward_efficiency", (eta_f_ := self.forward_efficiency) > 0.0, "> 0")
-        _require(self, "forward_efficiency", eta_f_ <= 1.0, "<= 1")
+        _require(self, "forward_efficiency", self.forward_efficiency > 0.0, "> 0")
+        _require(self, "forward_efficiency", self.forward_efficiency <= 1.0, "<= 1")
         eta_b = self.backward_efficiency
         self._store(
-            "backward_efficiency", wedge_backward_efficiency(eta_f_) if eta_b is None else eta_b, m
+            "backward_efficiency",
+            wedge_backward_efficiency(self.forward_efficiency) if eta_b is None else eta_b,
+            m,
         )
         _require(
             self,
@@ -145,7 +146,7 @@ class Transmission:
         return np.asarray(self.gear_ratio**2 * self.rotor_inertia)
 
     @property
-    def self_locking(self) -> FloatArray:
+    def self_locking(self) -> NDArray[np.bool_]:
         """Whether each gear holds any joint torque without the motor (eta_b <= 0), (m,) bool."""
         return np.asarray(self.backward_efficiency <= 0.0)
 
@@ -167,7 +168,7 @@ class Transmission:
         """Return a copy in which field `name` of one gear has `value`."""
         values = np.array(getattr(self, name))
         values[self.index(joint)] = value
-        return replace(self, **{name: values})
+        return self.replace(**{name: values})
 
     def lossless(self) -> Transmission:
         """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""
@@ -181,9 +182,7 @@ class Transmission:
         )
 
 
-def _require(
-    transmission: Transmission, name: str, holds: Sequence[bool] | FloatArray, rule: str
-) -> None:
+def _require(transmission: Transmission, name: str, holds: NDArray[np.bool_], rule: str) -> None:
     bad = np.flatnonzero(~np.asarray(holds))
     if bad.size:
         joint = transmission.joints[int(bad[0])]

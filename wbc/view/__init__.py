@@ -1,0 +1,1 @@
+"""Pictures: playback, plots and the report."""

@@ -1,0 +1,49 @@
+"""The effects by their names."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from wbc.effects.coulomb_friction import CoulombFriction
+from wbc.effects.joint_spring import JointSpring
+from wbc.effects.load_friction import LoadFriction
+from wbc.effects.payload_mass import PayloadMass
+from wbc.effects.quadratic_drag import QuadraticDrag
+from wbc.effects.rotor_inertia import RotorInertia
+from wbc.effects.stribeck_friction import StribeckFriction
+from wbc.effects.torque_constant import TorqueConstant
+from wbc.effects.torque_offset import TorqueOffset
+from wbc.effects.torque_ripple import TorqueRipple
+from wbc.effects.transmission_efficiency import TransmissionEfficiency
+from wbc.effects.viscous_friction import ViscousFriction
+from wbc.errors import EffectError, unknown_name
+from wbc.robot import Effect
+
+_CLASSES: tuple[type[Effect], ...] = (
+    ViscousFriction,
+    CoulombFriction,
+    StribeckFriction,
+    LoadFriction,
+    QuadraticDrag,
+    TransmissionEfficiency,
+    RotorInertia,
+    PayloadMass,
+    JointSpring,
+    TorqueConstant,
+    TorqueOffset,
+    TorqueRipple,
+)
+
+EFFECTS = MappingProxyType({cls.name: cls for cls in _CLASSES})
+"""Every effect class by the name that logs, files and reports use."""
+
+
+def effect_class(name: str) -> type[Effect]:
+    """Return the effect class called `name`.
+
+    Raises:
+        EffectError: no such effect; the message lists those there are.
+    """
+    if name not in EFFECTS:
+        raise EffectError(unknown_name("effect", name, EFFECTS))
+    return EFFECTS[name]

@@ -1,0 +1,42 @@
+"""Dry friction of constant level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class CoulombFriction(JointEffect):
+    """Dry friction at a joint: -level * sgn(v), anything between at rest.
+
+    Attributes:
+        level: [N m], at the joint.
+    """
+
+    level: float
+
+    name: ClassVar[str] = "coulomb_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
+    )
+    explanation: ClassVar[str] = (
+        "Surfaces rub in bearings and seals: a torque of constant size opposes any motion, "
+        "and holds the joint at rest."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joint slowly back and forth through the same positions: the torque of the "
+        "two directions differs by a constant, whatever the load."
+    )
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the level at the joint, (..., nv) [N m]."""
+        level = np.broadcast_to(np.float64(self.level), motion.velocity.shape[:-1])
+        return self.on_joint(robot, motion, level)

@@ -1,0 +1,46 @@
+"""Friction proportional to the load that passes through the gear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class LoadFriction(JointEffect):
+    """A friction torque coefficient * |T| sgn(v) that the transmitted torque itself causes.
+
+    With t the mesh input: T v > 0 gives T = (1 - c) t, T v < 0 gives T = (1 + c) t, that is
+    eta_f (1 - c) and eta_b / (1 + c): the pair that the paper prints for the wedge.
+
+    Attributes:
+        coefficient: c, between 0 and 1.
+    """
+
+    coefficient: float
+
+    name: ClassVar[str] = "load_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "1", 0.0, 0.0, 0.95, 0.1),
+    )
+    explanation: ClassVar[str] = (
+        "Bearings and teeth pressed by the load rub in proportion to it: the loss grows with "
+        "the torque carried, equally in both directions."
+    )
+    experiment: ClassVar[str] = (
+        "Lift and lower several known weights slowly: the difference between lifting and "
+        "lowering torque grows with the weight."
+    )
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot whose gear loses the share of the load as well."""
+        gears = robot.transmission
+        row = gears.index(self.where)
+        forward = float(gears.forward_efficiency[row]) * (1.0 - self.coefficient)
+        backward = float(gears.backward_efficiency[row]) / (1.0 + self.coefficient)
+        gears = gears.with_value("backward_efficiency", self.where, backward)
+        return robot.with_transmission(gears.with_value("forward_efficiency", self.where, forward))

@@ -1,0 +1,58 @@
+"""A mass that the model does not know of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+from wbc.effects.inertia import add_point_mass
+from wbc.errors import EffectError
+from wbc.robot import Effect, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class PayloadMass(Effect):
+    """A point mass fixed to a body at its centre of mass, or to a contact point.
+
+    Attributes:
+        mass: [kg]; negative takes away.
+    """
+
+    mass: float
+
+    name: ClassVar[str] = "payload_mass"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("mass", "kg", 0.0, -1000.0, 1000.0, 0.3),
+    )
+    explanation: ClassVar[str] = (
+        "Something was mounted, filled or left out: a body is heavier or lighter than its drawing."
+    )
+    experiment: ClassVar[str] = (
+        "Hold still in several poses, then move fast: the extra torque follows gravity and "
+        "inertia together, at one place of the chain."
+    )
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Every body that has a mass, and every contact point."""
+        heavy = [b for b in robot.bodies if robot.model.inertias[robot.body_joint(b)].mass > 0.0]
+        return (*heavy, *(c.name for c in robot.contacts))
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot that carries the mass."""
+        if self.where in robot.bodies:
+            joint = robot.body_joint(self.where)
+            point = robot.model.inertias[joint].lever
+        else:
+            contact = robot.contact(self.where)
+            frame = robot.model.frames[robot.model.getFrameId(contact.frame)]
+            joint = frame.parentJoint
+            point = frame.placement.act(contact.offset)
+        before = robot.model.inertias[joint]
+        if before.mass + self.mass < 0.0:
+            raise EffectError(
+                f"payload of {self.mass:g} kg at '{self.where}' leaves a negative mass there "
+                f"(the body has {before.mass:g} kg)."
+            )
+        return robot.with_inertia(joint, add_point_mass(before, self.mass, point))

@@ -1,0 +1,41 @@
+"""Drag that grows with the square of speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class QuadraticDrag(JointEffect):
+    """A torque -coefficient * |v| v at a joint.
+
+    Attributes:
+        coefficient: [N m s^2/rad^2], at the joint.
+    """
+
+    coefficient: float
+
+    name: ClassVar[str] = "quadratic_drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05),
+    )
+    explanation: ClassVar[str] = (
+        "Air or churned oil is thrown aside: the loss grows with the square of speed."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joint at several constant speeds up to the fastest: torque over speed rises "
+        "in a straight line instead of being constant."
+    )
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return -coefficient * |v| v at the joint, (..., nv) [N m]."""
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, -self.coefficient * np.abs(speed) * speed)

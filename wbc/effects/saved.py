@@ -1,0 +1,101 @@
+"""Loading a robot with its effects, and saving one: `fitted.toml` is usable wherever a name is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from wbc.effects.catalogue import effect_class
+from wbc.errors import RobotError, unknown_name
+from wbc.files import write_text
+from wbc.robot import Effect, Robot, RobotDescription, build_robot, read_description
+
+_KEYS = ("robot", "lossless", "effects", "provenance")
+
+
+def load_robot(name: str | Path) -> Robot:
+    """Return the robot called `name`: a shipped one, a `robot.toml`, or a saved file with effects.
+
+    Args:
+        name: a shipped robot's name, the path of a description, or of a file written by
+            `save_robot`.
+
+    Raises:
+        RobotError: nothing of that name, or a mistake in the file (the message says where).
+        EffectError: an effect, place or parameter that does not exist or is out of bounds.
+    """
+    description = read_description(name)
+    base = description.base_robot
+    if base is None:
+        return build_robot(description)
+    return _load_with_effects(description, base)
+
+
+def _load_with_effects(description: RobotDescription, base: str) -> Robot:
+    path, table = description.path, description.table
+    for key in table:
+        if key not in _KEYS:
+            raise RobotError(f"{path}: " + unknown_name("key", key, _KEYS))
+    beside = path.parent / base
+    robot = load_robot(beside if beside.exists() else base)
+    if table.get("lossless", False):
+        robot = robot.lossless()
+    for entry in table.get("effects", []):
+        robot = robot.with_effect(_effect(entry, path))
+    return robot
+
+
+def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
+    for key in ("effect", "where"):
+        if key not in entry:
+            raise RobotError(f"{path}: an entry of [[effects]] lacks the key '{key}'.")
+    values = {
+        name: float(number["value"] if isinstance(number, Mapping) else number)
+        for name, number in entry.get("parameters", {}).items()
+    }
+    return effect_class(str(entry["effect"])).at(str(entry["where"]), values)
+
+
+def save_robot(
+    robot: Robot,
+    path: str | Path,
+    intervals: Mapping[tuple[str, str, str], tuple[float, float]] | None = None,
+    provenance: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a robot as its source plus its effects.
+
+    Args:
+        robot: a robot that was loaded by name or path.
+        path: TOML file to write (whole or not at all).
+        intervals: (effect, where, parameter) -> (low, high), kept for the reader.
+        provenance: free text such as logs and versions, kept for the reader.
+
+    Raises:
+        RobotError: a robot built in code, which no file can refer to.
+    """
+    if robot.source is None:
+        raise RobotError(
+            f"'{robot.name}' was built in code; only a robot loaded by name or path can be saved."
+        )
+    known = intervals or {}
+    effects = []
+    for effect in robot.effects:
+        parameters: dict[str, dict[str, Any]] = {}
+        for parameter in effect.parameters:
+            number: dict[str, Any] = {
+                "value": effect.values[parameter.name],
+                "unit": parameter.unit,
+            }
+            span = known.get((effect.name, effect.where, parameter.name))
+            if span is not None:
+                number["low"], number["high"] = float(span[0]), float(span[1])
+            parameters[parameter.name] = number
+        effects.append({"effect": effect.name, "where": effect.where, "parameters": parameters})
+    table: dict[str, Any] = {"robot": robot.source.name, "lossless": robot.source.lossless}
+    if provenance:
+        table["provenance"] = dict(provenance)
+    table["effects"] = effects
+    return write_text(path, tomli_w.dumps(table))

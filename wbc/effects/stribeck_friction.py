@@ -1,0 +1,47 @@
+"""Dry friction that is larger near standstill."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class StribeckFriction(JointEffect):
+    """Extra dry friction near rest: level * exp(-(v/speed)^2) (Armstrong's form, exponent 2).
+
+    It comes on top of Coulomb friction, which it exceeds only below a few times `speed`.
+
+    Attributes:
+        level: [N m] at zero speed, at the joint.
+        speed: Stribeck speed [rad/s].
+    """
+
+    level: float
+    speed: float
+
+    name: ClassVar[str] = "stribeck_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
+        Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "At low speed the lubricant film breaks and metal touches metal: friction falls as "
+        "the joint picks up speed."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joint through standstill very slowly, then at growing speeds: the torque "
+        "first falls with speed, then rises."
+    )
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the level at the present speed, (..., nv) [N m]."""
+        ratio = self.joint_velocity(robot, motion) / self.speed
+        return self.on_joint(robot, motion, self.level * np.exp(-(ratio**2)))

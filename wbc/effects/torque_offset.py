@@ -1,0 +1,43 @@
+"""A constant error of the reported torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class TorqueOffset(JointEffect):
+    """The drive delivers its reported torque plus a constant.
+
+    Attributes:
+        offset: delivered minus reported, on the motor output side [N m].
+    """
+
+    offset: float
+
+    name: ClassVar[str] = "torque_offset"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("offset", "N m", 0.0, -10000.0, 10000.0, 0.2),
+    )
+    explanation: ClassVar[str] = (
+        "A current sensor has a zero error, or a constant load such as a tensioned cable is "
+        "not in the model."
+    )
+    experiment: ClassVar[str] = (
+        "Hold the joint where it carries no load, approached from both sides: the mean of the "
+        "two torques is not zero."
+    )
+
+    def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return offset / N on the rotor, (..., m) [N m]."""
+        ratio = robot.transmission.gear_ratio[robot.transmission.index(self.where)]
+        value = np.broadcast_to(np.float64(self.offset / ratio), motion.velocity.shape[:-1])
+        return self.on_rotor(robot, motion, value)

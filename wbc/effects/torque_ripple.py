@@ -1,0 +1,49 @@
+"""Torque that repeats with position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class TorqueRipple(JointEffect):
+    """A torque periodic in position, amplitude * sin(order * q + phase), given at the joint.
+
+    Attributes:
+        amplitude: [N m], at the joint.
+        order: periods per turn of the joint (a slot or tooth count times the ratio; not always a
+            whole number).
+        phase: [rad].
+    """
+
+    amplitude: float
+    order: float
+    phase: float
+
+    name: ClassVar[str] = "torque_ripple"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude", "N m", 0.0, 0.0, 10000.0, 0.3),
+        Parameter("order", "1", 1.0, 0.05, 100000.0, 1.0, shape=True),
+        Parameter("phase", "rad", 0.0, -6.3, 6.3, 1.0, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "Magnets, slots and teeth pass one another: the torque repeats with every pole, slot, "
+        "tooth or turn."
+    )
+    experiment: ClassVar[str] = (
+        "Turn the joint very slowly and evenly over its range in both directions: the torque "
+        "waves with position, the same both ways."
+    )
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""
+        angle = self.order * self.joint_position(robot, motion) + self.phase
+        return self.on_joint(robot, motion, self.amplitude * np.sin(angle))

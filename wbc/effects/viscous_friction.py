@@ -1,0 +1,38 @@
+"""Friction proportional to speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class ViscousFriction(JointEffect):
+    """A torque -coefficient * v at a joint.
+
+    Attributes:
+        coefficient: [N m s/rad], at the joint.
+    """
+
+    coefficient: float
+
+    name: ClassVar[str] = "viscous_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+    )
+    explanation: ClassVar[str] = (
+        "Lubricant is sheared in bearings and gears: the loss grows in proportion to speed."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joint at several constant speeds in both directions, slow to fast: the "
+        "extra torque lies on a straight line through zero."
+    )
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return -coefficient * v at the joint, (..., nv) [N m]."""
+        return self.on_joint(robot, motion, -self.coefficient * self.joint_velocity(robot, motion))
