@@ -1,1 +1,37 @@
 """Evaluated terms, the redundant model, and the dissipative equation of motion."""
+
+from wbc.dynamics.batch import (
+    contact_torque,
+    inertial_parameters,
+    inertial_regressor,
+    link_torque,
+    rotor_torque,
+)
+from wbc.dynamics.equation import DissipativeEquation, dissipative_equation
+from wbc.dynamics.redundant import (
+    RedundantModel,
+    constraint_jacobian,
+    constraint_nullspace,
+    redundant_model,
+)
+from wbc.dynamics.rotors import RotorCoupling, rotor_coupling
+from wbc.dynamics.terms import Terms, Workspace, evaluate
+
+__all__ = [
+    "DissipativeEquation",
+    "RedundantModel",
+    "RotorCoupling",
+    "Terms",
+    "Workspace",
+    "constraint_jacobian",
+    "constraint_nullspace",
+    "contact_torque",
+    "dissipative_equation",
+    "evaluate",
+    "inertial_parameters",
+    "inertial_regressor",
+    "link_torque",
+    "redundant_model",
+    "rotor_coupling",
+    "rotor_torque",
+]

@@ -1,0 +1,133 @@
+"""Inverse dynamics of whole logs: (N, nv) arrays in, the rotor torques the model needs out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.dynamics.terms import Workspace
+from wbc.errors import DynamicsError
+from wbc.robot import Motion, Robot
+from wbc.transmission import mesh_input
+
+
+def link_torque(robot: Robot, motion: Motion) -> FloatArray:
+    """Return H_l a + c_l (N, nv) [N m, N], what the links need, without rotors and contacts."""
+    data = robot.model.createData()
+    acceleration = _acceleration(motion)
+    rows = zip(motion.position, motion.velocity, acceleration, strict=True)
+    return np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in rows]).reshape(
+        acceleration.shape
+    )
+
+
+def inertial_regressor(robot: Robot, motion: Motion) -> FloatArray:
+    """Return Y (N, nv, 10 n_links) with `link_torque` = Y @ theta.
+
+    theta stacks pinocchio's ten parameters of each moving link, in joint order; Y therefore holds
+    what any change of mass, centre of mass or inertia adds to the torque. Gravity is the robot's.
+    """
+    data = robot.model.createData()
+    acceleration = _acceleration(motion)
+    columns = 10 * (robot.model.njoints - 1)
+    result = np.zeros((*acceleration.shape, columns))
+    for i, (q, v, a) in enumerate(zip(motion.position, motion.velocity, acceleration, strict=True)):
+        result[i] = pin.computeJointTorqueRegressor(robot.model, data, q, v, a)
+    return result
+
+
+def inertial_parameters(robot: Robot) -> FloatArray:
+    """Return theta (10 n_links,), pinocchio's dynamic parameters of every moving link."""
+    inertias = list(robot.model.inertias)[1:]
+    if not inertias:
+        return np.zeros(0)
+    return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
+
+
+def contact_torque(
+    robot: Robot, position: FloatArray, forces: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Return J' f (N, nv) of measured contact forces.
+
+    Args:
+        robot: the robot.
+        position: q (N, nq).
+        forces: contact name -> (N, 3) [N], ground on robot, world axes.
+
+    Raises:
+        RobotError: a contact that the robot does not have.
+    """
+    result = np.zeros((len(position), robot.model.nv))
+    if not forces:
+        return result
+    space = Workspace(robot)
+    names = [contact.name for contact in robot.contacts]
+    for name in forces:
+        robot.contact(name)
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for row, q in enumerate(position):
+        pin.computeJointJacobians(space.model, space.data, q)
+        for name, force in forces.items():
+            frame = space.frames[names.index(name)]
+            pin.updateFramePlacement(space.model, space.data, frame)
+            jacobian = pin.getFrameJacobian(space.model, space.data, frame, world)
+            result[row] += jacobian[:3].T @ force[row]
+    return result
+
+
+def rotor_torque(
+    robot: Robot, motion: Motion, links: FloatArray, contacts: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rotor torque that a motion needs, and the torque no motor can give.
+
+    From the links through joint friction, topology, mesh, rotor and drive:
+
+        tau = H_l a + c_l - J'f - tau_effects + level sgn(v);  T = D' tau_m;
+        t = T/eta_f or eta_b T;  N tau_phi = t + N^2 I_r psi_ddot + rotor friction - effects.
+
+    Args:
+        robot: the robot with its effects (structural ones already act on `links`).
+        motion: (N, ...) arrays; accelerations are needed for the rotors.
+        links: H_l a + c_l (N, nv), from `link_torque` or a regressor.
+        contacts: J' f (N, nv).
+
+    Returns:
+        (N, m) rotor torque as the drive would report it [N m], and (N, b) the torque left on the
+        undriven coordinates, which is zero for a perfect model.
+    """
+    gears = robot.transmission
+    torque = links - contacts
+    for effect in robot.effects:
+        smooth = effect.joint_torque(robot, motion)
+        if smooth is not None:
+            torque = torque - smooth
+        level = effect.joint_friction(robot, motion)
+        if level is not None:
+            torque = torque + level * np.sign(motion.velocity)
+    psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
+    psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
+    output = torque[..., robot.actuated] @ gears.topology
+    mesh = mesh_input(output, psi_velocity, gears.forward_efficiency, gears.backward_efficiency)
+    spin = psi_velocity * gears.gear_ratio
+    rotor = (
+        mesh / gears.gear_ratio
+        + gears.rotor_inertia * gears.gear_ratio * psi_acceleration
+        + gears.rotor_coulomb_friction * np.sign(spin)
+        + gears.rotor_viscous_friction * spin
+    )
+    for effect in robot.effects:
+        added = effect.rotor_torque(robot, motion)
+        if added is not None:
+            rotor = rotor - added
+    for effect in reversed(robot.effects):
+        rotor = effect.drive_inverse(robot, motion, rotor)
+    return rotor, torque[..., robot.unactuated]
+
+
+def _acceleration(motion: Motion) -> FloatArray:
+    if motion.acceleration is None:
+        raise DynamicsError("inverse dynamics needs a motion with accelerations.")
+    return motion.acceleration
