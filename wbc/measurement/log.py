@@ -1,0 +1,178 @@
+"""A validated time series. Immutable: every change is a new log that shares the arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray
+from wbc.errors import LogError, unknown_name
+from wbc.measurement.schema import (
+    CONTACT_QUANTITIES,
+    JOINT_QUANTITIES,
+    TIME,
+    is_column,
+    likely_meant,
+    owners,
+)
+from wbc.measurement.series import checked_series, checked_time
+from wbc.measurement.source import LogSource
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Channels of one run over one clock; their names are those of `wbc.measurement.schema`.
+
+    Attributes:
+        time: (N,) [s], finite and strictly increasing, N >= 2.
+        columns: name -> (N,) values in SI units, joint side unless the name says otherwise;
+            finite and read-only.
+        source: where the log came from.
+    """
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    source: LogSource = field(default_factory=LogSource)
+
+    def __post_init__(self) -> None:
+        """Check every channel and make it read-only.
+
+        Raises:
+            LogError: fewer than two rows, time that does not increase, a channel of another
+                length, a value that is no finite number, or a name that is not in the schema.
+        """
+        label = self.source.label
+        time = checked_time(self.time, label)
+        columns: dict[str, FloatArray] = {}
+        for name, values in self.columns.items():
+            if name == TIME or not is_column(name):
+                raise LogError(f"{label}: " + _not_a_column(name))
+            columns[name] = checked_series(values, name, time.size, label)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "columns", MappingProxyType(columns))
+
+    def __len__(self) -> int:
+        """N, the number of rows."""
+        return int(self.time.size)
+
+    def __getitem__(self, rows: slice) -> Log:
+        """Return the rows of a slice as a log (no copy).
+
+        Raises:
+            LogError: not a slice, or fewer than two rows left.
+        """
+        if not isinstance(rows, slice):
+            raise LogError("a log is indexed by a slice of rows; use column(name) for a channel.")
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return Log(self.time[rows], columns, self.source)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all channels, `time` excepted."""
+        return tuple(self.columns)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that have any channel, in order of appearance."""
+        return owners(self.columns, JOINT_QUANTITIES)
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the contacts that have a force channel, in order of appearance."""
+        return owners(self.columns, CONTACT_QUANTITIES)
+
+    @property
+    def duration(self) -> float:
+        """Last minus first time stamp [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def sample_time(self) -> float:
+        """Median distance of the time stamps [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    def has(self, *names: str) -> bool:
+        """Whether all of these channels are there."""
+        return all(name == TIME or name in self.columns for name in names)
+
+    def with_quantity(self, quantity: str) -> tuple[str, ...]:
+        """Return the joints that have a channel of this quantity."""
+        return owners(self.columns, [quantity])
+
+    def column(self, name: str) -> FloatArray:
+        """Return one channel, (N,), read-only.
+
+        Raises:
+            LogError: no such channel; the message lists those there are, and those of the file
+                that were not read.
+        """
+        if name == TIME:
+            return self.time
+        if name not in self.columns:
+            message = f"{self.source.label}: " + unknown_name("column", name, self.names)
+            if self.source.ignored:
+                left_out = ", ".join(self.source.ignored)
+                message += f" Not read, for want of a known name: {left_out} (map them: --columns)."
+            raise LogError(message)
+        return self.columns[name]
+
+    def stack(self, quantity: str, owner_names: Sequence[str] | None = None) -> FloatArray:
+        """Return one quantity of several joints (or contacts) as columns, (N, n).
+
+        Args:
+            quantity: for example `position` or `force.z`.
+            owner_names: joints or contacts, in the order wanted; default all that have it.
+
+        Raises:
+            LogError: one of them lacks the channel.
+        """
+        chosen = self.with_quantity(quantity) if owner_names is None else owner_names
+        stacked = np.empty((len(self), len(chosen)))
+        for k, owner in enumerate(chosen):
+            stacked[:, k] = self.column(f"{owner}.{quantity}")
+        stacked.setflags(write=False)
+        return stacked
+
+    def between(self, start: float, stop: float) -> Log:
+        """Return the rows with start <= time < stop [s], on the log's own clock.
+
+        Raises:
+            LogError: fewer than two rows lie there.
+        """
+        first, last = np.searchsorted(self.time, [start, stop])
+        if last - first < 2:
+            raise LogError(
+                f"{self.source.label}: fewer than two rows between {start:g} s and {stop:g} s; "
+                f"the log runs from {self.time[0]:g} s to {self.time[-1]:g} s."
+            )
+        return self[int(first) : int(last)]
+
+    def select(self, names: Iterable[str]) -> Log:
+        """Return a log with only these channels.
+
+        Raises:
+            LogError: one of them is not there.
+        """
+        return Log(self.time, {name: self.column(name) for name in names}, self.source)
+
+    def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
+        """Return a log with channels added or replaced."""
+        added = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
+        return Log(self.time, {**self.columns, **added}, self.source)
+
+    def with_source(self, source: LogSource) -> Log:
+        """Return the same log with another provenance."""
+        return replace(self, source=source)
+
+
+def _not_a_column(name: str) -> str:
+    meant = likely_meant(name)
+    hint = f" Did you mean '{meant}'?" if meant else ""
+    return (
+        f"'{name}' is not a column of a log.{hint} Names are <joint>.<quantity> with "
+        f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z; base.<quantity> (time is separate)."
+    )

@@ -1,0 +1,98 @@
+"""The column names of a log, what they mean and in which unit they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+TIME = "time"
+BASE = "base"
+
+JOINT_QUANTITIES: dict[str, tuple[str, ...]] = {
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s^2", "m/s^2"),
+    "rotor_torque": ("N m", "N"),
+    "motor_torque": ("N m", "N"),
+    "joint_torque": ("N m", "N"),
+    "current": ("A",),
+    "rotor_position": ("rad",),
+    "temperature": ("deg C",),
+    "voltage": ("V",),
+    "duty": ("1",),
+    "enabled": ("1",),
+    "goal_position": ("rad", "m"),
+}
+"""Quantity of `<joint>.<quantity>` and its units (rotary, linear).
+
+`rotor_torque` acts on the rotor, `motor_torque` = N rotor_torque is the same after the reduction,
+`joint_torque` comes from a sensor at the output. `voltage` is the supply of the drive, `duty` the
+share of it on the winding (-1 to 1), `enabled` is 1 while the drive is powered and 0 while the
+winding is open, `goal_position` the set point of a position drive.
+"""
+
+CONTACT_QUANTITIES: dict[str, tuple[str, ...]] = {f"force.{axis}": ("N",) for axis in "xyz"}
+"""Quantity of `<contact>.<quantity>`: force of the ground on the robot, world frame."""
+
+BASE_QUANTITIES: dict[str, tuple[str, ...]] = {
+    **{f"position.{axis}": ("m",) for axis in "xyz"},
+    **{f"orientation.{axis}": ("1",) for axis in "xyzw"},
+    **{f"linear_velocity.{axis}": ("m/s",) for axis in "xyz"},
+    **{f"angular_velocity.{axis}": ("rad/s",) for axis in "xyz"},
+}
+"""Quantity of `base.<quantity>` of a free-flyer; velocities in the body frame."""
+
+
+def split_column(name: str) -> tuple[str, str] | None:
+    """Return (owner, quantity) of a column of the schema, None for any other name.
+
+    The owner is a joint, a contact or `base`; a joint's name may itself hold dots.
+    """
+    for quantity in (*JOINT_QUANTITIES, *CONTACT_QUANTITIES, *BASE_QUANTITIES):
+        owner = name.removesuffix(f".{quantity}")
+        if owner == name or not owner:
+            continue
+        if quantity in BASE_QUANTITIES and owner != BASE:
+            continue
+        return owner, quantity
+    return None
+
+
+def column_units(name: str) -> tuple[str, ...] | None:
+    """Return the SI units a column may have, None for a name that is not in the schema."""
+    if name == TIME:
+        return ("s",)
+    parts = split_column(name)
+    if parts is None:
+        return None
+    quantities = {**JOINT_QUANTITIES, **CONTACT_QUANTITIES, **BASE_QUANTITIES}
+    return quantities[parts[1]]
+
+
+def is_column(name: str) -> bool:
+    """Whether `name` is `time` or a column of the schema."""
+    return column_units(name) is not None
+
+
+def likely_meant(name: str) -> str | None:
+    """Return the schema column that `name` looks like a misspelling of, None if there is none."""
+    if is_column(name):
+        return None
+    if get_close_matches(name.lower(), [TIME], cutoff=0.85):
+        return TIME
+    owner, dot, last = name.rpartition(".")
+    if not dot:
+        return None
+    near = get_close_matches(last.lower(), list(JOINT_QUANTITIES), n=1, cutoff=0.8)
+    return f"{owner}.{near[0]}" if near else None
+
+
+def owners(names: Iterable[str], quantities: Iterable[str]) -> tuple[str, ...]:
+    """Return who owns a column of one of `quantities`, in order of first appearance."""
+    wanted = set(quantities)
+    found: dict[str, None] = {}
+    for name in names:
+        parts = split_column(name)
+        if parts is not None and parts[1] in wanted:
+            found.setdefault(parts[0])
+    return tuple(found)
