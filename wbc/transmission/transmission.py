@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ class Transmission:
         stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
         damping: (m,) [N m s/rad] beside the stiffness.
         backlash: (m,) [rad], the whole free play at the motor output.
+        housings: name of the link that carries each motor, "" or nothing at all for the link
+            before the joint; a parallelogram's second motor sits on the base, not on the thigh.
     """
 
     joints: tuple[str, ...]
@@ -56,6 +59,7 @@ class Transmission:
     stiffness: FloatArray = None  # type: ignore[assignment]
     damping: FloatArray = None  # type: ignore[assignment]
     backlash: FloatArray = None  # type: ignore[assignment]
+    housings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Fill defaults, check every array and freeze it."""
@@ -64,6 +68,9 @@ class Transmission:
         if len(set(joints)) != len(joints):
             raise TransmissionError(f"a joint is driven twice: {', '.join(joints)}.")
         m = len(joints)
+        object.__setattr__(self, "housings", tuple(self.housings))
+        if len(self.housings) not in (0, m):
+            raise TransmissionError(f"{len(self.housings)} housings for {m} motors.")
         eta_f = np.ones(m) if self.forward_efficiency is None else self.forward_efficiency
         self._store("forward_efficiency", eta_f, m)
         _require(self, "forward_efficiency", self.forward_efficiency > 0.0, "> 0")
@@ -102,6 +109,8 @@ class Transmission:
             _require(self, name, getattr(self, name) > 0.0, "> 0")
         for name in ("damping", "backlash"):
             _require(self, name, getattr(self, name) >= 0.0, ">= 0")
+        for name in ("torque_constant", "resistance"):
+            _require(self, name, ~(getattr(self, name) <= 0.0), "> 0, or NaN where unknown")
         _require(self, "gear_ratio", self.gear_ratio != 0.0, "other than 0")
         topology = np.eye(m) if self.topology is None else self.topology
         object.__setattr__(
@@ -125,30 +134,32 @@ class Transmission:
         """m, the number of gears."""
         return len(self.joints)
 
-    @property
+    # The derived matrices are asked for in every tick: computed once, kept read-only.
+
+    @cached_property
     def reduction(self) -> FloatArray:
         """R = diag(1/N), (m, m): dpsi = R dphi."""
-        return np.diag(1.0 / self.gear_ratio)
+        return frozen(np.diag(1.0 / self.gear_ratio))
 
-    @property
+    @cached_property
     def distribution(self) -> FloatArray:
         """B = (D R)^-T, (m, m): joint torque = B E_m tau_phi in quasi-statics."""
-        return np.asarray(np.linalg.solve(self.topology.T, np.diag(self.gear_ratio)))
+        return frozen(np.linalg.solve(self.topology.T, np.diag(self.gear_ratio)))
 
-    @property
+    @cached_property
     def motor_from_joint(self) -> FloatArray:
         """D^-1, (m, m): dpsi = D^-1 dq_m."""
-        return np.asarray(np.linalg.inv(self.topology))
+        return frozen(np.linalg.inv(self.topology))
 
-    @property
+    @cached_property
     def reflected_inertia(self) -> FloatArray:
         """N^2 I_r (m,) [kg m^2], the rotor's inertia felt at the motor output."""
-        return np.asarray(self.gear_ratio**2 * self.rotor_inertia)
+        return frozen(self.gear_ratio**2 * self.rotor_inertia)
 
-    @property
+    @cached_property
     def self_locking(self) -> NDArray[np.bool_]:
         """Whether each gear holds any joint torque without the motor (eta_b <= 0), (m,) bool."""
-        return np.asarray(self.backward_efficiency <= 0.0)
+        return frozen(self.backward_efficiency <= 0.0, np.bool_)
 
     def index(self, joint: str) -> int:
         """Return the row of `joint`.

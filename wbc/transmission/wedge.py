@@ -39,8 +39,10 @@ class WedgeBlock:
         if not 0.0 <= self.slope < np.pi / 2:
             raise TransmissionError(f"slope must lie in [0, pi/2) rad, got {self.slope:g}.")
         for name in ("block_mass", "wedge_mass", "friction"):
-            if getattr(self, name) < 0.0:
-                raise TransmissionError(f"{name} must be >= 0, got {getattr(self, name):g}.")
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise TransmissionError(
+                    f"{name} must be >= 0 and finite, got {getattr(self, name):g}."
+                )
 
     @property
     def loss_coefficient(self) -> float:
@@ -84,6 +86,22 @@ class WedgeBlock:
         eta = self._efficiency(mode)
         inertia = self.block_mass + eta * self.wedge_mass / cos(self.slope) ** 2
         return (block_force + eta * wedge_force / cos(self.slope)) / inertia
+
+    def impedance_mass(self, mode: Direction) -> float:
+        """Return the mass [kg] in the impedance X(s) = mass * s seen by the force that drives.
+
+        FORWARD, seen by f_u/cos(alpha): M/eta_f + m/cos^2; BACKWARD, seen by f_x:
+        M + m/(eta_b cos^2) (the paper's section II.C, which holds with either pair of
+        efficiencies).
+
+        Raises:
+            TransmissionError: as for `acceleration`.
+        """
+        eta = self._efficiency(mode)
+        wedge = self.wedge_mass / cos(self.slope) ** 2
+        if mode is Direction.FORWARD:
+            return self.block_mass / eta + wedge
+        return self.block_mass + eta * wedge
 
     def _efficiency(self, mode: Direction) -> float:
         if mode is Direction.FORWARD:
