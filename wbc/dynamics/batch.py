@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics.terms import Workspace
+from wbc.dynamics.rotors import rotor_coupling
+from wbc.dynamics.terms import Workspace, evaluate
 from wbc.errors import DynamicsError
 from wbc.robot import Motion, Robot
 from wbc.transmission import mesh_input
@@ -100,6 +101,10 @@ def rotor_torque(
     """
     gears = robot.transmission
     torque = links - contacts
+    spun: FloatArray | float = 0.0
+    if robot.rotors_turn_with_links:
+        housing, spun = _coupling_torque(robot, motion)
+        torque = torque + housing
     for effect in robot.effects:
         smooth = effect.joint_torque(robot, motion)
         if smooth is not None:
@@ -117,6 +122,7 @@ def rotor_torque(
         + gears.rotor_inertia * gears.gear_ratio * psi_acceleration
         + gears.rotor_coulomb_friction * np.sign(spin)
         + gears.rotor_viscous_friction * spin
+        + spun
     )
     for effect in robot.effects:
         added = effect.rotor_torque(robot, motion)
@@ -125,6 +131,21 @@ def rotor_torque(
     for effect in reversed(robot.effects):
         rotor = effect.drive_inverse(robot, motion, rotor)
     return rotor, torque[..., robot.unactuated]
+
+
+def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
+    """Return what spinning rotors ask of the links (..., nv) and the links' turning of them."""
+    gears, space = robot.transmission, Workspace(robot)
+    acceleration = _acceleration(motion)
+    spin_rate = (acceleration[..., robot.actuated] @ gears.motor_from_joint.T) * gears.gear_ratio
+    on_links = np.zeros(acceleration.shape)
+    on_rotors = np.zeros(spin_rate.shape)
+    for row in np.ndindex(acceleration.shape[:-1]):
+        terms = evaluate(robot, motion.position[row], motion.velocity[row], space)
+        coupling = rotor_coupling(robot, terms)
+        on_links[row] = coupling.inertia.T @ spin_rate[row] + coupling.link_bias
+        on_rotors[row] = coupling.inertia @ acceleration[row] + coupling.rotor_bias
+    return on_links, on_rotors
 
 
 def _acceleration(motion: Motion) -> FloatArray:

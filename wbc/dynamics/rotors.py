@@ -40,21 +40,18 @@ class RotorCoupling:
 def rotor_coupling(robot: Robot, terms: Terms) -> RotorCoupling:
     """Return the coupling at the state of `terms`, rotor speeds following from the gears.
 
-    Each rotor sits on the link before its joint and spins about the joint's axis (along the slide
-    for a prismatic joint). A rotor on the fixed world couples to nothing.
+    Housings and axes are those of `robot.mounting`; a rotor on the fixed world couples to
+    nothing.
     """
     gears, model, data = robot.transmission, robot.model, terms.data
     nv, m = model.nv, gears.size
     spin = gears.gear_ratio * (gears.motor_from_joint @ terms.velocity[robot.actuated])
     inertia, link_bias, rotor_bias = np.zeros((m, nv)), np.zeros(nv), np.zeros(m)
     world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    for i, joint in enumerate(gears.joints):
-        number = model.getJointId(joint)
-        housing = model.parents[number]
+    for i, housing in enumerate(robot.mounting.housing.tolist()):
         if housing == 0:
             continue
-        subspace = np.asarray(data.joints[number].S)[:, 0]
-        axis = data.oMi[number].rotation @ (subspace[3:] + subspace[:3])
+        axis = data.oMi[housing].rotation @ robot.mounting.axis[i]
         turning = pin.getJointJacobian(model, data, housing, world)[3:]
         rate = turning @ terms.velocity
         drift = pin.getAcceleration(model, data, housing, world).angular

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, checked
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model_file import read_model
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.units import to_si
-from wbc.transmission import Transmission
+from wbc.transmission import Transmission, wedge_backward_efficiency
 
 _GEAR_UNITS = {
     "gear_ratio": "1",
@@ -35,7 +35,18 @@ _GEAR_UNITS = {
     "damping": "N m s/rad",
     "backlash": "rad",
 }
-_TOP_LEVEL = {"name", "model", "base", "lock", "gravity", "transmission", "gears", "contacts"}
+_TOP_LEVEL = ("name", "model", "base", "lock", "gravity", "transmission", "gears", "contacts")
+_LEFT_OUT = {
+    "forward_efficiency": 1.0,
+    "torque_limit": np.inf,
+    "speed_limit": np.inf,
+    "stiffness": np.inf,
+    "torque_constant": np.nan,
+    "resistance": np.nan,
+}
+_TRANSMISSION_KEYS = ("topology", "rotor_coupling")
+_CONTACT_KEYS = ("name", "frame", "offset", "friction")
+_NUMBER_KEYS = ("value", "unit", "source", "note")
 
 
 @dataclass(frozen=True)
@@ -79,27 +90,46 @@ def build_robot(description: RobotDescription) -> Robot:
         TransmissionError: a number outside its range.
     """
     table, path = description.table, description.path
-    for key in table:
-        if key not in _TOP_LEVEL:
-            raise RobotError(f"{path}: " + unknown_name("key", key, sorted(_TOP_LEVEL)))
+    _check_keys(table, _TOP_LEVEL, f"{path}")
     if "model" not in table:
         raise RobotError(f"{path}: the key 'model' is missing (the URDF or MJCF file).")
+    lock = table.get("lock", [])
+    if not isinstance(lock, list):
+        raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
     model, notes = read_model(
         find_model(str(table["model"]), path.parent),
         base=str(table.get("base", "fixed")),
-        lock=[str(name) for name in table.get("lock", [])],
+        lock=[str(name) for name in lock],
     )
     if "gravity" in table:
-        model.gravity.linear = np.asarray(_numbers(table["gravity"], "m/s^2", f"{path}: gravity"))
+        gravity = _numbers(table["gravity"], "m/s^2", f"{path}: gravity")
+        model.gravity.linear = checked(gravity, (3,), f"{path}: gravity", RobotError)
+    settings = _table(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
+    coupling = settings.get("rotor_coupling", False)
+    if not isinstance(coupling, bool):
+        raise RobotError(f"{path}: rotor_coupling: true or false expected, got {coupling!r}.")
     return Robot(
         name=str(table.get("name", path.parent.name)),
         model=model,
-        transmission=_transmission(table, path),
-        contacts=tuple(_contact(entry, path) for entry in table.get("contacts", [])),
-        rotors_turn_with_links=bool(table.get("transmission", {}).get("rotor_coupling", False)),
+        transmission=_transmission(table.get("gears", {}), settings.get("topology"), path),
+        contacts=_contacts(table.get("contacts", []), path),
+        rotors_turn_with_links=coupling,
         source=RobotSource(_source_name(path)),
         notes=notes,
     )
+
+
+def _check_keys(table: Mapping[str, Any], known: Iterable[str], place: str) -> None:
+    for key in table:
+        if key not in known:
+            raise RobotError(f"{place}: " + unknown_name("key", key, known))
+
+
+def _table(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
+    if not isinstance(entry, Mapping):
+        raise RobotError(f"{place}: a table expected, got {entry!r}.")
+    _check_keys(entry, known, place)
+    return entry
 
 
 def _source_name(path: Path) -> str:
@@ -110,47 +140,41 @@ def _source_name(path: Path) -> str:
     return str(path.resolve())
 
 
-def _transmission(table: Mapping[str, Any], path: Path) -> Transmission:
-    gears = table.get("gears", {})
-    columns: dict[str, list[float]] = {}
-    defaults = {"torque_constant": np.nan, "resistance": np.nan, "forward_efficiency": 1.0}
+def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
+    if not isinstance(gears, Mapping):
+        raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
     for joint, gear in gears.items():
-        for key in gear:
-            if key not in _GEAR_UNITS:
-                raise RobotError(
-                    f"{path}: gear of '{joint}': " + unknown_name("key", key, _GEAR_UNITS)
-                )
+        place = f"{path}: gear of '{joint}'"
         for key in ("gear_ratio", "rotor_inertia"):
-            if key not in gear:
-                raise RobotError(f"{path}: gear of '{joint}': the key '{key}' is missing.")
-    used = [key for key in _GEAR_UNITS if any(key in gear for gear in gears.values())]
-    for key in used:
-        columns[key] = [
-            _number(gear[key], _GEAR_UNITS[key], f"{path}: gear of '{joint}': {key}")
-            if key in gear
-            else _default(key, gear, defaults, f"{path}: gear of '{joint}'")
-            for joint, gear in gears.items()
-        ]
-    columns.setdefault("gear_ratio", [])
-    columns.setdefault("rotor_inertia", [])
-    topology = table.get("transmission", {}).get("topology")
-    arrays: dict[str, Any] = dict(columns)
+            if key not in _table(gear, (*_GEAR_UNITS, "housing"), place):
+                raise RobotError(f"{place}: the key '{key}' is missing.")
+    arrays: dict[str, Any] = {
+        key: [_gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()]
+        for key in _GEAR_UNITS
+    }
     if topology is not None:
         arrays["topology"] = _numbers(topology, "1", f"{path}: topology")
-    return Transmission(joints=tuple(gears), **arrays)
+    housings = tuple(str(gear.get("housing", "")) for gear in gears.values())
+    return Transmission(joints=tuple(gears), housings=housings, **arrays)
 
 
-def _default(key: str, gear: Mapping[str, Any], defaults: Mapping[str, float], place: str) -> float:
-    """Return what a gear has that leaves out a key which another gear gives."""
+def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:
+    """Return a gear's number in SI, or what stands for a key that is left out."""
+    if key in gear:
+        return _number(gear[key], _GEAR_UNITS[key], f"{place}: {key}")
     if key == "backward_efficiency":
-        eta_f = _number(gear["forward_efficiency"], "1", place) if len(gear) else 1.0
-        return 2.0 - 1.0 / eta_f
-    if key in ("torque_limit", "speed_limit", "stiffness"):
-        return float("inf")
-    return defaults.get(key, 0.0)
+        return float(wedge_backward_efficiency(_gear_number(gear, "forward_efficiency", place)))
+    return _LEFT_OUT.get(key, 0.0)
 
 
-def _contact(entry: Mapping[str, Any], path: Path) -> ContactPoint:
+def _contacts(entries: Any, path: Path) -> tuple[ContactPoint, ...]:
+    if not isinstance(entries, list):
+        raise RobotError(f"{path}: contacts: a list of tables expected, [[contacts]].")
+    return tuple(_contact(entry, path) for entry in entries)
+
+
+def _contact(entry: Any, path: Path) -> ContactPoint:
+    _table(entry, _CONTACT_KEYS, f"{path}: contact")
     for key in ("name", "frame"):
         if key not in entry:
             raise RobotError(f"{path}: a contact lacks the key '{key}'.")
@@ -170,16 +194,26 @@ def _number(entry: Any, unit: str, place: str) -> float:
 def _numbers(entry: Any, unit: str, place: str) -> FloatArray:
     """Return the SI value of a number, or of a table {value, unit, source}."""
     if isinstance(entry, Mapping):
+        _check_keys(entry, _NUMBER_KEYS, place)
         if "value" not in entry:
             raise RobotError(f"{place}: the key 'value' is missing.")
         given, stated = entry["value"], str(entry.get("unit", unit))
     else:
         given, stated = entry, unit
+    if not _holds_numbers(given):
+        raise RobotError(f"{place}: {given!r} is not a number.")
     try:
         array = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as cause:
-        raise RobotError(f"{place}: {given!r} is not a number.") from cause
+    except ValueError as cause:
+        raise RobotError(f"{place}: the rows of {given!r} differ in length.") from cause
     return np.asarray(array * to_si(1.0, stated, unit, place))
+
+
+def _holds_numbers(given: Any) -> bool:
+    """Whether `given` is a number or nested lists of numbers; TOML's true and "3" are none."""
+    if isinstance(given, list):
+        return all(_holds_numbers(item) for item in given)
+    return isinstance(given, (int, float)) and not isinstance(given, bool)
 
 
 def bare_robot(model: pin.Model, name: str = "robot") -> Robot:

@@ -86,7 +86,7 @@ def _package_roots(package: str) -> list[Path]:
 
     Wheels built with cmeel put them under a shared prefix instead of a package of their own.
     """
-    spec = find_spec(package)
+    spec = find_spec(package) if package.isidentifier() else None
     own = list(spec.submodule_search_locations or []) if spec is not None else []
     prefix = Path(pin.__file__).resolve().parents[4] / "share" / package.replace("_", "-")
     return [*map(Path, own), prefix]

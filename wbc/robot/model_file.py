@@ -45,10 +45,17 @@ def _parse(path: Path, base: str) -> pin.Model:
                 return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
             return pin.buildModelFromUrdf(str(path))
         if path.suffix == ".xml":
-            return pin.buildModelFromMJCF(str(path))
+            model = pin.buildModelFromMJCF(str(path))
+            if base == "free_flyer" and not _floats(model):
+                return pin.buildModelFromMJCF(str(path), pin.JointModelFreeFlyer())
+            return model
     except (ValueError, RuntimeError) as cause:
         raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
     raise RobotError(f"'{path}': a model file ends in .urdf or .xml (MJCF).")
+
+
+def _floats(model: pin.Model) -> bool:
+    return bool(model.njoints > 1 and model.joints[1].shortname() == "JointModelFreeFlyer")
 
 
 def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
@@ -71,6 +78,9 @@ def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
     model.damping = np.zeros(model.nv)
     model.upperDryFrictionLimit = np.zeros(model.nv)
     model.lowerDryFrictionLimit = np.zeros(model.nv)
-    if path.suffix == ".urdf" and "<transmission" in path.read_text(encoding="utf-8"):
-        notes.append(f"{path.name}: <transmission> was ignored; gears stand in robot.toml.")
+    # The URDF parser stores the speed limit with the same sign on both sides.
+    model.lowerVelocityLimit = -np.abs(model.upperVelocityLimit)
+    tag = "<transmission" if path.suffix == ".urdf" else "<actuator"
+    if tag in path.read_text(encoding="utf-8", errors="replace"):
+        notes.append(f"{path.name}: {tag}> was ignored; gears stand in robot.toml.")
     return tuple(notes)

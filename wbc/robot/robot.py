@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ from wbc.arrays import FloatArray, IntArray, checked, frozen
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
+from wbc.robot.mounting import RotorMounting, rotor_mounting
 from wbc.transmission import Transmission
 
 _FREE_FLYER = "JointModelFreeFlyer"
@@ -46,7 +48,8 @@ class Robot:
             number of the bodies or gears.
         rotors_turn_with_links: whether the spin of each rotor couples inertially to the motion of
             its housing (the paper's full H_s); without it rotors only feel their own spin.
-        source: where it was loaded from, None for a robot built in code.
+        source: where it was loaded from, None for a robot built or changed in code: only effects
+            can be added without losing it, because only they can be saved.
         notes: what the loader read but could not use, for the user to see.
     """
 
@@ -80,6 +83,9 @@ class Robot:
         object.__setattr__(self, "actuated_position", frozen(positions, np.int_))
         rest = [i for i in range(model.nv) if i not in set(rows)]
         object.__setattr__(self, "unactuated", frozen(rest, np.int_))
+        names = [contact.name for contact in self.contacts]
+        if len(set(names)) != len(names):
+            raise RobotError(f"'{self.name}' has two contacts of one name: {', '.join(names)}.")
         for contact in self.contacts:
             if not model.existFrame(contact.frame):
                 known = [frame.name for frame in model.frames]
@@ -113,6 +119,15 @@ class Robot:
     def has_free_flyer(self) -> bool:
         """Whether the first joint is a free-flyer (base.* columns in a log)."""
         return len(self.joints) > 0 and self.model.joints[1].shortname() == _FREE_FLYER
+
+    @cached_property
+    def mounting(self) -> RotorMounting:
+        """Which link carries each motor and about which axis its rotor spins.
+
+        Raises:
+            RobotError: the transmission names a housing that is no link.
+        """
+        return rotor_mounting(self.model, self.transmission)
 
     @property
     def floating_size(self) -> int:
@@ -172,7 +187,7 @@ class Robot:
         """
         effect.check_place(self)
         changed = effect.change(self)
-        return replace(changed, effects=(*self.effects, effect))
+        return replace(changed, effects=(*self.effects, effect), source=self.source)
 
     def with_effects(self, *effects: Effect) -> Robot:
         """Return a new robot that has all `effects` too, added in order."""
@@ -183,29 +198,34 @@ class Robot:
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
-        return replace(self, transmission=transmission)
+        return replace(self, transmission=transmission, source=None)
 
     def with_added_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy with `inertia`, given in the frame of that joint, added to its link."""
         model = self.model.copy()
         model.inertias[joint_number] = model.inertias[joint_number] + inertia
-        return replace(self, model=model)
+        return replace(self, model=model, source=None)
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
         model = self.model.copy()
         model.inertias[joint_number] = inertia
-        return replace(self, model=model)
+        return replace(self, model=model, source=None)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """Return a copy in a gravity field `gravity` (3,) [m/s^2], world frame."""
         model = self.model.copy()
         model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
-        return replace(self, model=model)
+        return replace(self, model=model, source=None)
 
     def lossless(self) -> Robot:
-        """Return the same robot with perfect gears (eta = 1, frictionless rotors)."""
-        source = None if self.source is None else replace(self.source, lossless=True)
+        """Return the same robot with perfect gears (eta = 1, frictionless rotors).
+
+        Effects that changed a gear before are overruled; effects added afterwards act.
+        """
+        source = None
+        if self.source is not None and not self.effects:
+            source = replace(self.source, lossless=True)
         return replace(self, transmission=self.transmission.lossless(), source=source)
 
     def neutral(self) -> FloatArray:
