@@ -50,9 +50,11 @@ class PayloadMass(Effect):
             joint = frame.parentJoint
             point = frame.placement.act(contact.offset)
         before = robot.model.inertias[joint]
-        if before.mass + self.mass < 0.0:
+        if self.mass == 0.0:
+            return robot
+        if before.mass + self.mass <= 0.0:
             raise EffectError(
-                f"payload of {self.mass:g} kg at '{self.where}' leaves a negative mass there "
+                f"payload of {self.mass:g} kg at '{self.where}' leaves no mass there "
                 f"(the body has {before.mass:g} kg)."
             )
         return robot.with_inertia(joint, add_point_mass(before, self.mass, point))

@@ -12,6 +12,7 @@ from wbc.effects.catalogue import effect_class
 from wbc.errors import RobotError, unknown_name
 from wbc.files import write_text
 from wbc.robot import Effect, Robot, RobotDescription, build_robot, read_description
+from wbc.robot.units import to_si
 
 _KEYS = ("robot", "lossless", "effects", "provenance")
 
@@ -27,20 +28,22 @@ def load_robot(name: str | Path) -> Robot:
         RobotError: nothing of that name, or a mistake in the file (the message says where).
         EffectError: an effect, place or parameter that does not exist or is out of bounds.
     """
-    description = read_description(name)
+    return _load(read_description(name), ())
+
+
+def _load(description: RobotDescription, referring: tuple[Path, ...]) -> Robot:
     base = description.base_robot
     if base is None:
         return build_robot(description)
-    return _load_with_effects(description, base)
-
-
-def _load_with_effects(description: RobotDescription, base: str) -> Robot:
     path, table = description.path, description.table
+    if path.resolve() in referring:
+        raise RobotError(f"{path}: 'robot' refers back to this file through '{base}'.")
     for key in table:
         if key not in _KEYS:
             raise RobotError(f"{path}: " + unknown_name("key", key, _KEYS))
     beside = path.parent / base
-    robot = load_robot(beside if beside.exists() else base)
+    described = beside.is_file() or (beside / "robot.toml").is_file()
+    robot = _load(read_description(beside if described else base), (*referring, path.resolve()))
     if table.get("lossless", False):
         robot = robot.lossless()
     for entry in table.get("effects", []):
@@ -52,11 +55,25 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
     for key in ("effect", "where"):
         if key not in entry:
             raise RobotError(f"{path}: an entry of [[effects]] lacks the key '{key}'.")
+    kind, where = effect_class(str(entry["effect"])), str(entry["where"])
+    units = {parameter.name: parameter.unit for parameter in kind.parameters}
     values = {
-        name: float(number["value"] if isinstance(number, Mapping) else number)
+        name: _value(number, units.get(name), f"{path}: {kind.name} at '{where}': {name}")
         for name, number in entry.get("parameters", {}).items()
     }
-    return effect_class(str(entry["effect"])).at(str(entry["where"]), values)
+    return kind.at(where, values)
+
+
+def _value(number: Any, unit: str | None, place: str) -> float:
+    """Return a parameter in SI; an unknown parameter (no unit) is left for the effect to name."""
+    value, stated = number, unit
+    if isinstance(number, Mapping):
+        if "value" not in number:
+            raise RobotError(f"{place}: the key 'value' is missing.")
+        value, stated = number["value"], number.get("unit", unit)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise RobotError(f"{place}: {value!r} is not a number.")
+    return float(value) if unit is None else to_si(float(value), str(stated), unit, place)
 
 
 def save_robot(
@@ -74,11 +91,12 @@ def save_robot(
         provenance: free text such as logs and versions, kept for the reader.
 
     Raises:
-        RobotError: a robot built in code, which no file can refer to.
+        RobotError: a robot built or changed in code, which no file can refer to.
     """
     if robot.source is None:
         raise RobotError(
-            f"'{robot.name}' was built in code; only a robot loaded by name or path can be saved."
+            f"'{robot.name}' was built or changed in code; only a robot loaded by name or path, "
+            "with effects added to it, can be saved."
         )
     known = intervals or {}
     effects = []
