@@ -1,0 +1,27 @@
+"""Sphinx configuration: `make docs` builds docs/_build."""
+
+from importlib.metadata import version as installed
+
+project = "wbc"
+author = "the wbc authors"
+copyright = "2026, the wbc authors"
+release = version = installed("wbc")
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+]
+exclude_patterns = ["_build"]
+suppress_warnings = ["ref.python"]  # rooms re-export what their files define
+html_theme = "furo"
+html_title = "wbc"
+autosummary_generate = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_default_options = {"members": True, "show-inheritance": True}
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+myst_heading_anchors = 3
