@@ -25,3 +25,13 @@ autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 myst_heading_anchors = 3
+
+
+def _escape_bars(app, what, name, obj, options, lines):
+    """Keep |v| in an equation from being read as a substitution of reStructuredText."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+
+
+def setup(app):
+    """Connect the hook."""
+    app.connect("autodoc-process-docstring", _escape_bars)
