@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 
 @final
@@ -35,6 +37,18 @@ class JointSpring(JointEffect):
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
     )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return one screen: a spring about zero and one about 1 rad span every rest position."""
+
+        def combine(coefficients: FloatArray) -> dict[str, float]:
+            stiffness = float(np.sum(coefficients))
+            rest = float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
+            return {"stiffness": stiffness, "rest": rest}
+
+        units = ({"stiffness": 1.0, "rest": 0.0}, {"stiffness": 1.0, "rest": 1.0})
+        return (Screen(units, combine),)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 
 @final
@@ -40,6 +40,22 @@ class StribeckFriction(JointEffect):
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
         "first falls with speed, then rises."
     )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return one screen per Stribeck speed, from a tenth to half of the speeds seen."""
+        row = robot.velocity_index(where)
+        seen = np.concatenate([np.abs(motion.velocity[:, row]) for motion in evidence.motions])
+        usual = float(np.sqrt(np.mean(seen**2)))
+        if usual == 0.0:
+            return ()
+
+        def screen(speed: float) -> Screen:
+            unit = {"level": 1.0, "speed": speed}
+            return Screen((unit,), lambda c: {"level": float(c[0]), "speed": speed})
+
+        speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
+        return tuple(screen(float(speed)) for speed in speeds)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""

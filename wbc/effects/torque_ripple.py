@@ -9,7 +9,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.effects.periodicity import strongest_orders
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 
 @final
@@ -42,6 +43,32 @@ class TorqueRipple(JointEffect):
         "Turn the joint very slowly and evenly over its range in both directions: the torque "
         "waves with position, the same both ways."
     )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return one screen per order at which the unexplained torque repeats with position."""
+        position, torque = robot.position_index(where), robot.velocity_index(where)
+        orders = strongest_orders(
+            [motion.position[:, position] for motion in evidence.motions],
+            [unexplained[:, torque] for unexplained in evidence.unexplained],
+        )
+
+        def screen(order: float) -> Screen:
+            units = tuple(
+                {"amplitude": 1.0, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
+            )
+
+            def combine(coefficients: FloatArray) -> dict[str, float]:
+                sine, cosine = (float(c) for c in coefficients)
+                return {
+                    "amplitude": float(np.hypot(sine, cosine)),
+                    "order": order,
+                    "phase": float(np.arctan2(cosine, sine)),
+                }
+
+            return Screen(units, combine)
+
+        return tuple(screen(order) for order in orders)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""

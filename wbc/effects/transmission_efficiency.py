@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
+import numpy as np
+
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Parameter, Robot
+from wbc.robot import Evidence, Parameter, Robot, Screen
 from wbc.transmission import wedge_backward_efficiency
+
+_WEDGE = 0.02  # efficiencies this close to the wedge's relation are taken for it
 
 
 @final
@@ -48,9 +52,39 @@ class TransmissionEfficiency(JointEffect):
         }
 
     @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return two screens: the wedge's pair of efficiencies, and both of them free.
+
+        The torque a gear needs is linear in 1/eta_f and eta_b, so losses are the coefficients.
+        """
+        null = cls.null_values(robot, where)
+        forward, backward = null["forward_efficiency"], null["backward_efficiency"]
+        step = 1e-3
+
+        def efficiencies(loss: float, backward_loss: float) -> dict[str, float]:
+            inverse = 1.0 / forward + step * loss
+            return {
+                "forward_efficiency": 1.0 / inverse if inverse > 0.0 else np.inf,
+                "backward_efficiency": backward - step * backward_loss,
+            }
+
+        pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))
+        free = Screen(
+            (efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)),
+            lambda c: efficiencies(float(c[0]), float(c[1])),
+        )
+        return pair, free
+
+    @classmethod
     def wedge(cls, where: str, forward_efficiency: float) -> TransmissionEfficiency:
         """Return the effect with the wedge's eta_b = 2 - 1/eta_f."""
         return cls(where, forward_efficiency, float(wedge_backward_efficiency(forward_efficiency)))
+
+    @property
+    def freedom(self) -> int:
+        """One where the wedge's relation between the two efficiencies holds, else two."""
+        wedge = float(wedge_backward_efficiency(self.forward_efficiency))
+        return 1 if abs(self.backward_efficiency - wedge) < _WEDGE else 2
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with these efficiencies."""

@@ -1,1 +1,6 @@
-"""Compare a robot with logs, diagnose what it lacks, add it, verify."""
+"""Compare logs with a robot, learn what the model lacks, add it, see the error fall."""
+
+from wbc.identification.diagnose import diagnose
+from wbc.identification.diagnosis import Diagnosis, ErrorLevel, Estimate, Finding, Step, Verdict
+
+__all__ = ["Diagnosis", "ErrorLevel", "Estimate", "Finding", "Step", "Verdict", "diagnose"]

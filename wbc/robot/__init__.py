@@ -5,16 +5,21 @@ from wbc.robot.description import RobotDescription, bare_robot, build_robot, rea
 from wbc.robot.effect import Effect, Parameter
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Motion
+from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
+from wbc.robot.screening import Evidence, Screen
 
 __all__ = [
     "ContactPoint",
     "Effect",
+    "Evidence",
     "Motion",
     "Parameter",
     "Robot",
     "RobotDescription",
     "RobotSource",
+    "RotorMounting",
+    "Screen",
     "bare_robot",
     "build_robot",
     "find_description",

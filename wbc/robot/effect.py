@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
+from wbc.robot.screening import Evidence, Screen
 
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
@@ -95,6 +96,34 @@ class Effect(ABC):
         An effect that replaces a number of the robot has that number as its null value.
         """
         return {parameter.name: parameter.null for parameter in cls.parameters}
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return the linear ways in which this effect may explain a residual.
+
+        By default one: a small step of every parameter that is no shape parameter, away from
+        where the effect is not there. An effect with a nonlinear shape parameter returns one
+        screen per shape worth trying; `evidence` tells which those are.
+        """
+        null = cls.null_values(robot, where)
+        steps: dict[str, float] = {}
+        for parameter in cls.parameters:
+            if not parameter.shape:
+                step = 1e-3 * parameter.scale
+                inside = null[parameter.name] + step <= parameter.high
+                steps[parameter.name] = step if inside else -step
+
+        def combine(coefficients: FloatArray) -> dict[str, float]:
+            changes = zip(steps.items(), coefficients, strict=True)
+            return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
+
+        units = tuple({**null, name: null[name] + step} for name, step in steps.items())
+        return (Screen(units, combine),) if units else ()
+
+    @property
+    def freedom(self) -> int:
+        """How many numbers had to be chosen to describe it; fewer are believed more easily."""
+        return len(self.parameters)
 
     @property
     def values(self) -> dict[str, float]:

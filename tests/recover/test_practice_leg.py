@@ -1,0 +1,63 @@
+"""Logs of the planar leg from an independent plant: what was hidden must be found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wbc.effects import load_robot
+from wbc.identification import Diagnosis, diagnose
+from wbc.measurement.load import load_logs
+
+
+def run(folder: Path, case: str, robot: str) -> Diagnosis:
+    paths = sorted(folder.glob(f"{case}?.csv"))
+    return diagnose(load_robot(robot).lossless(), load_logs(paths))
+
+
+def found(diagnosis: Diagnosis) -> dict[tuple[str, str], dict[str, float]]:
+    return {(effect.name, effect.where): effect.values for effect in diagnosis.effects}
+
+
+NAMED = {
+    "case01": {
+        ("transmission_efficiency", "hip"): {"forward_efficiency": 0.85},
+        ("transmission_efficiency", "knee"): {"forward_efficiency": 0.75},
+    },
+    "case02": {("coulomb_friction", "hip"): {"level": 0.7}},
+    "case03": {("viscous_friction", "knee"): {"coefficient": 0.4}},
+    "case04": {("rotor_inertia", "hip"): {"reflected_inertia": 0.08}},
+    "case05": {("payload_mass", "foot"): {"mass": 0.3}},
+    "case06": {("joint_spring", "hip"): {"stiffness": 3.0, "rest": 0.3}},
+    "case07": {("torque_ripple", "knee"): {"amplitude": 0.6, "order": 40.0}},
+    "case08": {
+        ("coulomb_friction", "knee"): {"level": 0.7},
+        ("rotor_inertia", "hip"): {"reflected_inertia": 0.0666667},
+        ("rotor_inertia", "knee"): {"reflected_inertia": 0.0666667},
+    },
+}
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_the_hidden_effect_of_the_fixed_leg_is_named_and_measured(
+    practice_leg: Path, case: str
+) -> None:
+    diagnosis = run(practice_leg, case, "planar_leg_fixed")
+    assert diagnosis.verdict == "named"
+    assert found(diagnosis).keys() == NAMED[case].keys()
+    for finding in diagnosis.findings:
+        for name, truth in NAMED[case][finding.effect.name, finding.effect.where].items():
+            estimate = finding.parameters[name]
+            assert estimate.value == pytest.approx(truth, rel=0.005)
+    assert diagnosis.error.after < 1.2
+
+
+def test_a_leg_without_hidden_effect_is_left_alone(practice_leg: Path) -> None:
+    diagnosis = run(practice_leg, "case00", "planar_leg_fixed")
+    assert diagnosis.verdict == "none"
+    assert diagnosis.effects == ()
+
+
+def test_hysteresis_is_outside_the_list(practice_leg: Path) -> None:
+    assert run(practice_leg, "case10", "planar_leg_fixed").verdict == "unknown"

@@ -1,0 +1,77 @@
+"""Which frequencies of a log can be trusted: cut-offs from the noise of its sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+
+_LOWEST, _HIGHEST = 3.0, 15.0
+_SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """One-sided power densities of the white noise of the sensors [unit^2/Hz].
+
+    Attributes:
+        position: (nv,), of single-axis joints; NaN elsewhere.
+        velocity: (nv,).
+        torque: (m,), at the motor output side.
+        forces: contact name -> (3,).
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    torque: FloatArray
+    forces: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def acceleration_variance(self, cutoff: float) -> tuple[FloatArray, FloatArray]:
+        """Return the variance (nv,) of accelerations up to `cutoff` from position, velocity."""
+        turn = 2.0 * np.pi
+        from_position = turn**4 * self.position * cutoff**5 / 5.0
+        from_velocity = turn**2 * self.velocity * cutoff**3 / 3.0
+        return from_position, from_velocity
+
+
+@dataclass(frozen=True)
+class Bandwidth:
+    """Cut-offs [Hz].
+
+    Attributes:
+        residual: of the residual and of every regressor.
+        kinematics: of positions and velocities before the model is evaluated.
+    """
+
+    residual: float
+    kinematics: float
+
+
+def choose_bandwidth(
+    noises: Sequence[SensorNoise], inertia: FloatArray, actuated: IntArray, rate: float
+) -> Bandwidth:
+    """Return the band in which differentiated positions are no noisier than the torque sensor.
+
+    Above the frequency where inertia times acceleration noise exceeds the torque noise, a wider
+    band adds noise faster than information.
+
+    Args:
+        noises: of every log.
+        inertia: (m,) a typical inertia [kg m^2] seen by each motor output.
+        actuated: (m,) rows of the driven joints in v.
+        rate: [Hz], the slowest of the logs.
+    """
+    best = _HIGHEST
+    for noise in noises:
+        candidates = np.geomspace(0.5, 0.2 * rate, 80)
+        for cutoff in candidates:
+            by_position, by_velocity = noise.acceleration_variance(float(cutoff))
+            acceleration = np.fmin(by_position, by_velocity)[actuated]
+            if np.any(inertia**2 * acceleration > noise.torque * cutoff):
+                best = min(best, 0.65 * float(cutoff))
+                break
+    residual = float(np.clip(best, _LOWEST, min(_HIGHEST, 0.1 * rate)))
+    return Bandwidth(residual, min(_SPREAD * residual, 0.2 * rate))

@@ -1,0 +1,154 @@
+"""Reading the robot's channels out of a log, on an even time grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import IdentificationError
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+_EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """The channels of one log that a robot understands, resampled where stamps jitter.
+
+    Attributes:
+        name: of the log.
+        rate: [Hz].
+        time: (N,) [s].
+        position: (N, nq).
+        velocity: (N, nv), or None if some joint has no velocity channel.
+        torque: (N, m) on the rotors [N m].
+        forces: contact name -> (N, 3) [N].
+        temperature: (N, m) [deg C], or None.
+        supply_voltage: (N, m) [V], or None.
+    """
+
+    name: str
+    rate: float
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray | None
+    torque: FloatArray
+    forces: dict[str, FloatArray]
+    temperature: FloatArray | None
+    supply_voltage: FloatArray | None
+
+
+def read_channels(robot: Robot, log: Log) -> Channels:
+    """Return what `log` says about `robot`.
+
+    Raises:
+        LogError: a joint's position is missing.
+        IdentificationError: no torque of a driven joint, a free base without forces, too short.
+    """
+    if log.duration < 0.5 or len(log) < 50:
+        raise IdentificationError(
+            f"{log.source.label}: {log.duration:g} s with {len(log)} rows are too short to say "
+            "anything; record at least a few seconds of motion."
+        )
+    step = log.sample_time
+    count = int(np.floor(log.duration / step + 1e-6)) + 1
+    grid = log.time[0] + step * np.arange(count)
+    even = count == len(log) and np.abs(log.time - grid).max() < _EVEN * step
+
+    def on_grid(values: FloatArray) -> FloatArray:
+        if even:
+            return values
+        columns = values.reshape(len(log), -1).T
+        return np.stack([np.interp(grid, log.time, c) for c in columns], axis=1)
+
+    joints = robot.transmission.joints
+    velocity = _velocity(robot, log)
+    forces = {
+        contact.name: on_grid(_force(log, contact.name))
+        for contact in robot.contacts
+        if contact.name in log.contacts
+    }
+    if robot.floating_size and not forces:
+        named = ", ".join(contact.name for contact in robot.contacts) or "(none)"
+        raise IdentificationError(
+            f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
+            f"forces, for example '<contact>.force.z' of: {named}."
+        )
+    return Channels(
+        name=log.source.label,
+        rate=1.0 / step,
+        time=grid,
+        position=on_grid(_position(robot, log)),
+        velocity=None if velocity is None else on_grid(velocity),
+        torque=on_grid(_torque(robot, log)),
+        forces=forces,
+        temperature=_optional(log, "temperature", joints, on_grid),
+        supply_voltage=_optional(log, "voltage", joints, on_grid),
+    )
+
+
+def _position(robot: Robot, log: Log) -> FloatArray:
+    single = [(name, robot.position_index(name)) for name in robot.single_joints]
+    position = np.tile(robot.neutral(), (len(log), 1))
+    for name, row in single:
+        position[:, row] = log.column(f"{name}.position")
+    if robot.has_free_flyer:
+        position[:, :3] = np.stack([log.column(f"base.position.{axis}") for axis in "xyz"], axis=1)
+        turn = np.stack([log.column(f"base.orientation.{axis}") for axis in "xyzw"], axis=1)
+        position[:, 3:7] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
+    return position
+
+
+def _velocity(robot: Robot, log: Log) -> FloatArray | None:
+    velocity = np.zeros((len(log), robot.model.nv))
+    for name in robot.single_joints:
+        if not log.has(f"{name}.velocity"):
+            return None
+        velocity[:, robot.velocity_index(name)] = log.column(f"{name}.velocity")
+    if robot.has_free_flyer:
+        parts = [f"base.{kind}_velocity.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
+        if not log.has(*parts):
+            return None
+        velocity[:, :6] = np.stack([log.column(part) for part in parts], axis=1)
+    return velocity
+
+
+def _torque(robot: Robot, log: Log) -> FloatArray:
+    gears = robot.transmission
+    torque = np.empty((len(log), gears.size))
+    for column, joint in enumerate(gears.joints):
+        if log.has(f"{joint}.rotor_torque"):
+            torque[:, column] = log.column(f"{joint}.rotor_torque")
+        elif log.has(f"{joint}.motor_torque"):
+            torque[:, column] = log.column(f"{joint}.motor_torque") / gears.gear_ratio[column]
+        elif log.has(f"{joint}.current") and np.isfinite(gears.torque_constant[column]):
+            torque[:, column] = log.column(f"{joint}.current") * gears.torque_constant[column]
+        else:
+            raise IdentificationError(
+                f"{log.source.label}: no torque of joint '{joint}': give '{joint}.rotor_torque', "
+                f"'{joint}.motor_torque', or '{joint}.current' and the robot's torque_constant."
+            )
+    return torque
+
+
+def _force(log: Log, contact: str) -> FloatArray:
+    force = np.zeros((len(log), 3))
+    for axis, letter in enumerate("xyz"):
+        if log.has(f"{contact}.force.{letter}"):
+            force[:, axis] = log.column(f"{contact}.force.{letter}")
+    return force
+
+
+def _optional(
+    log: Log,
+    quantity: str,
+    joints: tuple[str, ...],
+    on_grid: Callable[[FloatArray], FloatArray],
+) -> FloatArray | None:
+    if not log.has(*(f"{joint}.{quantity}" for joint in joints)):
+        return None
+    return on_grid(log.stack(quantity, joints))

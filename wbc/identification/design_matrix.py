@@ -1,0 +1,79 @@
+"""Normal equations per fold: any set of columns is fitted and judged without touching rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+
+_RIDGE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class DesignMatrix:
+    """Whitened columns of all atoms and the whitened residual, summed up per fold.
+
+    Attributes:
+        gram: (K, c, c) A_k' A_k.
+        moment: (K, c) A_k' r_k.
+        energy: (K,) r_k' r_k.
+        count: (K,) entries of r_k.
+    """
+
+    gram: FloatArray
+    moment: FloatArray
+    energy: FloatArray
+    count: FloatArray
+
+    @classmethod
+    def from_rows(cls, columns: FloatArray, residual: FloatArray, folds: IntArray) -> DesignMatrix:
+        """Sum up rows.
+
+        Args:
+            columns: (rows, outputs, c), whitened.
+            residual: (rows, outputs), whitened.
+            folds: (rows,) number of the fold of each row.
+        """
+        gram, moment, energy, count = [], [], [], []
+        for fold in np.unique(folds):
+            chosen = folds == fold
+            a = columns[chosen].reshape(-1, columns.shape[-1])
+            r = residual[chosen].ravel()
+            gram.append(a.T @ a)
+            moment.append(a.T @ r)
+            energy.append(r @ r)
+            count.append(float(r.size))
+        return cls(np.array(gram), np.array(moment), np.array(energy), np.array(count))
+
+    def fit(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the least-squares coefficients of these columns on all folds."""
+        index = np.asarray(chosen, dtype=np.int_)
+        if index.size == 0:
+            return np.zeros(0)
+        gram = self.gram.sum(axis=0)[np.ix_(index, index)]
+        return _solve(gram, self.moment.sum(axis=0)[index])
+
+    def held_out(self, chosen: Sequence[int]) -> float:
+        """Return the mean square of the residual on folds left out of the fit."""
+        index = np.asarray(chosen, dtype=np.int_)
+        total = float(self.energy.sum())
+        if index.size == 0:
+            return total / float(self.count.sum())
+        gram = self.gram[:, index[:, None], index[None, :]]
+        moment = self.moment[:, index]
+        rest = _solve(gram.sum(axis=0) - gram, moment.sum(axis=0) - moment)
+        explained = 2.0 * np.einsum("ki,ki->", rest, moment)
+        model = np.einsum("ki,kij,kj->", rest, gram, rest)
+        return float((total - explained + model) / self.count.sum())
+
+
+def _solve(gram: FloatArray, moment: FloatArray) -> FloatArray:
+    """Solve normal equations after scaling the diagonal to one, with a tiny ridge."""
+    diagonal = np.sqrt(np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300))
+    scaled = gram / diagonal[..., :, None] / diagonal[..., None, :]
+    scaled = scaled + _RIDGE * np.eye(scaled.shape[-1])
+    solution = np.linalg.solve(scaled, (moment / diagonal)[..., None])[..., 0]
+    return np.asarray(solution / diagonal)

@@ -1,0 +1,137 @@
+"""From logs to causes: compare, add what pays, judge what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from wbc.effects import EFFECTS
+from wbc.identification.diagnosis import (
+    Diagnosis,
+    ErrorLevel,
+    Estimate,
+    Finding,
+    Step,
+    Verdict,
+)
+from wbc.identification.intervals import interval_bounds
+from wbc.identification.problem import Problem
+from wbc.identification.selection import Model, Selector
+from wbc.measurement import Log
+from wbc.robot import Effect, Robot
+
+_UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
+_UNEXPLAINED_SHARE = 0.1  # ... and as a share of the first excess
+_NOTHING = 1.25  # held-out rms below which nothing is missing
+
+
+def diagnose(
+    robot: Robot,
+    logs: Sequence[Log],
+    candidates: Sequence[type[Effect]] | None = None,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Diagnosis:
+    """Return which physical effects `robot` lacks, according to `logs`.
+
+    Args:
+        robot: the robot that the user believes in.
+        logs: one or several logs of the same robot; runs that repeat one another give the noise
+            floor.
+        candidates: effect classes to consider; default all.
+        progress: called with a line of text as the work proceeds.
+
+    Raises:
+        IdentificationError: logs that cannot be compared with this robot, or too short ones.
+        LogError: a channel is missing.
+    """
+    problem = Problem.from_logs(robot, logs)
+    classes = tuple(EFFECTS.values()) if candidates is None else tuple(candidates)
+    selector = Selector(problem, classes, progress)
+    path = selector.run()
+    before = path[0].error
+    final = selector.prune(path[-1], before)
+    alternatives = [selector.alternatives(final, k, before) for k in range(len(final.effects))]
+    verdict = judge(before, final, alternatives)
+    findings = _findings(problem, final, alternatives)
+    return Diagnosis(
+        verdict=verdict,
+        findings=findings,
+        next_experiment=_next_experiment(verdict, findings),
+        error=ErrorLevel(
+            before=float(np.sqrt(before)),
+            after=float(np.sqrt(final.error)),
+            floor=1.0,
+            floor_source=problem.floor.source,
+        ),
+        steps=_steps(selector, final, path),
+        remainder="",
+        robot=final.fit.robot,
+    )
+
+
+def judge(before: float, final: Model, alternatives: Sequence[Sequence[str]]) -> Verdict:
+    """Return the verdict from held-out errors (mean squares in floors)."""
+    left = np.sqrt(max(final.error - 1.0, 0.0))
+    first = np.sqrt(max(before - 1.0, 0.0))
+    if left > max(_UNEXPLAINED_FLOOR, _UNEXPLAINED_SHARE * first):
+        return "unknown"
+    if not final.effects:
+        return "none"
+    return "ambiguous" if any(alternatives) else "named"
+
+
+def _findings(
+    problem: Problem, model: Model, alternatives: Sequence[Sequence[str]]
+) -> tuple[Finding, ...]:
+    bounds = interval_bounds(model.fit, problem.blocks, problem.distortion(model.fit))
+    findings = []
+    for k, effect in enumerate(model.effects):
+        estimates: dict[str, Estimate] = {}
+        warnings = []
+        for row, (owner, parameter) in enumerate(model.fit.parameters):
+            if owner != k:
+                continue
+            value = effect.values[parameter.name]
+            low, high = (float(x) for x in bounds[row])
+            estimates[parameter.name] = Estimate(value, parameter.unit, low, high)
+            if value in (parameter.low, parameter.high):
+                warnings.append(f"{parameter.name} is at the bound {value:g} {parameter.unit}")
+        findings.append(Finding(effect, estimates, tuple(alternatives[k]), tuple(warnings)))
+    return tuple(findings)
+
+
+def _steps(selector: Selector, final: Model, path: Sequence[Model]) -> tuple[Step, ...]:
+    """Return the staircase of the effects that stayed."""
+    steps = [Step("", "", float(np.sqrt(path[0].error)))]
+    for count in range(1, len(final.effects) + 1):
+        chosen = final.effects[:count]
+        known = next((m for m in path if _same(m.effects, chosen)), None)
+        model = known or (final if count == len(final.effects) else selector.model(chosen))
+        steps.append(Step(chosen[-1].name, chosen[-1].where, float(np.sqrt(model.error))))
+    return tuple(steps)
+
+
+def _same(one: Sequence[Effect], other: Sequence[Effect]) -> bool:
+    return [(e.name, e.where) for e in one] == [(e.name, e.where) for e in other]
+
+
+def _next_experiment(verdict: Verdict, findings: Sequence[Finding]) -> str:
+    if verdict == "none":
+        return "Nothing is missing on these logs; record faster or loaded motions to look further."
+    if verdict == "unknown":
+        return (
+            "No known effect explains what is left. Repeat one run exactly, then move one joint "
+            "at a time slowly and fast through the same positions."
+        )
+    texts = []
+    for finding in findings:
+        if finding.alternatives:
+            rivals = [EFFECTS[name].experiment for name in finding.alternatives if name in EFFECTS]
+            texts.append(
+                f"To tell {finding.effect.name} from {', '.join(finding.alternatives)} at "
+                f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
+            )
+    if texts:
+        return " ".join(texts)
+    return " ".join(dict.fromkeys(f"{f.effect.experiment}" for f in findings))

@@ -1,0 +1,201 @@
+"""Refining the parameters of a set of effects: bounded Gauss-Newton on the full model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.errors import DynamicsError, EffectError, TransmissionError
+from wbc.identification.record import Record
+from wbc.identification.residual import condensed_residual
+from wbc.robot import Effect, Parameter, Robot
+
+_ITERATIONS = 12
+_CONVERGED = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A robot with effects whose parameters minimise the whitened residual on some records.
+
+    Attributes:
+        robot: with the effects.
+        effects: as fitted, in order.
+        residual: (rows, outputs), whitened.
+        jacobian: (rows, outputs, p) change of the whitened residual per unit of each parameter's
+            scale.
+        parameters: the p fitted parameters as (number of effect, parameter).
+    """
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    residual: FloatArray
+    jacobian: FloatArray
+    parameters: tuple[tuple[int, Parameter], ...]
+
+    @property
+    def values(self) -> FloatArray:
+        """Parameters (p,) in units of their scales."""
+        return np.array([self.effects[k].values[p.name] / p.scale for k, p in self.parameters])
+
+    @property
+    def error(self) -> float:
+        """Mean square of the whitened residual on the records of the fit."""
+        return float(np.mean(self.residual**2))
+
+    def held_out(self, folds: IntArray) -> FloatArray:
+        """Return (rows,) mean square over outputs, each fold predicted without itself.
+
+        The parameters of each fold are one Gauss-Newton step away from those of all records.
+        """
+        squares = np.empty(len(self.residual))
+        for fold in np.unique(folds):
+            inside = folds == fold
+            step = self.step(~inside) if self.parameters else np.zeros(0)
+            moved = self.residual[inside] + self.jacobian[inside] @ step
+            squares[inside] = np.mean(moved**2, axis=1)
+        return squares
+
+    def step(self, rows: FloatArray | IntArray) -> FloatArray:
+        """Return the Gauss-Newton step (p,) on a choice of rows."""
+        a = self.jacobian[rows].reshape(-1, len(self.parameters))
+        return _least_squares(a, -self.residual[rows].ravel())
+
+
+def refine(
+    robot: Robot,
+    effects: Sequence[Effect],
+    records: Sequence[Record],
+    scale: FloatArray,
+    iterations: int = _ITERATIONS,
+) -> Fit:
+    """Fit all parameters of `effects` added to `robot`.
+
+    Args:
+        robot: the robot that lacks them.
+        effects: start values.
+        records: the logs.
+        scale: (outputs,) by which residuals are divided.
+        iterations: at most this many Gauss-Newton steps.
+    """
+    current = list(effects)
+    slots = tuple((k, p) for k, effect in enumerate(current) for p in effect.parameters)
+    residual = _residual(robot, current, records, scale)
+    jacobian = _jacobian(robot, current, slots, records, scale, residual)
+    for _ in range(iterations if slots else 0):
+        step = _bounded_step(current, slots, jacobian, residual)
+        moved, change = _line_search(robot, current, slots, step, records, scale, residual)
+        if moved is None:
+            break
+        current, after = moved
+        gain = float(np.sum(residual**2) - np.sum(after**2)) / float(np.sum(residual**2))
+        residual = after
+        jacobian = _jacobian(robot, current, slots, records, scale, residual)
+        if gain < _CONVERGED or change < _CONVERGED:
+            break
+    return Fit(robot.with_effects(*current), tuple(current), residual, jacobian, slots)
+
+
+def _residual(
+    robot: Robot, effects: Sequence[Effect], records: Sequence[Record], scale: FloatArray
+) -> FloatArray:
+    return condensed_residual(robot.with_effects(*effects), records) / scale
+
+
+def _jacobian(
+    robot: Robot,
+    effects: Sequence[Effect],
+    slots: Sequence[tuple[int, Parameter]],
+    records: Sequence[Record],
+    scale: FloatArray,
+    residual: FloatArray,
+) -> FloatArray:
+    columns = []
+    for k, parameter in slots:
+        for size in (1e-4, -1e-4):
+            step = size * parameter.scale
+            try:
+                changed = _moved(effects, {(k, parameter.name): step})
+                column = (_residual(robot, changed, records, scale) - residual) / size
+            except (EffectError, TransmissionError, DynamicsError):
+                continue
+            columns.append(column)
+            break
+        else:
+            columns.append(np.zeros_like(residual))
+    return np.stack(columns, axis=-1) if columns else np.zeros((*residual.shape, 0))
+
+
+def _moved(
+    effects: Sequence[Effect], changes: dict[tuple[int, str], float], *, clip: bool = False
+) -> list[Effect]:
+    result = list(effects)
+    for (k, name), change in changes.items():
+        effect = result[k]
+        value = effect.values[name] + change
+        if clip:
+            bound = next(p for p in effect.parameters if p.name == name)
+            value = float(np.clip(value, bound.low, bound.high))
+        result[k] = effect.with_values({name: value})
+    return result
+
+
+def _bounded_step(
+    effects: Sequence[Effect],
+    slots: Sequence[tuple[int, Parameter]],
+    jacobian: FloatArray,
+    residual: FloatArray,
+) -> FloatArray:
+    """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
+    a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
+    values = np.array([effects[k].values[p.name] for k, p in slots])
+    low = np.array([p.low for _, p in slots])
+    high = np.array([p.high for _, p in slots])
+    free = np.ones(len(slots), dtype=bool)
+    step = np.zeros(len(slots))
+    for _ in range(len(slots) + 1):
+        step = np.zeros(len(slots))
+        if free.any():
+            step[free] = _least_squares(a[:, free], -r)
+        blocked = free & (((values <= low) & (step < 0.0)) | ((values >= high) & (step > 0.0)))
+        if not blocked.any():
+            break
+        free &= ~blocked
+    return step
+
+
+def _line_search(
+    robot: Robot,
+    effects: Sequence[Effect],
+    slots: Sequence[tuple[int, Parameter]],
+    step: FloatArray,
+    records: Sequence[Record],
+    scale: FloatArray,
+    residual: FloatArray,
+) -> tuple[tuple[list[Effect], FloatArray] | None, float]:
+    before = float(np.sum(residual**2))
+    length = 1.0
+    for _ in range(5):
+        changes = {
+            (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
+        }
+        try:
+            moved = _moved(effects, changes, clip=True)
+            after = _residual(robot, moved, records, scale)
+        except (EffectError, TransmissionError, DynamicsError):
+            length *= 0.4
+            continue
+        if float(np.sum(after**2)) < before:
+            return (moved, after), float(np.max(np.abs(length * step), initial=0.0))
+        length *= 0.4
+    return None, 0.0
+
+
+def _least_squares(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the least-squares solution with columns scaled and weak directions left alone."""
+    norm = np.sqrt(np.sum(a**2, axis=0))
+    norm = np.where(norm > 0.0, norm, 1.0)
+    return np.asarray(np.linalg.lstsq(a / norm, b, rcond=1e-8)[0] / norm)

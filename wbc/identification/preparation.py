@@ -1,0 +1,141 @@
+"""From logs to records: one band for all of them, smoothing, weights near reversals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, frozen
+from wbc.errors import IdentificationError
+from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
+from wbc.identification.channels import Channels, read_channels
+from wbc.identification.record import Record
+from wbc.identification.smoothing import differentiate, gate, low_pass, white_level
+from wbc.measurement import Log
+from wbc.robot import Motion, Robot
+
+_OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
+_REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
+
+
+def prepare(robot: Robot, logs: Sequence[Log]) -> tuple[Record, ...]:
+    """Return one record per log, all in the same band.
+
+    Raises:
+        IdentificationError: no log, or a log that lacks what the robot needs.
+        LogError: a channel is missing.
+    """
+    if not logs:
+        raise IdentificationError("no log was given.")
+    channels = [read_channels(robot, log) for log in logs]
+    noises = [_noise(robot, channel) for channel in channels]
+    inertia = _typical_inertia(robot, channels)
+    rate = min(channel.rate for channel in channels)
+    band = choose_bandwidth(noises, inertia, robot.actuated, rate)
+    return tuple(
+        _record(robot, channel, noise, band)
+        for channel, noise in zip(channels, noises, strict=True)
+    )
+
+
+def _noise(robot: Robot, channels: Channels) -> SensorNoise:
+    model = robot.model
+    positions = np.full((len(channels.time), model.nv), np.nan)
+    for name in robot.single_joints:
+        positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
+    velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
+    torque = channels.torque * np.abs(robot.transmission.gear_ratio)
+    rate = channels.rate
+    return SensorNoise(
+        position=white_level(positions, rate),
+        velocity=white_level(velocities, rate),
+        torque=white_level(torque, rate),
+        forces={name: white_level(force, rate) for name, force in channels.forces.items()},
+    )
+
+
+def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:
+    data = robot.model.createData()
+    found = []
+    for channel in channels:
+        for q in channel.position[:: max(1, len(channel.position) // 10)]:
+            mass = pin.crba(robot.model, data, q)
+            found.append(np.diag(mass)[robot.actuated])
+    return np.asarray(np.mean(found, axis=0) + robot.transmission.reflected_inertia)
+
+
+def _record(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth) -> Record:
+    rate, cutoff = channels.rate, band.kinematics
+    motion = _smooth_motion(robot, channels, noise, band)
+    torque = low_pass(channels.torque, cutoff, rate)
+    every = max(1, int(rate / (_OVERSAMPLING * cutoff)))
+    thin = slice(None, None, every)
+    forces = {name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()}
+    thinned = Motion(
+        position=frozen(motion.position[thin]),
+        velocity=frozen(motion.velocity[thin]),
+        acceleration=frozen(motion.acceleration[thin]),  # type: ignore[index]
+        time=frozen(channels.time[thin] - channels.time[0]),
+        temperature=None if channels.temperature is None else frozen(channels.temperature[thin]),
+        supply_voltage=(
+            None if channels.supply_voltage is None else frozen(channels.supply_voltage[thin])
+        ),
+    )
+    return Record(
+        name=channels.name,
+        robot=robot,
+        motion=thinned,
+        torque=frozen(torque[thin]),
+        forces=forces,
+        weight=frozen(_weight(robot, thinned, noise, band)),
+        rate=rate / every,
+        bandwidth=band,
+        noise=noise,
+    )
+
+
+def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth) -> Motion:
+    """Return smoothed q, v, a; each joint from the sensor that gives the quieter acceleration."""
+    rate, cutoff = channels.rate, band.kinematics
+    position = low_pass(channels.position, cutoff, rate)
+    if robot.has_free_flyer:
+        position[:, 3:7] /= np.linalg.norm(position[:, 3:7], axis=1, keepdims=True)
+    velocity = differentiate(position, rate, robot.model)
+    if channels.velocity is not None:
+        by_position, by_velocity = noise.acceleration_variance(band.residual)
+        quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
+        measured = low_pass(channels.velocity, cutoff, rate)
+        velocity = np.where(quieter, measured, velocity)
+    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
+    return Motion(position, velocity, acceleration)
+
+
+def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -> FloatArray:
+    """Return (N, m + b): how far the direction of motion behind each output can be trusted.
+
+    Around a reversal the smoothed velocity is wrong about the moment and hides standstill, so
+    that dry friction there cannot be told; the window scales with the band and the acceleration.
+    """
+    rows = robot.actuated
+    speed = motion.velocity[:, rows]
+    acceleration = motion.acceleration[:, rows]  # type: ignore[index]
+    period = 1.0 / band.kinematics
+    typical = np.sqrt(np.mean(acceleration**2, axis=0))
+    noise_speed = _speed_noise(noise, band)[rows]
+    threshold = _REVERSAL * period * typical * 0.8 + 4.0 * noise_speed
+    threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
+    trusted = gate(speed, threshold)
+    # A mesh turns with every joint that its motor moves: all of them must have a direction.
+    moves = np.abs(robot.transmission.topology) > 0.0
+    per_gear = np.stack([trusted[:, moves[:, k]].min(axis=1) for k in range(rows.size)], axis=1)
+    return np.concatenate([per_gear, np.ones((len(speed), robot.floating_size))], axis=1)
+
+
+def _speed_noise(noise: SensorNoise, band: Bandwidth) -> FloatArray:
+    """Return the standard deviation (nv,) of the smoothed velocity [rad/s]."""
+    cutoff = band.kinematics
+    by_position = (2.0 * np.pi) ** 2 * noise.position * cutoff**3 / 3.0
+    by_velocity = noise.velocity * cutoff
+    return np.asarray(np.sqrt(np.nan_to_num(np.fmin(by_position, by_velocity))))

@@ -1,0 +1,147 @@
+"""One log made ready for the model: smoothed motion, measured torques, weights near reversals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import (
+    contact_torque,
+    inertial_parameters,
+    inertial_regressor,
+    link_torque,
+)
+from wbc.identification.bandwidth import Bandwidth, SensorNoise
+from wbc.identification.smoothing import low_pass
+from wbc.robot import Motion, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What one log says, on an even grid, in the band of the kinematics.
+
+    Attributes:
+        name: of the log.
+        robot: the robot that the user believes in; link terms are cached for it.
+        motion: smoothed q, v, a (N, ...).
+        torque: (N, m) rotor torque that the drives reported [N m].
+        forces: contact name -> (N, 3) [N], ground on robot.
+        weight: (N, m + b) between 0 and 1, small where a joint is too slow for its direction to
+            be known.
+        rate: [Hz] of this grid.
+        bandwidth: cut-offs.
+        noise: white noise of the sensors.
+    """
+
+    name: str
+    robot: Robot
+    motion: Motion
+    torque: FloatArray
+    forces: Mapping[str, FloatArray]
+    weight: FloatArray
+    rate: float
+    bandwidth: Bandwidth
+    noise: SensorNoise
+    _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
+
+    @property
+    def duration(self) -> float:
+        """Length of the log [s]."""
+        return len(self.torque) / self.rate
+
+    @cached_property
+    def stride(self) -> int:
+        """Samples between two rows of the residual (about five per period of the band)."""
+        return max(1, int(self.rate / (5.0 * self.bandwidth.residual)))
+
+    @cached_property
+    def edge(self) -> int:
+        """Samples cut at both ends, where filters have not settled."""
+        return min(int(self.rate / self.bandwidth.residual), len(self.torque) // 8)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that `condense` returns."""
+        return len(range(self.edge, len(self.torque) - self.edge, self.stride))
+
+    def condense(self, values: FloatArray) -> FloatArray:
+        """Return weighted, low-passed and thinned `values` (N, k) -> (rows, k)."""
+        smooth = low_pass(values * self.weight, self.bandwidth.residual, self.rate)
+        return smooth[self.edge : len(smooth) - self.edge : self.stride]
+
+    def condense_many(self, values: FloatArray) -> FloatArray:
+        """Return `condense` of every column set in `values` (N, k, c) -> (rows, k, c)."""
+        smooth = low_pass(values * self.weight[:, :, None], self.bandwidth.residual, self.rate)
+        return smooth[self.edge : len(smooth) - self.edge : self.stride]
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Time of every condensed row (rows,) [s]."""
+        assert self.motion.time is not None
+        return self.motion.time[self.edge : len(self.torque) - self.edge : self.stride]
+
+    def narrowed(self, factor: float) -> Record:
+        """Return the same record with the residual's band narrowed by `factor`."""
+        band = replace(self.bandwidth, residual=factor * self.bandwidth.residual)
+        return replace(self, bandwidth=band)
+
+    @cached_property
+    def contacts(self) -> FloatArray:
+        """J' f of the measured contact forces, (N, nv)."""
+        return contact_torque(self.robot, self.motion.position, self.forces)
+
+    def contacts_along(self, motion: Motion) -> FloatArray:
+        """Return J' f (N, nv) for another motion under the same measured forces."""
+        if motion is self.motion:
+            return self.contacts
+        return contact_torque(self.robot, motion.position, self.forces)
+
+    @cached_property
+    def links(self) -> FloatArray:
+        """H_l a + c_l of the believed robot, (N, nv)."""
+        return link_torque(self.robot, self.motion)
+
+    @cached_property
+    def regressor(self) -> FloatArray:
+        """Y (N, nv, 10 n_links) of the link parameters."""
+        return inertial_regressor(self.robot, self.motion)
+
+    def links_of(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
+        if motion is not self.motion:
+            return link_torque(robot, motion)
+        torque = self.links
+        if robot.model is self.robot.model:
+            return torque
+        change = inertial_parameters(robot) - inertial_parameters(self.robot)
+        if np.any(change):
+            torque = torque + self.regressor @ change
+        field_change = np.asarray(robot.model.gravity.linear - self.robot.model.gravity.linear)
+        if np.any(field_change):
+            torque = torque + self._in_gravity(robot, field_change)
+        return np.asarray(torque)
+
+    def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:
+        """Return the torque of an additional uniform field, linear in it, (N, nv)."""
+        masses = inertial_parameters(robot)
+        total = np.zeros(self.links.shape)
+        for axis in np.flatnonzero(change):
+            key = (float(axis), *masses)
+            if key not in self._gravity_terms:
+                self._gravity_terms.clear() if len(self._gravity_terms) > 12 else None
+                self._gravity_terms[key] = _gravity_torque(robot, self.motion, int(axis))
+            total += change[axis] * self._gravity_terms[key]
+        return total
+
+
+def _gravity_torque(robot: Robot, motion: Motion, axis: int) -> FloatArray:
+    """Return the torque (N, nv) that a field of 1 m/s^2 along a world axis asks for."""
+    model = robot.model.copy()
+    model.gravity.linear = np.eye(3)[axis]
+    data = model.createData()
+    return np.array([pin.computeGeneralizedGravity(model, data, q) for q in motion.position])

@@ -1,0 +1,114 @@
+"""Which sets of causes explain a residual: a beam search over held-out error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.identification.atoms import Atom
+from wbc.identification.design_matrix import DesignMatrix
+from wbc.robot import Robot
+
+
+@dataclass(frozen=True)
+class Subset:
+    """A set of atoms with its held-out error.
+
+    Attributes:
+        atoms: numbers of the atoms, in the order added.
+        error: held-out mean square of the whitened residual.
+    """
+
+    atoms: tuple[int, ...]
+    error: float
+
+
+class BeamSearch:
+    """Forward selection that keeps several sets per size and adds places or whole effects."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        atoms: Sequence[Atom],
+        residual: FloatArray,
+        scale: FloatArray,
+        folds: IntArray,
+        nuisance: FloatArray,
+        width: int = 8,
+    ) -> None:
+        """Sum up the columns of all atoms.
+
+        Args:
+            robot: what the causes are added to.
+            atoms: candidates with columns (rows, outputs, r).
+            residual: (rows, outputs) to be explained, in the outputs' units.
+            scale: (outputs,) noise floor.
+            folds: (rows,) numbers of the folds.
+            nuisance: (rows, outputs, p) columns that every set contains.
+            width: sets kept per size.
+        """
+        self.robot = robot
+        self.atoms = list(atoms)
+        self.width = width
+        ends = np.cumsum([atom.columns.shape[-1] for atom in self.atoms])
+        self._slices = [
+            list(range(end - atom.columns.shape[-1], end))
+            for atom, end in zip(self.atoms, ends, strict=True)
+        ]
+        first = int(ends[-1]) if self.atoms else 0
+        self._nuisance = list(range(first, first + nuisance.shape[-1]))
+        columns = np.concatenate([*(atom.columns for atom in self.atoms), nuisance], axis=-1)
+        self.matrix = DesignMatrix.from_rows(columns / scale[:, None], residual / scale, folds)
+        self._errors: dict[tuple[int, ...], float] = {}
+
+    def columns(self, chosen: Sequence[int]) -> list[int]:
+        """Return the column numbers of these atoms."""
+        return [column for k in chosen for column in self._slices[k]] + self._nuisance
+
+    def error(self, chosen: Sequence[int]) -> float:
+        """Return the held-out error of a set; infinite if its parameters are impossible."""
+        key = tuple(sorted(chosen))
+        if key not in self._errors:
+            allowed = not key or self._possible(key)
+            self._errors[key] = self.matrix.held_out(self.columns(key)) if allowed else float("inf")
+        return self._errors[key]
+
+    def coefficients(self, chosen: Sequence[int]) -> list[FloatArray]:
+        """Return the coefficients of each atom of a set."""
+        all_of_them = self.matrix.fit(self.columns(chosen))
+        result, start = [], 0
+        for k in chosen:
+            size = len(self._slices[k])
+            result.append(all_of_them[start : start + size])
+            start += size
+        return result
+
+    def _possible(self, chosen: Sequence[int]) -> bool:
+        pairs = zip(chosen, self.coefficients(chosen), strict=True)
+        return all(self.atoms[k].build(self.robot, c) is not None for k, c in pairs)
+
+    def grow(self, starts: Sequence[Subset]) -> list[Subset]:
+        """Return the best sets that have one cause more than one of `starts`.
+
+        A cause is an effect at one place, or the same effect at all of its places.
+        """
+        found: dict[tuple[int, ...], Subset] = {}
+        for start in starts:
+            for addition in self._additions(start.atoms):
+                chosen = (*start.atoms, *addition)
+                key = tuple(sorted(chosen))
+                if key not in found:
+                    error = self.error(key)
+                    if np.isfinite(error):
+                        found[key] = Subset(chosen, error)
+        return sorted(found.values(), key=lambda s: s.error)[: self.width]
+
+    def _additions(self, chosen: Sequence[int]) -> list[tuple[int, ...]]:
+        taken = {self.atoms[k].key for k in chosen}
+        single: list[tuple[int, ...]] = [
+            (k,) for k, atom in enumerate(self.atoms) if atom.key not in taken
+        ]
+        return single

@@ -1,0 +1,191 @@
+"""Choosing the causes: add what pays on held-out data, drop what does not, prefer the simple."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.atoms import Atom, evidence, make_atoms
+from wbc.identification.fit import Fit
+from wbc.identification.problem import Problem
+from wbc.identification.search import BeamSearch, Subset
+from wbc.robot import Effect
+
+_SIGNIFICANT = 2.0  # standard errors that a gain must exceed
+_LEAST_GAIN = 0.05  # in units of the floor's mean square
+_SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
+_MOST_CAUSES = 8
+_REFINED = 5
+_SCREEN_ERROR = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A set of causes with its fit.
+
+    Attributes:
+        fit: effects and parameters.
+        squares: (rows,) held-out mean square in units of the floor.
+    """
+
+    fit: Fit
+    squares: FloatArray
+
+    @property
+    def error(self) -> float:
+        """Held-out mean square in units of the floor."""
+        return float(np.mean(self.squares))
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The causes in the order added."""
+        return self.fit.effects
+
+    @property
+    def complexity(self) -> float:
+        """How much the model asks one to believe: names count most, then places, parameters."""
+        names = {effect.name for effect in self.effects}
+        parameters = sum(effect.freedom for effect in self.effects)
+        return 1.0 * len(names) + 0.5 * (len(self.effects) - len(names)) + 0.1 * parameters
+
+
+@dataclass(frozen=True, eq=False)
+class Selector:
+    """Greedy forward selection with refits, elimination and exchange.
+
+    Attributes:
+        problem: the logs.
+        candidates: effect classes that may be used.
+        report: called with a line of text as the work proceeds.
+    """
+
+    problem: Problem
+    candidates: tuple[type[Effect], ...]
+    report: Callable[[str], None] = lambda line: None
+
+    def model(self, effects: Sequence[Effect]) -> Model:
+        """Return the fitted model with these causes."""
+        fit = self.problem.fit(effects)
+        return Model(fit, self.problem.held_out(fit))
+
+    def tolerance(self, before: float) -> float:
+        """Return the smallest gain worth a cause, given the first error (mean squares)."""
+        return _LEAST_GAIN + _SYSTEMATIC**2 * max(before - 1.0, 0.0)
+
+    def pays(self, small: Model, large: Model, before: float) -> bool:
+        """Whether `large` is better than `small` by more than chance and distortion."""
+        gain, error = self.problem.gain(small.squares, large.squares)
+        return gain > max(_SIGNIFICANT * error, self.tolerance(before))
+
+    def run(self) -> list[Model]:
+        """Return the models from no cause to the chosen ones, each one cause larger."""
+        path = [self.model(())]
+        before = path[0].error
+        while len(path) <= _MOST_CAUSES:
+            best = self.best_addition(path[-1], before)
+            if best is None or not self.pays(path[-1], best, before):
+                break
+            path.append(best)
+            self.report(f"{best.effects[-1].name} at {best.effects[-1].where}")
+        return path
+
+    def best_addition(self, model: Model, before: float) -> Model | None:
+        """Return the model with one cause more that is best on held-out data."""
+        refined = self.additions(model, _REFINED)
+        if not refined:
+            return None
+        lowest = min(refined, key=lambda m: m.error)
+        close = [m for m in refined if not self.pays(m, lowest, before)]
+        return min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
+
+    def _rank(self, model: Model) -> int:
+        """Return the place of the last cause in the list of candidates, for ties."""
+        names = [effect.name for effect in self.candidates]
+        return names.index(model.effects[-1].name)
+
+    def additions(
+        self,
+        model: Model,
+        count: int,
+        exclude: Sequence[tuple[str, str]] = (),
+        enough: float = 0.0,
+    ) -> list[Model]:
+        """Return the `count` most promising models with one cause more, fitted.
+
+        Those whose screened error is clearly above both the best one and `enough` are left out.
+        """
+        search, atoms = self.screen(model, exclude)
+        start = Subset((), search.error(()))
+        found = search.grow([start])
+        if not found:
+            return []
+        # The screen is linear: leave room for what the refit may still gain over it.
+        worst = max(found[0].error, enough) + _SCREEN_ERROR * (start.error - found[0].error)
+        refined, seen = [], set()
+        for subset in found:
+            atom = atoms[subset.atoms[-1]]
+            if atom.key in seen or len(seen) >= count or subset.error > min(worst, start.error):
+                continue
+            coefficients = search.coefficients(subset.atoms)[-1]
+            effect = atom.build(model.fit.robot, coefficients)
+            if effect is None:
+                continue
+            seen.add(atom.key)
+            refined.append(self.model((*model.effects, effect)))
+        return refined
+
+    def screen(
+        self, model: Model, exclude: Sequence[tuple[str, str]]
+    ) -> tuple[BeamSearch, list[Atom]]:
+        """Return the search over single additions, with the present parameters free to move."""
+        problem, fit = self.problem, model.fit
+        base = fit.residual * problem.scale
+        known = evidence(fit.robot, problem.records)
+        taken = {(e.name, e.where) for e in model.effects} | set(exclude)
+        atoms = [
+            atom
+            for atom in make_atoms(fit.robot, problem.records, self.candidates, base, known)
+            if atom.key not in taken
+        ]
+        nuisance = -fit.jacobian * problem.scale[:, None]
+        search = BeamSearch(
+            fit.robot, atoms, base, problem.scale, problem.folds, nuisance, width=40
+        )
+        return search, atoms
+
+    def alternatives(self, model: Model, k: int, before: float) -> tuple[str, ...]:
+        """Return names of effects that could stand for cause number `k` just as well.
+
+        Another place of the same effect is named `effect at place`.
+        """
+        own = model.effects[k]
+        rest = self.model(_without(model.effects, k))
+        # Order of additions is no evidence: any rival that does as well is an alternative.
+        names: dict[str, None] = {}
+        for rival in self.additions(rest, _REFINED, [(own.name, own.where)], model.error):
+            simple = rival.complexity <= model.complexity + 1e-9
+            if simple and not self.pays(rival, model, before):
+                other = rival.effects[-1]
+                same = other.name == own.name
+                names[f"{other.name} at {other.where}" if same else other.name] = None
+        return tuple(names)
+
+    def prune(self, model: Model, before: float) -> Model:
+        """Return the model without causes that do not pay any more."""
+        current = model
+        while current.effects:
+            smaller = [
+                self.model(_without(current.effects, k)) for k in range(len(current.effects))
+            ]
+            idle = [m for m in smaller if not self.pays(m, current, before)]
+            if not idle:
+                return current
+            current = min(idle, key=lambda m: m.error)
+        return current
+
+
+def _without(effects: Sequence[Effect], k: int) -> tuple[Effect, ...]:
+    return (*effects[:k], *effects[k + 1 :])

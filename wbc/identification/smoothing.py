@@ -1,0 +1,71 @@
+"""Zero-phase smoothing, differentiation, and how much white noise a channel carries."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+from scipy.signal import butter, sosfiltfilt, welch
+
+from wbc.arrays import FloatArray
+
+_ORDER = 2
+
+
+def low_pass(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
+    """Return `values` (N, ...) low-passed forward and backward (no phase shift).
+
+    Args:
+        values: samples along the first axis.
+        cutoff: [Hz] of each of the two passes of a second-order Butterworth filter.
+        rate: [Hz] sampling rate; a cutoff at or above half of it leaves the values unchanged.
+    """
+    if cutoff >= 0.5 * rate or len(values) < 4:
+        return values
+    sections = butter(_ORDER, cutoff / (0.5 * rate), output="sos")
+    padding = min(len(values) - 1, int(3.0 * rate / cutoff))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding))
+
+
+def white_level(values: FloatArray, rate: float) -> FloatArray:
+    """Return the one-sided power density of the white noise in each column, (n,) [unit^2/Hz].
+
+    It is read in the upper part of the band, where a moving robot has no motion left; a sensor
+    that filters its own noise makes it a lower bound.
+
+    Args:
+        values: (N, n) samples.
+        rate: [Hz].
+    """
+    length = min(len(values), 1024)
+    frequency, power = welch(values, rate, window="hann", nperseg=length, detrend="linear", axis=0)
+    upper = (frequency > 0.3 * rate) & (frequency < 0.48 * rate)
+    # The median of a chi-square variable with few degrees of freedom lies below its mean.
+    segments = max(1, 2 * len(values) // length - 1)
+    degrees = 2.0 * max(1.0, 0.75 * segments)
+    bias = (1.0 - 2.0 / (9.0 * degrees)) ** 3
+    return np.asarray(np.median(power[upper], axis=0) / bias)
+
+
+def differentiate(positions: FloatArray, rate: float, model: pin.Model) -> FloatArray:
+    """Return the velocity (N, nv) of configurations (N, nq) by central differences.
+
+    Args:
+        positions: pinocchio's configurations, already smoothed.
+        rate: [Hz].
+        model: gives the difference on joints whose configuration is no vector (free-flyer).
+    """
+    if model.nq == model.nv:
+        return np.asarray(np.gradient(positions, 1.0 / rate, axis=0))
+    steps = np.array([pin.difference(model, a, b) for a, b in pairwise(positions)])
+    inner = 0.5 * (steps[:-1] + steps[1:])
+    return np.concatenate([steps[:1], inner, steps[-1:]]) * rate
+
+
+def gate(value: FloatArray, threshold: FloatArray) -> FloatArray:
+    """Return a smooth weight: 0 for |value| < threshold / 2, 1 above `threshold`."""
+    floor = np.where(threshold > 0.0, threshold, 1.0)
+    x = np.clip(2.0 * np.abs(value) / floor - 1.0, 0.0, 1.0)
+    weight = x * x * (3.0 - 2.0 * x)
+    return np.asarray(np.where(threshold > 0.0, weight, 1.0))
