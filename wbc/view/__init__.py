@@ -1,1 +1,18 @@
-"""Pictures: playback, plots and the report."""
+"""What people look at: playback, pictures, plots and the report."""
+
+from wbc.view.ground import GroundSlab, flat_ground, profile_ground
+from wbc.view.palette import DARK, LIGHT, Theme
+from wbc.view.pictures import write_animation, write_picture
+from wbc.view.playback import write_playback
+
+__all__ = [
+    "DARK",
+    "LIGHT",
+    "GroundSlab",
+    "Theme",
+    "flat_ground",
+    "profile_ground",
+    "write_animation",
+    "write_picture",
+    "write_playback",
+]

@@ -1,0 +1,69 @@
+"""A recording made by hand: the planar leg drops, lands and squats."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from wbc.measurement import Log
+from wbc.robot import Motion, Robot
+
+DROP = 0.05
+STEP = 2e-3
+LANDING = float(np.sqrt(2.0 * DROP / 9.81))
+
+
+@pytest.fixture(scope="session")
+def leg() -> Robot:
+    return wbc.load_robot("planar_leg")
+
+
+@pytest.fixture(scope="session")
+def squat(leg: Robot) -> Log:
+    """Two seconds: free fall of 5 cm with the leg bent, an impact, then a squat by 8 cm."""
+    time = np.arange(0.0, 2.0, STEP)
+    stance = np.clip(time - LANDING, 0.0, None)
+    length = 0.66 - 0.04 * (1.0 - np.cos(2.0 * np.pi * stance / 1.2))
+    fall = np.where(time < LANDING, DROP - 0.5 * 9.81 * time**2, 0.0)
+    knee = -2.0 * np.arccos(length / 0.8)
+    hip = -0.5 * knee
+    joints = {
+        "base_x": np.zeros_like(time),
+        "base_z": length + fall,
+        "base_pitch": np.zeros_like(time),
+        "hip": hip,
+        "knee": knee,
+    }
+    q = np.stack(list(joints.values()), axis=1)
+    v = np.gradient(q, time, axis=0)
+    a = np.gradient(v, time, axis=0)
+    landing = int(np.searchsorted(time, LANDING))
+    v[landing - 1 : landing + 1, 1] = -9.81 * LANDING
+    a[landing - 2 : landing + 3] = 0.0
+    mass = 19.0
+    vertical = np.where(time < LANDING, 0.0, mass * (9.81 + a[:, 1]))
+    vertical[landing : landing + 3] = [900.0, 500.0, 250.0]
+    force = np.stack([0.05 * vertical, np.zeros_like(time), vertical], axis=1)
+    motion = Motion(q, v, a, time=time)
+    torque, _ = rotor_torque(
+        leg, motion, link_torque(leg, motion), contact_torque(leg, q, {"foot": force})
+    )
+    columns = {f"{name}.position": values for name, values in joints.items()}
+    columns |= {f"{name}.velocity": v[:, i] for i, name in enumerate(joints)}
+    columns |= {
+        f"{name}.rotor_torque": torque[:, i] for i, name in enumerate(leg.transmission.joints)
+    }
+    columns |= {"foot.force.x": force[:, 0], "foot.force.z": force[:, 2]}
+    return Log(time, columns)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    path = shutil.which("chromium")
+    if path is None:
+        pytest.skip("no chromium on the PATH (Debian: apt-get install chromium)")
+    return path

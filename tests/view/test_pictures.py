@@ -1,0 +1,76 @@
+"""Pictures of a playback, through a real browser where there is one."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from wbc.errors import ViewError
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view import write_animation, write_picture, write_playback
+from wbc.view.browser import HeadlessBrowser
+
+
+@pytest.fixture(scope="module")
+def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_playback(tmp_path_factory.mktemp("view") / "squat.html", leg, squat)
+
+
+def has_colour(picture: np.ndarray, rgb: tuple[int, int, int], reach: int) -> bool:
+    return bool(np.any(np.abs(picture.astype(int) - rgb).max(axis=2) <= reach))
+
+
+@pytest.mark.usefixtures("chromium")
+def test_a_picture_shows_force_and_direction_of_power(page: Path, tmp_path: Path) -> None:
+    path = write_picture(tmp_path / "squat.png", page, 0.45, width=640, height=480)
+    picture = np.asarray(Image.open(path).convert("RGB"))
+    assert picture.shape == (480, 640, 3)
+    scene = picture[110:360, 200:]
+    assert has_colour(scene, (213, 94, 0), 40)  # a joint drives its motor
+    greens = (scene[..., 1].astype(int) - scene[..., 0] > 60).sum()
+    assert greens > 100  # the force arrow
+
+
+@pytest.mark.usefixtures("chromium")
+def test_an_animation_moves_and_the_player_obeys(page: Path, tmp_path: Path) -> None:
+    path = write_animation(
+        tmp_path / "squat.gif", page, start=0.3, stop=0.7, frame_rate=10.0, width=320, height=240
+    )
+    film = Image.open(path)
+    assert film.n_frames == 4
+    first = np.asarray(film.convert("RGB")).astype(int)
+    film.seek(3)
+    assert np.abs(np.asarray(film.convert("RGB")).astype(int) - first).max() > 60
+
+
+@pytest.mark.usefixtures("chromium")
+def test_stepping_seeking_and_playing(page: Path) -> None:
+    with HeadlessBrowser(page, 400, 300, "still") as browser:
+        browser.wait_for("window.player")
+        browser.evaluate("player.seek(0.5)")
+        browser.evaluate("player.step(1)")
+        after = browser.evaluate("player.time")
+        assert 0.5 < after < 0.5 + 0.05
+        browser.evaluate("document.getElementById('play').click()")
+        browser.wait_for(f"player.time > {after} + 0.05")
+        browser.evaluate("document.getElementById('play').click()")
+        assert browser.evaluate("player.playing") is False
+        assert Image.open(io.BytesIO(browser.screenshot())).size == (400, 300)
+
+
+def test_without_a_browser_the_package_is_named(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ViewError, match="apt-get install chromium"):
+        write_picture(tmp_path / "no.png", page, 0.0)
+
+
+def test_an_unknown_ending_is_refused(page: Path, tmp_path: Path) -> None:
+    with pytest.raises(ViewError, match=r"\.gif or \.mp4"):
+        write_animation(tmp_path / "film.avi", page)

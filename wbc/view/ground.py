@@ -1,0 +1,90 @@
+"""The ground of a scene as thin slabs; slopes and steps are a profile along x."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.errors import ViewError
+
+_THICKNESS = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class GroundSlab:
+    """A thin box whose upper face is walked on.
+
+    Attributes:
+        placement: of the middle of the box, world.
+        sides: (3,) [m] lengths.
+    """
+
+    placement: pin.SE3
+    sides: FloatArray
+
+    @property
+    def normal(self) -> FloatArray:
+        """Unit normal of the upper face (3,), world."""
+        return np.asarray(self.placement.rotation[:, 2])
+
+
+def flat_ground(height: float, center: Sequence[float], size: float) -> tuple[GroundSlab, ...]:
+    """Return one level slab of `size` [m] around the x, y of `center`."""
+    middle = np.array([center[0], center[1], height - 0.5 * _THICKNESS])
+    return (GroundSlab(pin.SE3(np.eye(3), middle), np.array([size, size, _THICKNESS])),)
+
+
+def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tuple[GroundSlab, ...]:
+    """Return the slabs under a profile: a polygon line through points (x, z) [m], x not falling.
+
+    A vertical piece is a step; it gets no slab of its own.
+
+    Args:
+        profile: two points or more, for example [(-1, 0), (0, 0), (0, 0.1), (1, 0.1)].
+        width: [m] along y.
+
+    Raises:
+        ViewError: fewer than two points, or x that falls.
+    """
+    points = np.asarray(profile, dtype=np.float64)
+    if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 2:
+        raise ViewError(f"a ground profile needs two points (x, z) or more, got {list(profile)}.")
+    steps = np.diff(points, axis=0)
+    if np.any(steps[:, 0] < 0.0):
+        raise ViewError("a ground profile runs along x: x must not fall from point to point.")
+    slabs = []
+    for (x, z), (dx, dz) in zip(points[:-1], steps, strict=True):
+        if dx == 0.0:
+            continue
+        slope = float(np.arctan2(dz, dx))
+        turn = np.asarray(pin.utils.rotate("y", -slope))
+        below = turn @ np.array([0.0, 0.0, -0.5 * _THICKNESS])
+        middle = np.array([x + 0.5 * dx, 0.0, z + 0.5 * dz]) + below
+        slabs.append(
+            GroundSlab(pin.SE3(turn, middle), np.array([np.hypot(dx, dz), width, _THICKNESS]))
+        )
+    return tuple(slabs)
+
+
+def surface_under(slabs: Sequence[GroundSlab], point: FloatArray) -> tuple[float, FloatArray]:
+    """Return height [m] and unit normal (3,) of the ground below or above a point (3,).
+
+    Outside every slab the nearest one is taken; without any, height 0 and the vertical.
+    """
+    nearest, best = (0.0, np.array([0.0, 0.0, 1.0])), np.inf
+    for slab in slabs:
+        local = slab.placement.actInv(point)
+        outside = np.maximum(np.abs(local[:2]) - 0.5 * slab.sides[:2], 0.0)
+        distance = float(np.hypot(*outside))
+        if distance >= best:
+            continue
+        best = distance
+        normal = slab.normal
+        top = slab.placement.translation + 0.5 * slab.sides[2] * normal
+        slope = normal[:2] @ (top[:2] - np.asarray(point)[:2]) / normal[2]
+        nearest = (float(top[2] + slope), normal)
+    return nearest

@@ -1,0 +1,64 @@
+"""Colours that print and that the colour-blind can tell apart, for a light and a dark page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wbc.transmission import Direction
+
+BLUE = "#0072B2"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+YELLOW = "#F0E442"
+ORANGE = "#E69F00"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#8A8F98"
+
+SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+"""Line colours in order (Okabe and Ito, Color Universal Design, 2008)."""
+
+DIRECTION_COLOURS = {
+    Direction.FORWARD: BLUE,
+    Direction.BACKWARD: VERMILION,
+    Direction.STUCK: GREY,
+}
+"""Direction of the mesh power: motor drives, joint drives, at rest."""
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours of a page.
+
+    Attributes:
+        name: "light" or "dark".
+        page: background.
+        ink: text and axes.
+        faint: grid and secondary text.
+        panel: background of a plot area or card.
+        series: line colours in order.
+    """
+
+    name: str
+    page: str
+    ink: str
+    faint: str
+    panel: str
+    series: tuple[str, ...] = SERIES
+
+
+LIGHT = Theme("light", "#FFFFFF", "#1B1F24", "#C9CED6", "#FFFFFF")
+DARK = Theme(
+    "dark",
+    "#14171C",
+    "#E6E9EE",
+    "#3C434E",
+    "#1B1F26",
+    ("#4FA3DC", "#F2894A", "#3CC79A", "#E39BC2", "#F3B94A", "#8FD0F5"),
+)
+
+
+def rgb(colour: str) -> tuple[float, float, float]:
+    """Return red, green and blue in [0, 1] of a colour written #RRGGBB."""
+    number = int(colour.lstrip("#"), 16)
+    return (number >> 16) / 255.0, (number >> 8 & 255) / 255.0, (number & 255) / 255.0

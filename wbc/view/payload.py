@@ -1,0 +1,136 @@
+"""What a playback page needs, as one JSON document."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray
+from wbc.robot import Robot
+from wbc.transmission import Direction
+from wbc.view.ghost import GhostTrack
+from wbc.view.ground import GroundSlab, surface_under
+from wbc.view.palette import BLUE, DIRECTION_COLOURS, GREEN, VERMILION, YELLOW
+from wbc.view.scene import SceneSize
+from wbc.view.track import ContactTrack, GearTrack, Track
+
+RESIDUAL_SPAN = 6.0
+"""A residual of so many noise floors has the full colour."""
+
+
+def playback_payload(
+    robot: Robot,
+    track: Track,
+    size: SceneSize,
+    slabs: Sequence[GroundSlab],
+    commands: Sequence[str],
+    marks: Mapping[str, float],
+    ghost: GhostTrack | None,
+    autoplay: bool,
+) -> str:
+    """Return the JSON text that the player reads; arrays are base64 of float32."""
+    document: dict[str, Any] = {
+        "time": _packed(track.time),
+        "robot": {"joints": robot.model.njoints, "poses": _packed(track.poses)},
+        "ghost": None,
+        "com": _packed(track.center_of_mass),
+        "floor": _floor(track, slabs),
+        "contacts": [_contact(contact, slabs) for contact in track.contacts],
+        "gears": [_gear(robot, gear, ghost) for gear in track.gears],
+        "marks": _marks(track, marks),
+        "weight": track.weight,
+        "reach": size.reach,
+        "metres_per_newton": size.metres_per_newton,
+        "camera": _camera(robot, track, size),
+        "floating": robot.floating_size > 0,
+        "follow": bool(np.ptp(track.center_of_mass[:, :2], axis=0).max() > 1.2 * size.reach),
+        "residual_span": RESIDUAL_SPAN,
+        "autoplay": autoplay,
+        "colours": {
+            "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
+            "quiet": "#C9CED6",
+            "over": VERMILION,
+            "under": BLUE,
+            "cone": YELLOW,
+            "force": GREEN,
+        },
+        "commands": list(commands),
+    }
+    if ghost is not None:
+        document["ghost"] = {"joints": ghost.poses.shape[1], "poses": _packed(ghost.poses)}
+    return json.dumps(document, separators=(",", ":"))
+
+
+def _packed(values: ArrayLike) -> str:
+    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _contact(contact: ContactTrack, slabs: Sequence[GroundSlab]) -> dict[str, Any]:
+    normals = np.array([surface_under(slabs, point)[1] for point in contact.position])
+    return {
+        "name": contact.name,
+        "friction": contact.friction,
+        "position": _packed(contact.position),
+        "force": _packed(contact.force),
+        "normal": _packed(normals),
+        "largest": float(np.linalg.norm(contact.force, axis=1).max()),
+    }
+
+
+def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, Any]:
+    residual = None if ghost is None else ghost.residual.get(gear.joint)
+    largest = float(np.nanmax(np.abs(gear.torque))) if np.isfinite(gear.torque).any() else 0.0
+    return {
+        "name": gear.joint,
+        "number": robot.model.getJointId(gear.joint),
+        "torque": _packed(gear.torque),
+        "power": _packed(gear.power),
+        "direction": _packed(np.nan_to_num(gear.direction)),
+        "largest": largest,
+        "residual": None if residual is None else _packed(residual),
+    }
+
+
+def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = [
+        {
+            "time": impact.time,
+            "label": f"impact of {impact.contact}, {impact.force:.0f} N at {impact.time:.3f} s",
+        }
+        for impact in track.impacts
+    ]
+    entries += [{"time": float(t), "label": f"{name} at {t:.3f} s"} for name, t in marks.items()]
+    inside = [e for e in entries if track.time[0] <= e["time"] <= track.time[-1]]
+    return sorted(inside, key=lambda entry: float(entry["time"]))
+
+
+def _floor(track: Track, slabs: Sequence[GroundSlab]) -> list[float] | None:
+    if not slabs:
+        return None
+    return [round(surface_under(slabs, point)[0], 5) for point in track.center_of_mass]
+
+
+def _camera(robot: Robot, track: Track, size: SceneSize) -> dict[str, Any]:
+    """Frame the robot where it starts: seen along +y if it lives in the x-z plane, else askew."""
+    origins = track.poses[:, 1:, :3] if robot.model.njoints > 1 else track.poses[:, :, :3]
+    low, high = origins.min(axis=(0, 1)), origins.max(axis=(0, 1))
+    flat = bool(np.ptp(origins[..., 1]) < 1e-6)
+    for contact in track.contacts:
+        low = np.minimum(low, contact.position.min(axis=0))
+        high = np.maximum(high, contact.position.max(axis=0))
+        high[2] = max(high[2], contact.position[:, 2].max() + 0.45 * size.reach)
+    margin = 0.25 * size.reach
+    center = 0.5 * (low + high)
+    direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
+    span = np.minimum(high - low, 2.0 * size.reach) + 2.0 * margin
+    return {
+        "center": [float(x) for x in center],
+        "height": float(span[2]),
+        "width": float(max(span[0], span[1])),
+        "direction": [float(x) for x in direction / np.linalg.norm(direction)],
+    }

@@ -1,0 +1,148 @@
+"""Pictures and animations of a playback, taken without a display."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from PIL import Image
+
+from wbc.arrays import FloatArray
+from wbc.errors import ViewError
+from wbc.files import atomic_write
+from wbc.view.browser import HeadlessBrowser
+
+_READY = "window.player"
+
+
+def write_picture(
+    path: str | Path,
+    playback: str | Path,
+    at: float,
+    *,
+    width: int = 1280,
+    height: int = 800,
+    controls: bool = True,
+    theme: str = "light",
+) -> Path:
+    """Write a PNG of a playback page at a time.
+
+    Args:
+        path: the PNG to write.
+        playback: HTML written by `write_playback`.
+        at: time [s] on the log's clock, clipped to the log.
+        width, height: [px].
+        controls: whether buttons are in the picture (the timeline always is).
+        theme: "light" or "dark".
+
+    Raises:
+        ViewError: no Chromium (the message names the package), or a page that is no playback.
+    """
+    with HeadlessBrowser(Path(playback), width, height, _fragment(controls)) as browser:
+        _prepare(browser, theme)
+        _show(browser, at)
+        picture = browser.screenshot()
+    return atomic_write(path, lambda file: file.write(picture))
+
+
+def write_animation(
+    path: str | Path,
+    playback: str | Path,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    speed: float = 1.0,
+    frame_rate: float = 15.0,
+    width: int = 640,
+    height: int = 480,
+    theme: str = "light",
+) -> Path:
+    """Write a GIF or an MP4 of a playback page; the ending of `path` decides.
+
+    Args:
+        path: ends in .gif, or in .mp4 (needs ffmpeg).
+        playback: HTML written by `write_playback`.
+        start, stop: [s] on the log's clock; the whole log when left out.
+        speed: 0.5 shows it at half speed.
+        frame_rate: frames per second of the animation.
+        width, height: [px], even numbers for an MP4.
+        theme: "light" or "dark".
+
+    Raises:
+        ViewError: no Chromium or ffmpeg (the message names the package), an unknown ending, or a
+            span of time that is empty.
+    """
+    destination = Path(path)
+    if destination.suffix not in (".gif", ".mp4"):
+        raise ViewError(f"'{destination}': an animation ends in .gif or .mp4.")
+    if destination.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise ViewError("an MP4 needs ffmpeg: apt-get install ffmpeg. A .gif needs nothing more.")
+    with HeadlessBrowser(Path(playback), width, height, _fragment(False)) as browser:
+        _prepare(browser, theme)
+        begin = float(browser.evaluate("player.start")) if start is None else start
+        end = float(browser.evaluate("player.stop")) if stop is None else stop
+        if not (end > begin and speed > 0.0 and frame_rate > 0.0):
+            raise ViewError(f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}.")
+        instants = np.arange(begin, end, speed / frame_rate)
+        if destination.suffix == ".gif":
+            return _write_gif(destination, _pictures(browser, instants), frame_rate)
+        return _write_mp4(destination, _pictures(browser, instants), frame_rate)
+
+
+def _fragment(controls: bool) -> str:
+    return "still" if controls else "still&bare"
+
+
+def _prepare(browser: HeadlessBrowser, theme: str) -> None:
+    browser.wait_for(_READY)
+    browser.evaluate(f"player.setTheme({theme!r}), player.frameCamera()")
+
+
+def _show(browser: HeadlessBrowser, at: float) -> None:
+    browser.evaluate(f"player.seek({at!r}), player.picture()")
+
+
+def _pictures(browser: HeadlessBrowser, instants: FloatArray) -> Iterator[Image.Image]:
+    for instant in instants:
+        _show(browser, float(instant))
+        yield Image.open(io.BytesIO(browser.screenshot())).convert("RGB")
+
+
+def _write_gif(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
+    first = next(pictures)
+    # One palette for all frames: no flicker, and unchanged pixels compress away.
+    palette = first.quantize(colors=128, method=Image.Quantize.MEDIANCUT)
+    frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+
+    def write(file: BinaryIO) -> None:
+        palette.save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=frames,
+            duration=round(1000.0 / frame_rate),
+            loop=0,
+            optimize=False,
+        )
+
+    return atomic_write(path, write)
+
+
+def _write_mp4(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
+    with tempfile.TemporaryDirectory(prefix="wbc-view-") as folder:
+        for i, picture in enumerate(pictures):
+            picture.save(Path(folder) / f"{i:06d}.png")
+        film = Path(folder) / "film.mp4"
+        command = ["ffmpeg", "-y", "-loglevel", "error", "-framerate", f"{frame_rate:g}"]
+        command += ["-i", f"{folder}/%06d.png", "-pix_fmt", "yuv420p", "-crf", "20", str(film)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise ViewError(f"ffmpeg could not write '{path}': {done.stderr.strip()}")
+        content = film.read_bytes()
+    return atomic_write(path, lambda file: file.write(content))

@@ -1,0 +1,111 @@
+"""One offline page that plays a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+import meshcat
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from wbc.files import write_text
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.ground import GroundSlab, flat_ground, surface_under
+from wbc.view.payload import playback_payload
+from wbc.view.recorder import CommandRecorder
+from wbc.view.scene import add_robot_scene
+from wbc.view.track import Track, make_track
+
+_PLAYER = Path(__file__).parent / "player"
+
+
+def write_playback(
+    path: str | Path,
+    robot: Robot,
+    log: Log,
+    *,
+    ground: Sequence[GroundSlab] | None = None,
+    marks: Mapping[str, float] | None = None,
+    title: str | None = None,
+    theme: str = "",
+) -> Path:
+    """Write one HTML file that shows a log or recording in motion, without any network.
+
+    The page has a timeline with the direction of power in every gear, contact forces and marks,
+    play and pause, speed, frame stepping, a camera that frames the robot, and switches for force
+    arrows, friction cones and centre of mass.
+
+    Args:
+        path: the file to write (whole or not at all).
+        robot: the robot of the log.
+        log: positions at least; velocities, torques and contact forces are shown if it has them.
+        ground: what it stands on; level ground under the loaded contacts when left out.
+        marks: label -> time [s] to mark on the timeline beside the impacts found.
+        title: headline, the robot's name when left out.
+        theme: "light", "dark", or "" for what the reader's system prefers.
+
+    Raises:
+        LogError: the log holds no position of the robot.
+    """
+    return write_text(path, playback_page(robot, log, ground, marks or {}, title, theme))
+
+
+def playback_page(
+    robot: Robot,
+    log: Log,
+    ground: Sequence[GroundSlab] | None,
+    marks: Mapping[str, float],
+    title: str | None,
+    theme: str,
+) -> str:
+    """Return the HTML text of `write_playback`."""
+    track = make_track(robot, log)
+    recorder = CommandRecorder()
+    root = recorder.visualizer()["/wbc"]
+    slabs = level_ground(track) if ground is None else tuple(ground)
+    contacts = [contact.name for contact in track.contacts]
+    size = add_robot_scene(root, robot, slabs, contacts, _ground_opacity(track, slabs))
+    scene = playback_payload(
+        robot, track, size, slabs, recorder.encoded(), marks, None, autoplay=True
+    )
+    environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
+    return environment.get_template("playback.html.j2").render(
+        title=title or robot.name,
+        theme=theme,
+        css=(_PLAYER / "player.css").read_text(encoding="utf-8"),
+        script=(_PLAYER / "player.js").read_text(encoding="utf-8"),
+        meshcat=meshcat_script(),
+        scene=scene.replace("<", "\\u003c"),
+    )
+
+
+@cache
+def meshcat_script() -> str:
+    """Return meshcat's viewer, the JavaScript that its wheel carries."""
+    folder = Path(meshcat.__file__).parent / "viewer" / "dist"
+    return (folder / "main.min.js").read_text(encoding="utf-8")
+
+
+def level_ground(track: Track) -> tuple[GroundSlab, ...]:
+    """Return a level slab under the points that bear load, none where nothing does."""
+    heights = [
+        contact.position[np.linalg.norm(contact.force, axis=1) > 0.05 * track.weight, 2]
+        for contact in track.contacts
+    ]
+    loaded = np.concatenate(heights) if heights else np.zeros(0)
+    if loaded.size == 0:
+        return ()
+    reach = np.ptp(track.center_of_mass, axis=0).max() + 2.5
+    center = 0.5 * (track.center_of_mass.min(axis=0) + track.center_of_mass.max(axis=0))
+    return flat_ground(float(np.median(loaded)), center, float(reach))
+
+
+def _ground_opacity(track: Track, slabs: Sequence[GroundSlab]) -> float:
+    """Return 1, or little for a robot that hangs below its contact and would be hidden."""
+    if not slabs:
+        return 1.0
+    center = track.center_of_mass.mean(axis=0)
+    return 1.0 if center[2] >= surface_under(slabs, center)[0] else 0.3
