@@ -137,7 +137,7 @@ class ForceCapability:
             corners = np.array(list(product((-1.0, 1.0), repeat=len(limits)))) * limits
             return np.asarray(np.linalg.solve(matrix, corners.T).T)
         if matrix.shape[1] == 1:
-            end = float(np.min(limits / np.abs(matrix[:, 0])))
+            end = 1.0 / float(np.max(np.abs(matrix[:, 0]) / limits))
             return np.array([[-end], [end]])
         half = np.column_stack([np.vstack([matrix, -matrix]), -np.tile(limits, 2)])
         corners = HalfspaceIntersection(half, np.zeros(matrix.shape[1])).intersections

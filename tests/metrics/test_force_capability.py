@@ -1,0 +1,123 @@
+"""Force capability against statics: what the mesh law lets a motor at its limit hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from wbc.dynamics import evaluate
+from wbc.effects import load_robot
+from wbc.errors import DynamicsError
+from wbc.metrics import force_capability
+from wbc.robot import Robot
+from wbc.transmission import mesh_input_interval
+
+POSE = {"hip": -0.5, "knee": 1.1}
+SQUAT = {"FL_HAA": 0.1, "FL_HFE": 0.8, "FL_KFE": -1.6}
+
+
+def holdable(robot: Robot, q: np.ndarray, rows: list[int], force: np.ndarray, end: int) -> float:
+    """Return the largest share of a motor's limit that holding `force` asks, from the mesh law."""
+    gears = robot.transmission
+    terms = evaluate(robot, q, np.zeros(robot.model.nv))
+    joint = terms.contact_jacobian[rows][:, robot.actuated].T @ force
+    output = gears.topology.T @ joint
+    interval = mesh_input_interval(output, gears.forward_efficiency, gears.backward_efficiency)
+    magnitude = np.abs(np.array(interval))
+    need = magnitude.max(axis=0) if end > 0 else magnitude.min(axis=0)
+    return float(np.max(need / (gears.gear_ratio * gears.torque_limit)))
+
+
+@pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg"])
+@pytest.mark.parametrize("direction", [(0.0, 1.0), (1.0, 0.3), (-2.0, 1.0)])
+def test_along_a_direction_the_motors_are_just_at_their_limit(
+    name: str, direction: tuple[float, float]
+) -> None:
+    robot = load_robot(name)
+    q = robot.configuration(**POSE)
+    reach = force_capability(robot, q, "foot", "xz").along(direction)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    assert holdable(robot, q, [0, 2], reach.lift * unit, +1) == pytest.approx(1.0)
+    assert holdable(robot, q, [0, 2], reach.hold * unit, -1) == pytest.approx(1.0)
+    assert reach.lift <= reach.conventional <= reach.hold
+
+
+@pytest.mark.parametrize("mode", [-1, 0, 1])
+def test_closed_form_and_linear_program_agree(mode: int) -> None:
+    robot = load_robot("solo12")
+    q = robot.configuration(**SQUAT)
+    square = force_capability(robot, q, "FL_foot")
+    assert [robot.transmission.joints[i] for i in square.gears] == ["FL_HAA", "FL_HFE", "FL_KFE"]
+    matrix, limit = square.torque_from_force, square.limits(mode)
+    for direction in np.random.default_rng(3).normal(size=(5, 3)):
+        unit = direction / np.linalg.norm(direction)
+        reference = linprog(
+            -unit, np.vstack([matrix, -matrix]), np.tile(limit, 2), bounds=(None, None)
+        )
+        found = square.furthest(direction, mode)
+        assert unit @ found == pytest.approx(-reference.fun, rel=1e-9)
+        assert unit @ found == pytest.approx(max(square.vertices(mode) @ unit), rel=1e-9)
+
+
+def test_more_gears_than_axes_go_through_the_linear_program() -> None:
+    robot = load_robot("solo12")
+    polygon = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "xz")
+    corners = polygon.vertices(1)
+    inside = np.abs(corners @ polygon.torque_from_force.T) <= polygon.limits(1) * (1 + 1e-7)
+    assert inside.all()
+    for direction in ((1.0, 0.0), (0.0, 1.0), (1.0, -1.0)):
+        unit = np.array(direction) / np.linalg.norm(direction)
+        far = polygon.furthest(direction, 1)
+        assert unit @ far == pytest.approx(max(corners @ unit), rel=1e-6)
+    both = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "z").vertices(0)
+    reach = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "z").along([1.0])
+    np.testing.assert_allclose(np.sort(both[:, 0]), [-reach.conventional, reach.conventional])
+
+
+def test_mixed_directions_give_each_gear_its_own_limit() -> None:
+    robot = load_robot("planar_leg")
+    reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz")
+    np.testing.assert_allclose(reach.limits([1, -1]), [0.8 * 20.0, 20.0 / (2 - 1 / 0.7)])
+
+
+def test_rotor_friction_costs_lifting_and_helps_holding() -> None:
+    robot = load_robot("planar_leg")
+    gears = robot.transmission.with_value("rotor_coulomb_friction", "knee", 0.1)
+    reach = force_capability(
+        robot.with_transmission(gears), robot.configuration(**POSE), "foot", "xz"
+    )
+    np.testing.assert_allclose(reach.limits(1)[1], 0.7 * 20.0 * 0.9)
+    np.testing.assert_allclose(reach.limits(-1)[1], 20.0 * 1.1 / (2 - 1 / 0.7))
+
+
+def test_a_self_locking_leg_holds_anything() -> None:
+    robot = load_robot("planar_leg")
+    gears = robot.transmission.replace(backward_efficiency=np.array([-0.1, 0.0]))
+    reach = force_capability(
+        robot.with_transmission(gears), robot.configuration(**POSE), "foot", "xz"
+    )
+    assert reach.along([0.0, 1.0]).hold == np.inf
+    with pytest.raises(DynamicsError, match="hip, knee"):
+        reach.vertices(-1)
+
+
+def test_a_straight_leg_is_named_as_singular() -> None:
+    robot = load_robot("planar_leg")
+    reach = force_capability(robot, robot.neutral(), "foot", "xz")
+    for ask in (lambda: reach.along([0.0, 1.0]), lambda: reach.vertices(0)):
+        with pytest.raises(DynamicsError, match="loads no motor"):
+            ask()
+    assert reach.along([1.0, 0.0]).conventional == pytest.approx(20.0 / 0.8)
+
+
+def test_a_zero_direction_and_a_missing_axis_are_named() -> None:
+    robot = load_robot("planar_leg")
+    reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz")
+    with pytest.raises(DynamicsError, match="zero"):
+        reach.along([0.0, 0.0])
+    with pytest.raises(DynamicsError, match="shape"):
+        reach.along([0.0, 0.0, 1.0])
+    spatial = force_capability(robot, robot.configuration(**POSE), "foot")
+    with pytest.raises(DynamicsError, match="loads no motor"):
+        spatial.furthest([0.0, 0.0, 1.0], 0)

@@ -1,0 +1,119 @@
+"""The two-link leg of the paper, against numbers derived independently of this repository.
+
+Pose: the paper's q1 = q2 = pi/3 is hip = -30 deg, knee = 60 deg here, the foot straight under the
+hip. With z up and joints about +y the contact Jacobian is [[-.69282, -.34641], [0, .2]]; a 2R arm
+with z counted downwards has -.2 in its last entry, which flips the sign of both off-diagonals.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.dynamics import evaluate
+from wbc.effects import load_robot
+from wbc.metrics import (
+    backward_generalized_inertia,
+    efficiency_sweep,
+    force_capability,
+    forward_generalized_inertia,
+    generalized_inertia,
+    impact_mitigation,
+)
+from wbc.robot import Robot
+
+POSE = {"hip": -np.pi / 6, "knee": np.pi / 3}
+UP = (0.0, 1.0)
+LAST_DIGIT = 0.5001e-6  # the reference is printed with six decimals
+
+
+@pytest.fixture
+def fixed() -> Robot:
+    return load_robot("planar_leg_fixed")
+
+
+@pytest.fixture
+def floating() -> Robot:
+    return load_robot("planar_leg")
+
+
+def close(value: object, reference: object) -> None:
+    np.testing.assert_allclose(np.asarray(value), np.asarray(reference), rtol=0, atol=LAST_DIGIT)
+
+
+def test_link_inertia_and_jacobian(fixed: Robot) -> None:
+    terms = evaluate(fixed, fixed.configuration(**POSE), np.zeros(2))
+    close(terms.mass_matrix, [[0.693333, 0.186667], [0.186667, 0.106667]])
+    np.testing.assert_allclose(
+        terms.contact_jacobian[[0, 2]], [[-0.69282, -0.34641], [0.0, 0.2]], rtol=0, atol=5.1e-6
+    )
+    close(fixed.transmission.reflected_inertia, [0.026667, 0.026667])
+    close(fixed.transmission.backward_efficiency, [0.75, 0.571429])
+
+
+def test_inertia_tensors_on_a_fixed_base(fixed: Robot) -> None:
+    q = fixed.configuration(**POSE)
+    close(generalized_inertia(fixed, q, "foot", "xz"), [[1.5, 1.250926], [1.250926, 3.166667]])
+    close(
+        backward_generalized_inertia(fixed, q, "foot", "xz"),
+        [[1.518519, 1.283001], [1.283001, 3.722222]],
+    )
+    close(
+        forward_generalized_inertia(fixed, q, "foot", "xz"),
+        [[1.861111, 1.539601], [1.299038, 3.809524]],
+    )
+
+
+def test_inertia_tensors_on_a_floating_base(floating: Robot) -> None:
+    q = floating.configuration(**POSE)
+    close(
+        generalized_inertia(floating, q, "foot", "xz"),
+        [[1.459986, 1.192464], [1.192464, 3.075178]],
+    )
+    close(
+        backward_generalized_inertia(floating, q, "foot", "xz"),
+        [[1.476302, 1.202408], [1.202408, 3.545989]],
+    )
+
+
+@pytest.mark.parametrize("name", ["planar_leg", "planar_leg_fixed"])
+def test_force_capability(name: str) -> None:
+    robot = load_robot(name)
+    reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz").along(UP)
+    assert reach.conventional == pytest.approx(100.0, abs=1e-9)
+    assert reach.lift / reach.conventional == pytest.approx(0.7, abs=1e-12)
+    assert reach.hold / reach.conventional == pytest.approx(1.75, abs=1e-12)
+
+
+def test_impact_mitigation(floating: Robot) -> None:
+    q = floating.configuration(**POSE)
+    gears = floating.transmission
+    bare = floating.with_transmission(gears.replace(rotor_inertia=np.zeros(2)))
+    close(impact_mitigation(bare, q, "foot", "xz").along(UP), 0.925374)
+    close(impact_mitigation(floating, q, "foot", "xz", directions=0).along(UP), 0.888639)
+    close(impact_mitigation(floating, q, "foot", "xz").along(UP), 0.863972)
+
+
+def test_equal_efficiencies(floating: Robot) -> None:
+    table = efficiency_sweep(
+        floating,
+        floating.configuration(**POSE),
+        "foot",
+        UP,
+        [0.9, 0.8, 0.7, 0.6, 0.55, 0.51],
+        axes="xz",
+    )
+    close(
+        table.impact_mitigation, [0.884290, 0.877152, 0.863272, 0.824509, 0.757585, 0.465668]
+    )
+    np.testing.assert_allclose(table.hold_ratio, [1.125, 4 / 3, 1.75, 3.0, 5.5, 25.5], rtol=1e-9)
+    np.testing.assert_allclose(table.lift_ratio, [0.9, 0.8, 0.7, 0.6, 0.55, 0.51], rtol=1e-9)
+
+
+def test_the_paper_s_motors_cannot_carry_the_leg(floating: Robot) -> None:
+    weight = 9.81 * sum(inertia.mass for inertia in floating.model.inertias)
+    q = floating.configuration(**POSE)
+    assert weight == pytest.approx(186.39)
+    assert force_capability(floating, q, "foot", "xz").along(UP).hold < weight
+    strong = load_robot("planar_leg_strong")
+    assert force_capability(strong, q, "foot", "xz").along(UP).lift > weight
