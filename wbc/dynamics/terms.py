@@ -93,9 +93,9 @@ def evaluate(
         )
     pin.computeAllTerms(model, data, position, velocity)
     k = len(space.frames)
-    jacobian = np.zeros((3 * k, model.nv))
-    drift = np.zeros(3 * k)
-    points = np.zeros((k, 3))
+    jacobian = np.empty((3 * k, model.nv))
+    drift = np.empty(3 * k)
+    points = np.empty((k, 3))
     pin.forwardKinematics(model, data, position, velocity, space._zero)
     for i, frame in enumerate(space.frames):
         pin.updateFramePlacement(model, data, frame)
@@ -107,6 +107,4 @@ def evaluate(
             model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         ).linear
         points[i] = data.oMf[frame].translation
-    upper = np.triu(data.M)
-    mass = upper + np.triu(data.M, 1).T
-    return Terms(position, velocity, mass, data.nle.copy(), jacobian, drift, points, data)
+    return Terms(position, velocity, data.M.copy(), data.nle.copy(), jacobian, drift, points, data)
