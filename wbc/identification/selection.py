@@ -124,7 +124,8 @@ class Selector:
             return []
         # The screen is linear: leave room for what the refit may still gain over it.
         worst = max(found[0].error, enough) + _SCREEN_ERROR * (start.error - found[0].error)
-        refined, seen = [], set()
+        refined: list[Model] = []
+        seen: set[tuple[str, str]] = set()
         for subset in found:
             atom = atoms[subset.atoms[-1]]
             if atom.key in seen or len(seen) >= count or subset.error > min(worst, start.error):
