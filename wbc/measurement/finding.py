@@ -1,0 +1,31 @@
+"""One thing that the ingest check noticed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SEVERITIES = ("info", "warning", "error")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is odd about a channel, and what to do about it.
+
+    Attributes:
+        severity: `error` makes results wrong, `warning` makes them worse, `info` is good to know.
+        kind: short name for machines, such as `clock_lag`.
+        column: the channel, `time`, or empty for the whole log.
+        text: what was seen, with numbers.
+        way_out: what to do.
+    """
+
+    severity: str
+    kind: str
+    column: str
+    text: str
+    way_out: str
+
+    def __str__(self) -> str:
+        """Return one line for people."""
+        place = f"{self.column}: " if self.column else ""
+        return f"{self.severity}: {place}{self.text} {self.way_out}"
