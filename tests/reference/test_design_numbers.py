@@ -103,9 +103,7 @@ def test_equal_efficiencies(floating: Robot) -> None:
         [0.9, 0.8, 0.7, 0.6, 0.55, 0.51],
         axes="xz",
     )
-    close(
-        table.impact_mitigation, [0.884290, 0.877152, 0.863272, 0.824509, 0.757585, 0.465668]
-    )
+    close(table.impact_mitigation, [0.884290, 0.877152, 0.863272, 0.824509, 0.757585, 0.465668])
     np.testing.assert_allclose(table.hold_ratio, [1.125, 4 / 3, 1.75, 3.0, 5.5, 25.5], rtol=1e-9)
     np.testing.assert_allclose(table.lift_ratio, [0.9, 0.8, 0.7, 0.6, 0.55, 0.51], rtol=1e-9)
 

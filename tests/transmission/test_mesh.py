@@ -1,4 +1,4 @@
-"""The mesh law against its statement: power out is efficiency times power in, set-valued at rest."""
+"""The mesh law against its statement: efficiency is power out over power in, a set at rest."""
 
 from __future__ import annotations
 
@@ -73,9 +73,7 @@ def test_gears_are_evaluated_side_by_side() -> None:
 
 
 def test_wedge_relation_and_its_range() -> None:
-    np.testing.assert_allclose(
-        wedge_backward_efficiency([1.0, 0.8, 0.7, 0.5]), [1, 0.75, 4 / 7, 0]
-    )
+    np.testing.assert_allclose(wedge_backward_efficiency([1.0, 0.8, 0.7, 0.5]), [1, 0.75, 4 / 7, 0])
     for wrong in (0.0, -0.1, 1.01, np.nan):
         with pytest.raises(TransmissionError, match=r"\(0, 1\]"):
             wedge_backward_efficiency(wrong)

@@ -1,0 +1,144 @@
+"""The dissipative equation against the redundant system solved whole, friction and all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import (
+    constraint_jacobian,
+    constraint_nullspace,
+    dissipative_equation,
+    evaluate,
+    redundant_model,
+)
+from wbc.effects import load_robot
+from wbc.errors import TransmissionError
+from wbc.robot import Robot
+
+NAMES = ["planar_leg", "planar_leg_fixed", "parallelogram_leg"]
+
+
+def lossy(robot: Robot, rng: np.random.Generator) -> Robot:
+    """Return the robot with random efficiencies, the backward one also above the forward one."""
+    m = robot.transmission.size
+    return robot.with_transmission(
+        robot.transmission.replace(
+            forward_efficiency=rng.uniform(0.5, 1.0, m),
+            backward_efficiency=rng.uniform(0.3, 1.0, m),
+        )
+    )
+
+
+def whole_solution(
+    robot: Robot, q: FloatArray, v: FloatArray, tau: FloatArray, force: FloatArray
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Solve H_s s_ddot + c_s - A' lambda = tau_s + tau_d with A s_ddot = 0, by brute force.
+
+    The tooth friction of gear i is tau_d = -kappa |T| sgn(psi_dot) / N with T = (D' lambda)_i;
+    kappa is 1/eta_f - 1 where T drives along the motion and 1 - eta_b where it brakes. Every sign
+    pattern of T is tried; those that come out as assumed are solutions.
+    """
+    gears, nv, m = robot.transmission, robot.model.nv, robot.transmission.size
+    model = redundant_model(robot, evaluate(robot, q, v))
+    a_matrix = model.constraint
+    speed = gears.motor_from_joint @ v[robot.actuated]
+    kappa_f = 1.0 / gears.forward_efficiency - 1.0
+    kappa_b = 1.0 - gears.backward_efficiency
+    right = np.concatenate([force, tau]) - model.bias
+    found = []
+    for signs in product((1.0, -1.0), repeat=m):
+        sign = np.array(signs)
+        kappa = np.where(sign * speed > 0.0, kappa_f, kappa_b)
+        friction = np.zeros((nv + m, m))
+        friction[nv:] = (
+            -np.diag(kappa * sign * np.sign(speed) / gears.gear_ratio) @ gears.topology.T
+        )
+        system = np.block([[model.inertia, -a_matrix.T - friction], [a_matrix, np.zeros((m, m))]])
+        solution = np.linalg.solve(system, np.concatenate([right, np.zeros(m)]))
+        output = gears.topology.T @ solution[nv + m :]
+        if np.all(output * sign >= 0.0):
+            found.append((solution[:nv], np.sign(output * speed)))
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_redundant_and_reduced_forms_agree(name: str, random_state) -> None:
+    rng = np.random.default_rng(11)
+    base = load_robot(name)
+    modes = set()
+    for seed in range(60):
+        robot = lossy(base, rng)
+        q, v = random_state(robot, seed)
+        tau = rng.normal(size=2)
+        force = rng.normal(scale=20.0, size=robot.model.nv)
+        solutions = whole_solution(robot, q, v, tau, force)
+        assert len(solutions) == 1
+        acceleration, directions = solutions[0]
+        modes.add(tuple(directions))
+        equation = dissipative_equation(robot, evaluate(robot, q, v), directions)
+        np.testing.assert_allclose(
+            equation.acceleration(tau, force), acceleration, rtol=1e-8, atol=1e-8
+        )
+    assert len(modes) == 4
+
+
+def test_they_agree_with_inertial_rotor_coupling_too(random_state) -> None:
+    rng = np.random.default_rng(12)
+    base = replace(load_robot("parallelogram_leg"), rotors_turn_with_links=True)
+    compared = 0
+    for seed in range(30):
+        robot = lossy(base, rng)
+        q, v = random_state(robot, seed)
+        tau, force = rng.normal(size=2), rng.normal(scale=20.0, size=5)
+        for acceleration, directions in whole_solution(robot, q, v, tau, force):
+            equation = dissipative_equation(robot, evaluate(robot, q, v), directions)
+            np.testing.assert_allclose(
+                equation.acceleration(tau, force), acceleration, rtol=1e-8, atol=1e-8
+            )
+            compared += 1
+    assert compared >= 30
+
+
+@pytest.mark.parametrize("name", [*NAMES, "differential_biped", "talos"])
+def test_the_null_space_of_the_constraint(name: str) -> None:
+    robot = load_robot(name)
+    nullspace, jacobian = constraint_nullspace(robot), constraint_jacobian(robot)
+    np.testing.assert_allclose(jacobian @ nullspace, 0.0, atol=1e-12)
+    assert np.linalg.matrix_rank(nullspace) == robot.model.nv
+    assert np.linalg.matrix_rank(jacobian) == robot.transmission.size
+
+
+def test_without_coupling_the_inertia_is_links_plus_reflected_rotors(random_state) -> None:
+    robot = load_robot("parallelogram_leg")
+    q, v = random_state(robot, 0)
+    terms = evaluate(robot, q, v)
+    gears = robot.transmission
+    select = gears.motor_from_joint @ np.eye(5)[robot.actuated]
+    for directions, eta in (([1, -1], [0.8, 1 / gears.backward_efficiency[1]]), ([0, 0], [1, 1])):
+        equation = dissipative_equation(robot, terms, np.array(directions, dtype=float))
+        reflected = select.T @ np.diag(np.array(eta) * gears.reflected_inertia) @ select
+        np.testing.assert_allclose(equation.inertia, terms.mass_matrix + reflected, atol=1e-12)
+        np.testing.assert_allclose(equation.actuation[3:], gears.distribution * np.array(eta))
+        np.testing.assert_array_equal(equation.actuation[:3], 0.0)
+        np.testing.assert_allclose(equation.bias, terms.bias)
+
+
+def test_only_coupling_makes_the_inertia_asymmetric(random_state) -> None:
+    plain = load_robot("planar_leg")
+    q, v = random_state(plain, 1)
+    for robot, symmetric in ((plain, True), (replace(plain, rotors_turn_with_links=True), False)):
+        inertia = dissipative_equation(robot, evaluate(robot, q, v), np.ones(2)).inertia
+        assert np.allclose(inertia, inertia.T, atol=1e-12) == symmetric
+
+
+def test_a_self_locking_gear_is_never_driven_backward(random_state) -> None:
+    robot = load_robot("planar_leg")
+    robot = robot.with_transmission(robot.transmission.replace(backward_efficiency=np.zeros(2)))
+    q, v = random_state(robot, 0)
+    with pytest.raises(TransmissionError, match="self-locking"):
+        dissipative_equation(robot, evaluate(robot, q, v), -np.ones(2))
