@@ -32,10 +32,16 @@ class GroundSlab:
         return np.asarray(self.placement.rotation[:, 2])
 
 
+def slab_below(face: pin.SE3, length: float, width: float) -> GroundSlab:
+    """Return the slab whose upper face has its middle and its normal (z) at `face`."""
+    middle = face.act(np.array([0.0, 0.0, -0.5 * _THICKNESS]))
+    return GroundSlab(pin.SE3(face.rotation, middle), np.array([length, width, _THICKNESS]))
+
+
 def flat_ground(height: float, center: Sequence[float], size: float) -> tuple[GroundSlab, ...]:
     """Return one level slab of `size` [m] around the x, y of `center`."""
-    middle = np.array([center[0], center[1], height - 0.5 * _THICKNESS])
-    return (GroundSlab(pin.SE3(np.eye(3), middle), np.array([size, size, _THICKNESS])),)
+    face = pin.SE3(np.eye(3), np.array([center[0], center[1], height]))
+    return (slab_below(face, size, size),)
 
 
 def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tuple[GroundSlab, ...]:
@@ -60,13 +66,9 @@ def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tupl
     for (x, z), (dx, dz) in zip(points[:-1], steps, strict=True):
         if dx == 0.0:
             continue
-        slope = float(np.arctan2(dz, dx))
-        turn = np.asarray(pin.utils.rotate("y", -slope))
-        below = turn @ np.array([0.0, 0.0, -0.5 * _THICKNESS])
-        middle = np.array([x + 0.5 * dx, 0.0, z + 0.5 * dz]) + below
-        slabs.append(
-            GroundSlab(pin.SE3(turn, middle), np.array([np.hypot(dx, dz), width, _THICKNESS]))
-        )
+        turn = np.asarray(pin.utils.rotate("y", -float(np.arctan2(dz, dx))))
+        middle = np.array([x + 0.5 * dx, 0.0, z + 0.5 * dz])
+        slabs.append(slab_below(pin.SE3(turn, middle), float(np.hypot(dx, dz)), width))
     return tuple(slabs)
 
 

@@ -13,10 +13,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from wbc.files import write_text
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.sim.terrain import Terrain
 from wbc.view.ground import GroundSlab, flat_ground, surface_under
 from wbc.view.payload import playback_payload
 from wbc.view.recorder import CommandRecorder
 from wbc.view.scene import add_robot_scene
+from wbc.view.terrain import terrain_slabs
 from wbc.view.track import Track, make_track
 
 _PLAYER = Path(__file__).parent / "player"
@@ -27,7 +29,7 @@ def write_playback(
     robot: Robot,
     log: Log,
     *,
-    ground: Sequence[GroundSlab] | None = None,
+    ground: Terrain | Sequence[GroundSlab] | None = None,
     marks: Mapping[str, float] | None = None,
     title: str | None = None,
     theme: str = "",
@@ -56,7 +58,7 @@ def write_playback(
 def playback_page(
     robot: Robot,
     log: Log,
-    ground: Sequence[GroundSlab] | None,
+    ground: Terrain | Sequence[GroundSlab] | None,
     marks: Mapping[str, float],
     title: str | None,
     theme: str,
@@ -65,7 +67,7 @@ def playback_page(
     track = make_track(robot, log)
     recorder = CommandRecorder()
     root = recorder.visualizer()["/wbc"]
-    slabs = level_ground(track) if ground is None else tuple(ground)
+    slabs = _slabs(track, ground)
     contacts = [contact.name for contact in track.contacts]
     size = add_robot_scene(root, robot, slabs, contacts, _ground_opacity(track, slabs))
     scene = playback_payload(
@@ -89,18 +91,19 @@ def meshcat_script() -> str:
     return (folder / "main.min.js").read_text(encoding="utf-8")
 
 
-def level_ground(track: Track) -> tuple[GroundSlab, ...]:
-    """Return a level slab under the points that bear load, none where nothing does."""
+def _slabs(track: Track, ground: Terrain | Sequence[GroundSlab] | None) -> tuple[GroundSlab, ...]:
+    if ground is not None and not isinstance(ground, Terrain):
+        return tuple(ground)
+    size = float(np.ptp(track.center_of_mass, axis=0).max() + 2.5)
+    center = 0.5 * (track.center_of_mass.min(axis=0) + track.center_of_mass.max(axis=0))
+    if ground is not None:
+        return terrain_slabs(ground, center, size)
     heights = [
         contact.position[np.linalg.norm(contact.force, axis=1) > 0.05 * track.weight, 2]
         for contact in track.contacts
     ]
     loaded = np.concatenate(heights) if heights else np.zeros(0)
-    if loaded.size == 0:
-        return ()
-    reach = np.ptp(track.center_of_mass, axis=0).max() + 2.5
-    center = 0.5 * (track.center_of_mass.min(axis=0) + track.center_of_mass.max(axis=0))
-    return flat_ground(float(np.median(loaded)), center, float(reach))
+    return flat_ground(float(np.median(loaded)), center, size) if loaded.size else ()
 
 
 def _ground_opacity(track: Track, slabs: Sequence[GroundSlab]) -> float:

@@ -1,0 +1,114 @@
+"""Plots hold the numbers they claim; what is drawn is read back from the figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import ViewError
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view import DARK, LIGHT
+from wbc.view.gear_flow import gear_flow, tooth_loss
+from wbc.view.plots import (
+    energy_audit,
+    energy_figure,
+    impact_figure,
+    leg_figure,
+    power_figure,
+    standing_figure,
+    tradeoff_figure,
+    write_figure,
+)
+
+
+def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
+    leg: Robot, squat: Log
+) -> None:
+    figure = standing_figure(
+        leg, {"one": squat, "two": squat}, (squat.time, 0.6 + 0.0 * squat.time)
+    )
+    height = figure.axes[0].get_lines()
+    assert [line.get_label() for line in height[:3]] == ["reference", "one", "two"]
+    knee = 0.4 * np.cos(squat.column("hip.position")) / 2.0
+    base = squat.column("base_z.position")
+    # base 15 kg at the hip, thigh and shin 2 kg each at their middles, shin below the knee
+    shin = 2.0 * knee + 0.2 * np.cos(squat.column("hip.position") + squat.column("knee.position"))
+    expected = base - (2.0 * knee + 2.0 * shin) / 19.0
+    np.testing.assert_allclose(height[1].get_ydata(), expected, atol=1e-9)
+
+
+def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log) -> None:
+    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+    for theme in (LIGHT, DARK):
+        figures = [
+            standing_figure(leg, {"run": squat}, theme=theme),
+            impact_figure(leg, {"run": squat}, theme=theme),
+            power_figure(leg, squat, theme),
+            energy_figure(leg, squat, theme),
+            leg_figure(leg, q, "foot", theme),
+            tradeoff_figure(leg, q, "foot", theme=theme),
+        ]
+        for figure in figures:
+            for axes in figure.axes:
+                assert "[" in axes.get_ylabel()
+            assert any("[" in axes.get_xlabel() for axes in figure.axes)
+
+
+def test_a_run_without_impact_has_no_impact_plot(leg: Robot, squat: Log) -> None:
+    standing = squat.between(0.5, 1.5)
+    with pytest.raises(ViewError, match="no impact"):
+        impact_figure(leg, {"standing": standing})
+
+
+def test_the_audit_of_an_exact_motion_closes_while_standing(leg: Robot, squat: Log) -> None:
+    audit = energy_audit(leg, squat.between(0.3, 1.9))
+    # The torques were computed from the motion with the same losses: what the motors give is
+    # stored or heat, up to the averaging of speeds at the reversals.
+    assert np.abs(audit.unexplained).max() < 0.02 * np.abs(audit.motor_work).max()
+    assert audit.heat[-1] > 0.5 * np.ptp(audit.potential)
+
+
+def test_losses_are_what_the_efficiencies_leave(leg: Robot) -> None:
+    gears = leg.transmission
+    forward = tooth_loss(gears, np.array([10.0, 10.0]))
+    np.testing.assert_allclose(forward, [2.0, 3.0])
+    # Backward 10 W reach the motor; the joint gave 10 W / eta_b.
+    backward = tooth_loss(gears, np.array([-10.0, -10.0]))
+    np.testing.assert_allclose(backward, 10.0 / np.array([0.75, 4.0 / 7.0]) - 10.0)
+
+
+def test_a_log_without_torque_has_unknown_power(leg: Robot, squat: Log) -> None:
+    names = [name for name in squat.names if not name.endswith("rotor_torque")]
+    assert np.isnan(gear_flow(leg, squat.select(names)).mesh_power).all()
+
+
+def test_tradeoff_holds_the_published_numbers(leg: Robot) -> None:
+    # IMF of the paper's floating leg at equal efficiency 0.7, derived outside this library.
+    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+    axes = tradeoff_figure(leg, q, "foot").axes
+    mitigation = axes[2].get_lines()[0]
+    assert np.interp(0.7, *mitigation.get_data()) == pytest.approx(0.863272, abs=2e-4)
+    hold = axes[1].get_lines()[0]
+    assert np.interp(0.7, *hold.get_data()) == pytest.approx(1.75, abs=2e-3)
+
+
+def test_force_polytopes_of_the_fixed_leg(tmp_path: Path) -> None:
+    robot = wbc.load_robot("planar_leg_fixed")
+    figure = leg_figure(robot, robot.configuration(hip=-np.pi / 6, knee=np.pi / 3), "foot")
+    curves = {line.get_label() for line in figure.axes[1].get_lines()}
+    assert {"GIT", "Backward-GIT", "Forward-GIT"} <= curves
+    polygons = {p.get_label(): p.get_xy() for p in figure.axes[2].patches if p.get_label()}
+    lift, hold = polygons["lift (forward)"], polygons["hold (backward)"]
+    assert hold[:, 1].max() / lift[:, 1].max() == pytest.approx(2.2, abs=0.2)
+    for name in ("leg.png", "leg.pdf", "leg.svg"):
+        assert write_figure(tmp_path / name, figure).stat().st_size > 5_000
+    assert (
+        write_figure(tmp_path / "again.svg", figure).read_bytes()
+        == (tmp_path / "leg.svg").read_bytes()
+    )
+    with pytest.raises(ViewError, match=r"\.png, \.pdf, \.svg"):
+        write_figure(tmp_path / "leg.bmp", figure)

@@ -1,0 +1,84 @@
+"""One impact, looked at closely."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from wbc.errors import ViewError
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.channels import contact_forces
+from wbc.view.gear_flow import gear_flow
+from wbc.view.impacts import find_impacts
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+
+
+def impact_figure(
+    robot: Robot,
+    runs: Mapping[str, Log],
+    *,
+    before: float = 0.05,
+    after: float = 0.25,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return ground force, gear speeds and mesh power around the first impact of every run.
+
+    Args:
+        robot: the robot of all runs.
+        runs: label -> recording; time 0 of the plot is each run's own impact.
+        before, after: [s] shown around it.
+        theme: page colours.
+
+    Raises:
+        ViewError: a run without an impact.
+    """
+    gears = robot.transmission
+    with drawing(theme):
+        figure, grid = new_figure(
+            1 + gears.size, 2, 8.0, 1.7 * (1 + gears.size) + 0.5, share_x=True
+        )
+        for i, (label, log) in enumerate(runs.items()):
+            forces = contact_forces(robot, log)
+            impacts = find_impacts(log.time, forces)
+            if not impacts:
+                raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
+            begin = impacts[0].time
+            part = log.between(begin - before, begin + after)
+            time = 1e3 * (part.time - begin)
+            style: dict[str, Any] = {
+                "color": theme.series[i % len(theme.series)],
+                "linestyle": DASHES[i % len(DASHES)],
+                "label": label,
+            }
+            parts = contact_forces(robot, part)
+            vertical = np.sum([force[:, 2] for force in parts.values()], axis=0)
+            impulse = np.concatenate(
+                [[0.0], np.cumsum(0.5 * (vertical[1:] + vertical[:-1]) * np.diff(part.time))]
+            )
+            grid[0][0].plot(time, vertical, **style)
+            grid[0][1].plot(time, impulse, **style)
+            flow = gear_flow(robot, part)
+            for k in range(gears.size):
+                grid[1 + k][0].plot(time, flow.speed[:, k], **style)
+                grid[1 + k][1].plot(time, flow.mesh_power[:, k], **style)
+        titles = [("vertical ground force", "N", "impulse of the ground", "N s")]
+        titles += [
+            (f"speed of the {joint} gear", "rad/s", f"mesh power, {joint}", "W")
+            for joint in gears.joints
+        ]
+        for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
+            for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
+                ax.set_title(title)
+                ax.set_ylabel(f"[{unit}]")
+                ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
+        for ax in grid[-1]:
+            ax.set_xlabel("time after the impact [ms]")
+            ax.set_xlim(-1e3 * before, 1e3 * after)
+        if len(runs) > 1:
+            legend_above(figure, grid[0][0], len(runs))
+    return figure

@@ -1,0 +1,67 @@
+"""Marks that several plots share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+
+from wbc.arrays import FloatArray
+from wbc.transmission import Direction
+from wbc.view.impacts import Impact
+from wbc.view.palette import DIRECTION_COLOURS
+
+DIRECTION_LABELS = {
+    Direction.FORWARD: "forward (motor drives)",
+    Direction.BACKWARD: "backward (joint drives)",
+    Direction.STUCK: "stuck or idle",
+}
+
+
+def shade_directions(axes: Axes, time: FloatArray, directions: FloatArray) -> None:
+    """Colour the background by the direction of the mesh power, run by run."""
+    for mode in Direction:
+        axes.fill_between(
+            time,
+            0.0,
+            1.0,
+            where=directions == mode,
+            transform=axes.get_xaxis_transform(),
+            color=DIRECTION_COLOURS[mode],
+            alpha=0.13,
+            linewidth=0.0,
+            step="mid",
+        )
+
+
+def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
+    """Fill the area between a power and zero in the colour of its direction."""
+    for mode in Direction:
+        axes.fill_between(
+            time,
+            power,
+            where=directions == mode,
+            color=DIRECTION_COLOURS[mode],
+            alpha=0.75,
+            linewidth=0.0,
+            step="mid",
+        )
+
+
+def direction_patches() -> list[Patch]:
+    """Return the legend entries of the directions of power."""
+    modes = (Direction.FORWARD, Direction.BACKWARD, Direction.STUCK)
+    return [Patch(color=DIRECTION_COLOURS[m], alpha=0.75, label=DIRECTION_LABELS[m]) for m in modes]
+
+
+def mark_impacts(axes: Axes, impacts: Sequence[Impact], colour: str) -> None:
+    """Draw a thin line at every impact."""
+    for impact in impacts:
+        axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,118 @@
+"""Standing and squatting: several closed loops on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wbc.arrays import FloatArray
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.channels import configuration, contact_forces, rotor_torque
+from wbc.view.impacts import find_impacts
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.shading import mark_impacts
+from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+
+
+def standing_figure(
+    robot: Robot,
+    runs: Mapping[str, Log],
+    height_reference: tuple[FloatArray, FloatArray] | None = None,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
+
+    Args:
+        robot: the robot of all runs (its links; the gears may differ from run to run).
+        runs: label -> recording.
+        height_reference: times (K,) [s] and heights (K,) [m] that the centre of mass should have.
+        theme: page colours.
+    """
+    gears = robot.transmission
+    with drawing(theme):
+        rows = 3 + gears.size + 1
+        figure, grid = new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
+        axes = [row[0] for row in grid]
+        if height_reference is not None:
+            axes[0].plot(
+                *height_reference, color=theme.ink, linewidth=2.6, alpha=0.3, label="reference"
+            )
+        for i, (label, log) in enumerate(runs.items()):
+            style: dict[str, Any] = {
+                "color": theme.series[i % len(theme.series)],
+                "linestyle": DASHES[i % len(DASHES)],
+                "label": label,
+            }
+            _plot_run(axes, robot, log, style)
+        first = next(iter(runs.values()))
+        for ax in axes:
+            mark_impacts(ax, find_impacts(first.time, contact_forces(robot, first)), theme.ink)
+        titles = ["height of the centre of mass", "sway of the centre of mass", "pitch of the base"]
+        units = ["m", "mm", "deg"]
+        titles += [f"rotor torque, {joint}" for joint in gears.joints] + ["vertical ground force"]
+        units += ["N m"] * gears.size + ["N"]
+        for ax, title, unit in zip(axes, titles, units, strict=True):
+            ax.set_title(title)
+            ax.set_ylabel(f"[{unit}]")
+        axes[-1].set_xlabel("time [s]")
+        axes[-1].set_xlim(first.time[0], first.time[-1])
+        figure.align_ylabels(axes)
+        legend_above(figure, axes[0], len(runs) + 1)
+    return figure
+
+
+def _plot_run(axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any]) -> None:
+    position = configuration(robot, log)
+    center = center_of_mass(robot, position)
+    axes[0].plot(log.time, center[:, 2], **style)
+    axes[1].plot(log.time, 1e3 * (center[:, 0] - _support(robot, log, position)), **style)
+    axes[2].plot(log.time, np.degrees(base_pitch(robot, position)), **style)
+    torque = rotor_torque(robot, log)
+    for i in range(robot.transmission.size):
+        axes[3 + i].plot(log.time, torque[:, i], **style)
+        limit = robot.transmission.torque_limit[i]
+        if np.isfinite(limit) and np.nanmax(np.abs(torque[:, i])) > 0.5 * limit:
+            for end in (-limit, limit):
+                axes[3 + i].axhline(end, color="0.5", linewidth=0.8, linestyle=":")
+    forces = contact_forces(robot, log)
+    total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
+    axes[-1].plot(log.time, total, **style)
+
+
+def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the centre of mass (N, 3) [m], world."""
+    data = robot.model.createData()
+    return np.array([pin.centerOfMass(robot.model, data, q).copy() for q in position])
+
+
+def base_pitch(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the rotation (N,) [rad] about +y of the body that the last undriven joint carries."""
+    if not robot.unactuated.size:
+        return np.zeros(len(position))
+    last = int(robot.unactuated[-1])
+    number = next(
+        j for j in range(robot.model.njoints - 1, 0, -1) if robot.model.joints[j].idx_v <= last
+    )
+    data = robot.model.createData()
+    turns = np.empty((len(position), 3, 3))
+    for row, q in enumerate(position):
+        pin.forwardKinematics(robot.model, data, q)
+        turns[row] = data.oMi[number].rotation
+    return np.asarray(np.arctan2(turns[:, 0, 2], turns[:, 0, 0]))
+
+
+def _support(robot: Robot, log: Log, position: FloatArray) -> float:
+    """Return where x is counted from: the first contact at the end of the run, else 0."""
+    if not robot.contacts:
+        return 0.0
+    contact = robot.contacts[0]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, position[-1])
+    frame = robot.model.getFrameId(contact.frame)
+    return float(data.oMf[frame].act(contact.offset)[0])
