@@ -47,7 +47,9 @@ def _parse(path: Path, base: str) -> pin.Model:
         if path.suffix == ".xml":
             model = pin.buildModelFromMJCF(str(path))
             if base == "free_flyer" and not _floats(model):
-                return pin.buildModelFromMJCF(str(path), pin.JointModelFreeFlyer())
+                return pin.buildModelAndLegacyConstraintsFromMjcf(
+                    str(path), pin.JointModelFreeFlyer(), "root_joint"
+                )[0]
             return model
     except (ValueError, RuntimeError) as cause:
         raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause

@@ -1,0 +1,236 @@
+"""Loading: what a description may say, and what every mistake in it is answered with."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.effects import load_robot
+from wbc.errors import RobotError, TransmissionError, WbcError
+from wbc.robot import find_description, robot_names, robots_directory
+
+LEG = """
+name = "leg"
+model = "planar_leg.urdf"
+lock = ["base_x", "base_z", "base_pitch"]
+[gears.hip]
+gear_ratio = { value = 20.0, unit = "1", source = "x" }
+rotor_inertia = { value = 667.0, unit = "g cm^2", source = "x" }
+forward_efficiency = { value = 0.8, unit = "1", source = "x" }
+[gears.knee]
+gear_ratio = 20
+rotor_inertia = 6.67e-5
+backward_efficiency = 0.5
+torque_limit = { value = 900.0, unit = "mN m" }
+speed_limit = { value = 3000.0, unit = "rpm" }
+backlash = { value = 6.0, unit = "arcmin" }
+[[contacts]]
+name = "foot"
+frame = "foot"
+offset = { value = [0.0, 0.0, -25.0], unit = "mm" }
+"""
+
+MODEL = """<mujoco><worldbody><body name="torso" pos="0 0 1">{free}
+<inertial pos="0 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
+<body name="arm" pos="0 0 0.1"><joint name="elbow" type="hinge" axis="0 1 0" armature="0.3"
+ damping="0.2" frictionloss="0.1"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+</body></body></worldbody><actuator><motor joint="elbow" gear="5"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    shutil.copy(robots_directory() / "planar_leg" / "planar_leg.urdf", tmp_path)
+    return tmp_path
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "robot.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_units_and_defaults(folder: Path) -> None:
+    robot = load_robot(write(folder, LEG))
+    gears = robot.transmission
+    np.testing.assert_allclose(gears.rotor_inertia, [6.67e-5, 6.67e-5])
+    np.testing.assert_allclose(gears.forward_efficiency, [0.8, 1.0])
+    np.testing.assert_allclose(gears.backward_efficiency, [2 - 1 / 0.8, 0.5])
+    np.testing.assert_allclose(gears.torque_limit, [np.inf, 0.9])
+    np.testing.assert_allclose(gears.speed_limit, [np.inf, 3000 * 2 * np.pi / 60])
+    np.testing.assert_allclose(gears.backlash, [0.0, np.deg2rad(0.1)])
+    assert np.isnan(gears.torque_constant).all()
+    np.testing.assert_allclose(robot.contact("foot").offset, [0.0, 0.0, -0.025])
+    assert robot.joints == ("hip", "knee")
+    assert load_robot(folder).joints == robot.joints
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name = "leg"', 'nmae = "leg"', "Unknown key 'nmae'. Did you mean 'name'"),
+        ('model = "planar_leg.urdf"', "", "the key 'model' is missing"),
+        ("planar_leg.urdf", "planar_arm.urdf", "planar_arm.urdf' is not in"),
+        ("planar_leg.urdf", "robot.toml", "ends in .urdf or .xml"),
+        ('["base_x", "base_z", "base_pitch"]', '["base_y"]', "Unknown joint 'base_y'"),
+        ('["base_x", "base_z", "base_pitch"]', '"base_x"', "a list of joint names"),
+        ("[gears.knee]", "[gears.kne]", "Unknown joint of 'leg' 'kne'. Did you mean 'knee'"),
+        ("gear_ratio = 20", "gear_ration = 20", "gear of 'knee': Unknown key 'gear_ration'"),
+        ("gear_ratio = 20", "", "gear of 'knee': the key 'gear_ratio' is missing"),
+        ("gear_ratio = 20", 'gear_ratio = "20"', "gear of 'knee': gear_ratio: '20' is not a num"),
+        ("gear_ratio = 20", "gear_ratio = true", "True is not a number"),
+        ("gear_ratio = 20", "gear_ratio = [20, 20]", "one number expected"),
+        ("gear_ratio = 20", "gear_ratio = [20, [1]]", "differ in length"),
+        ("gear_ratio = 20", "gear_ratio = { unit = '1' }", "the key 'value' is missing"),
+        ("gear_ratio = 20", "gear_ratio = { value = 20, units = 'g' }", "Did you mean 'unit'"),
+        ('"mN m"', '"Nmm"', "Unknown unit 'Nmm'"),
+        ('"mN m"', '"rad"', r"unit 'rad' measures [rad], expected [N m]"),
+        ("[[contacts]]", "[transmission]\nrotor_couplng = true\n[[contacts]]", "rotor_couplng"),
+        ("[[contacts]]", "[transmission]\nrotor_coupling = 1\n[[contacts]]", "true or false"),
+        ("[[contacts]]", "[contacts]", "a list of tables expected"),
+        ('frame = "foot"', "", "a contact lacks the key 'frame'"),
+        ('frame = "foot"', 'frame = "toe"', "Unknown frame of 'leg' 'toe'"),
+        ('frame = "foot"', 'frame = "foot"\nmu = 1', "Unknown key 'mu'"),
+        ('frame = "foot"', 'frame = "foot"\nfriction = -1', "friction must be >= 0"),
+        ("[0.0, 0.0, -25.0]", "[0.0, 0.0]", "offset of contact 'foot' has shape"),
+        ('name = "leg"', 'name = "leg"\ngravity = 9.81', "gravity has shape ()"),
+        ('name = "leg"', 'name = "leg"\nbase = "flying"', "Unknown base 'flying'"),
+        ("[gears.hip]", "[gears.hip", "Expected ']'"),
+    ],
+)
+def test_mistakes_are_named_with_their_place(
+    folder: Path, old: str, new: str, message: str
+) -> None:
+    assert old in LEG
+    path = write(folder, LEG.replace(old, new, 1))
+    with pytest.raises(RobotError, match=re.escape(message)):
+        load_robot(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("value = 0.8", "value = 1.3"),
+        ("value = 0.8", "value = 0.0"),
+        ("value = 0.8", "value = -0.5"),
+        ("value = 0.8", "value = nan"),
+        ("backward_efficiency = 0.5", "backward_efficiency = 1.5"),
+        ("gear_ratio = 20\n", "gear_ratio = 0\n"),
+        ("rotor_inertia = 6.67e-5", "rotor_inertia = -6.67e-5"),
+    ],
+)
+def test_numbers_outside_their_range(folder: Path, old: str, new: str) -> None:
+    assert old in LEG
+    with pytest.raises(TransmissionError):
+        load_robot(write(folder, LEG.replace(old, new, 1)))
+
+
+def test_two_contacts_of_one_name(folder: Path) -> None:
+    extra = '\n[[contacts]]\nname = "foot"\nframe = "shin"\n'
+    with pytest.raises(RobotError, match="two contacts of one name"):
+        load_robot(write(folder, LEG + extra))
+
+
+def test_unknown_robots_list_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match="Did you mean 'planar_leg'"):
+        load_robot("planar_lge")
+    with pytest.raises(RobotError, match=r"no robot description at .*none\.toml"):
+        load_robot(tmp_path / "none.toml")
+    for name in robot_names():
+        assert find_description(name).is_file()
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ("no_such_package:leg.urdf", "pip install no-such-package"),
+        (":leg.urdf", "not installed"),
+        ("example_robot_data:robots/none.urdf", "not installed"),
+    ],
+)
+def test_models_of_packages_that_are_not_there(folder: Path, model: str, message: str) -> None:
+    with pytest.raises(RobotError, match=message):
+        load_robot(write(folder, LEG.replace("planar_leg.urdf", model)))
+
+
+@pytest.mark.parametrize("content", ["<robot><link", "", "<robot name='x'/>"])
+def test_a_broken_urdf_is_named(folder: Path, content: str) -> None:
+    (folder / "planar_leg.urdf").write_text(content)
+    with pytest.raises(WbcError, match=r"planar_leg\.urdf"):
+        load_robot(write(folder, LEG))
+
+
+def test_a_broken_mjcf_is_named(folder: Path) -> None:
+    (folder / "leg.xml").write_text("<mujoco><worldbody>")
+    with pytest.raises(WbcError, match=r"leg\.xml"):
+        load_robot(write(folder, LEG.replace("planar_leg.urdf", "leg.xml")))
+
+
+def test_a_description_that_is_not_text(folder: Path) -> None:
+    path = folder / "robot.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(RobotError, match="cannot read the robot description"):
+        load_robot(path)
+
+
+GEAR = "[gears.elbow]\ngear_ratio = 5\nrotor_inertia = 0.001\n"
+
+
+@pytest.mark.parametrize(
+    ("free", "base", "coordinates"),
+    [
+        ("", "fixed", 1),
+        ("", "free_flyer", 7),
+        ("<freejoint/>", "fixed", 7),
+        ("<freejoint/>", "free_flyer", 7),
+    ],
+)
+def test_mjcf_with_and_without_a_free_base(
+    tmp_path: Path, free: str, base: str, coordinates: int
+) -> None:
+    (tmp_path / "arm.xml").write_text(MODEL.format(free=free))
+    robot = load_robot(write(tmp_path, f'model = "arm.xml"\nbase = "{base}"\n' + GEAR))
+    assert robot.model.nv == coordinates
+    assert robot.has_free_flyer == (coordinates == 7)
+    assert robot.floating_size == coordinates - 1
+    assert robot.single_joints == ("elbow",)
+
+
+def test_what_a_model_file_holds_of_the_gears_is_set_aside_and_said(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(MODEL.format(free=""))
+    robot = load_robot(write(tmp_path, 'model = "arm.xml"\n' + GEAR))
+    said = "\n".join(robot.notes)
+    for word in ("armature (0.3)", "damping (0.2)", "friction (0.1)", "<actuator>"):
+        assert word in said
+    for name in ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit"):
+        np.testing.assert_array_equal(getattr(robot.model, name), 0.0)
+
+
+def test_urdf_dynamics_and_transmissions_are_set_aside_and_said(folder: Path) -> None:
+    urdf = folder / "planar_leg.urdf"
+    text = urdf.read_text().replace(
+        '<limit lower="-3.2" upper="3.2" effort="1000" velocity="100"/>',
+        '<limit lower="-3.2" upper="3.2" effort="1000" velocity="100"/>'
+        '<dynamics damping="0.7" friction="0.4"/>',
+    )
+    urdf.write_text(text.replace("</robot>", '<transmission name="t"/></robot>'))
+    robot = load_robot(write(folder, LEG))
+    said = "\n".join(robot.notes)
+    assert "damping (0.7, 0.7)" in said
+    assert "friction (0.4, 0.4)" in said
+    assert "<transmission> was ignored" in said
+    np.testing.assert_array_equal(robot.model.damping, 0.0)
+
+
+def test_speed_limits_are_symmetric() -> None:
+    model = load_robot("planar_leg").model
+    np.testing.assert_array_equal(model.lowerVelocityLimit, -model.upperVelocityLimit)
+
+
+def test_gravity_can_be_given(folder: Path) -> None:
+    moon = 'gravity = { value = [0.0, 0.0, -1.62], unit = "m/s^2" }\n'
+    robot = load_robot(write(folder, moon + LEG))
+    np.testing.assert_array_equal(robot.model.gravity.linear, [0.0, 0.0, -1.62])
