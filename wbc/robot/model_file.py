@@ -47,7 +47,7 @@ def _parse(path: Path, base: str) -> pin.Model:
         if path.suffix == ".xml":
             model = pin.buildModelFromMJCF(str(path))
             if base == "free_flyer" and not _floats(model):
-                return pin.buildModelAndLegacyConstraintsFromMjcf(
+                return pin.buildModelAndLegacyConstraintsFromMJCF(
                     str(path), pin.JointModelFreeFlyer(), "root_joint"
                 )[0]
             return model
