@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, checked
-from wbc.errors import RobotError, unknown_name
+from wbc.arrays import checked
+from wbc.errors import RobotError
 from wbc.robot.contact import ContactPoint
 from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model_file import read_model
+from wbc.robot.poses import named_poses
 from wbc.robot.robot import Robot, RobotSource
-from wbc.robot.units import to_si
+from wbc.robot.table import check_keys, number_in, numbers_in, table_in
 from wbc.transmission import Transmission, wedge_backward_efficiency
 
 _GEAR_UNITS = {
@@ -35,7 +36,17 @@ _GEAR_UNITS = {
     "damping": "N m s/rad",
     "backlash": "rad",
 }
-_TOP_LEVEL = ("name", "model", "base", "lock", "gravity", "transmission", "gears", "contacts")
+_TOP_LEVEL = (
+    "name",
+    "model",
+    "base",
+    "lock",
+    "gravity",
+    "transmission",
+    "gears",
+    "contacts",
+    "poses",
+)
 _LEFT_OUT = {
     "forward_efficiency": 1.0,
     "torque_limit": np.inf,
@@ -46,7 +57,6 @@ _LEFT_OUT = {
 }
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
 _CONTACT_KEYS = ("name", "frame", "offset", "friction")
-_NUMBER_KEYS = ("value", "unit", "source", "note")
 
 
 @dataclass(frozen=True)
@@ -90,7 +100,7 @@ def build_robot(description: RobotDescription) -> Robot:
         TransmissionError: a number outside its range.
     """
     table, path = description.table, description.path
-    _check_keys(table, _TOP_LEVEL, f"{path}")
+    check_keys(table, _TOP_LEVEL, f"{path}")
     if "model" not in table:
         raise RobotError(f"{path}: the key 'model' is missing (the URDF or MJCF file).")
     lock = table.get("lock", [])
@@ -102,13 +112,13 @@ def build_robot(description: RobotDescription) -> Robot:
         lock=[str(name) for name in lock],
     )
     if "gravity" in table:
-        gravity = _numbers(table["gravity"], "m/s^2", f"{path}: gravity")
+        gravity = numbers_in(table["gravity"], "m/s^2", f"{path}: gravity")
         model.gravity.linear = checked(gravity, (3,), f"{path}: gravity", RobotError)
-    settings = _table(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
+    settings = table_in(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
     coupling = settings.get("rotor_coupling", False)
     if not isinstance(coupling, bool):
         raise RobotError(f"{path}: rotor_coupling: true or false expected, got {coupling!r}.")
-    return Robot(
+    robot = Robot(
         name=str(table.get("name", path.parent.name)),
         model=model,
         transmission=_transmission(table.get("gears", {}), settings.get("topology"), path),
@@ -117,19 +127,7 @@ def build_robot(description: RobotDescription) -> Robot:
         source=RobotSource(_source_name(path)),
         notes=notes,
     )
-
-
-def _check_keys(table: Mapping[str, Any], known: Iterable[str], place: str) -> None:
-    for key in table:
-        if key not in known:
-            raise RobotError(f"{place}: " + unknown_name("key", key, known))
-
-
-def _table(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
-    if not isinstance(entry, Mapping):
-        raise RobotError(f"{place}: a table expected, got {entry!r}.")
-    _check_keys(entry, known, place)
-    return entry
+    return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
 
 
 def _source_name(path: Path) -> str:
@@ -146,14 +144,14 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
     for joint, gear in gears.items():
         place = f"{path}: gear of '{joint}'"
         for key in ("gear_ratio", "rotor_inertia"):
-            if key not in _table(gear, (*_GEAR_UNITS, "housing"), place):
+            if key not in table_in(gear, (*_GEAR_UNITS, "housing"), place):
                 raise RobotError(f"{place}: the key '{key}' is missing.")
     arrays: dict[str, Any] = {
         key: [_gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()]
         for key in _GEAR_UNITS
     }
     if topology is not None:
-        arrays["topology"] = _numbers(topology, "1", f"{path}: topology")
+        arrays["topology"] = numbers_in(topology, "1", f"{path}: topology")
     housings = tuple(str(gear.get("housing", "")) for gear in gears.values())
     return Transmission(joints=tuple(gears), housings=housings, **arrays)
 
@@ -161,7 +159,7 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
 def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:
     """Return a gear's number in SI, or what stands for a key that is left out."""
     if key in gear:
-        return _number(gear[key], _GEAR_UNITS[key], f"{place}: {key}")
+        return number_in(gear[key], _GEAR_UNITS[key], f"{place}: {key}")
     if key == "backward_efficiency":
         return float(wedge_backward_efficiency(_gear_number(gear, "forward_efficiency", place)))
     return _LEFT_OUT.get(key, 0.0)
@@ -174,46 +172,14 @@ def _contacts(entries: Any, path: Path) -> tuple[ContactPoint, ...]:
 
 
 def _contact(entry: Any, path: Path) -> ContactPoint:
-    _table(entry, _CONTACT_KEYS, f"{path}: contact")
+    table_in(entry, _CONTACT_KEYS, f"{path}: contact")
     for key in ("name", "frame"):
         if key not in entry:
             raise RobotError(f"{path}: a contact lacks the key '{key}'.")
     place = f"{path}: contact '{entry['name']}'"
-    offset = _numbers(entry.get("offset", {"value": [0.0, 0.0, 0.0], "unit": "m"}), "m", place)
-    friction = _number(entry.get("friction", {"value": 0.7, "unit": "1"}), "1", place)
+    offset = numbers_in(entry.get("offset", {"value": [0.0, 0.0, 0.0], "unit": "m"}), "m", place)
+    friction = number_in(entry.get("friction", {"value": 0.7, "unit": "1"}), "1", place)
     return ContactPoint(str(entry["name"]), str(entry["frame"]), offset, friction)
-
-
-def _number(entry: Any, unit: str, place: str) -> float:
-    value = _numbers(entry, unit, place)
-    if value.ndim != 0:
-        raise RobotError(f"{place}: one number expected, got {value.tolist()}.")
-    return float(value)
-
-
-def _numbers(entry: Any, unit: str, place: str) -> FloatArray:
-    """Return the SI value of a number, or of a table {value, unit, source}."""
-    if isinstance(entry, Mapping):
-        _check_keys(entry, _NUMBER_KEYS, place)
-        if "value" not in entry:
-            raise RobotError(f"{place}: the key 'value' is missing.")
-        given, stated = entry["value"], str(entry.get("unit", unit))
-    else:
-        given, stated = entry, unit
-    if not _holds_numbers(given):
-        raise RobotError(f"{place}: {given!r} is not a number.")
-    try:
-        array = np.asarray(given, dtype=np.float64)
-    except ValueError as cause:
-        raise RobotError(f"{place}: the rows of {given!r} differ in length.") from cause
-    return np.asarray(array * to_si(1.0, stated, unit, place))
-
-
-def _holds_numbers(given: Any) -> bool:
-    """Whether `given` is a number or nested lists of numbers; TOML's true and "3" are none."""
-    if isinstance(given, list):
-        return all(_holds_numbers(item) for item in given)
-    return isinstance(given, (int, float)) and not isinstance(given, bool)
 
 
 def bare_robot(model: pin.Model, name: str = "robot") -> Robot:

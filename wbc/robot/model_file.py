@@ -47,9 +47,7 @@ def _parse(path: Path, base: str) -> pin.Model:
         if path.suffix == ".xml":
             model = pin.buildModelFromMJCF(str(path))
             if base == "free_flyer" and not _floats(model):
-                return pin.buildModelAndLegacyConstraintsFromMJCF(
-                    str(path), pin.JointModelFreeFlyer(), "root_joint"
-                )[0]
+                return pin.buildModelFromMJCFAndRootJoint(str(path), pin.JointModelFreeFlyer())
             return model
     except (ValueError, RuntimeError) as cause:
         raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -50,6 +51,7 @@ class Robot:
             its housing (the paper's full H_s); without it rotors only feel their own spin.
         source: where it was loaded from, None for a robot built or changed in code: only effects
             can be added without losing it, because only they can be saved.
+        poses: named configurations q (nq,) of the description, the first one its usual one.
         notes: what the loader read but could not use, for the user to see.
     """
 
@@ -60,6 +62,7 @@ class Robot:
     effects: tuple[Effect, ...] = ()
     rotors_turn_with_links: bool = False
     source: RobotSource | None = None
+    poses: Mapping[str, FloatArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     actuated: IntArray = field(init=False)
     actuated_position: IntArray = field(init=False)
@@ -231,6 +234,17 @@ class Robot:
     def neutral(self) -> FloatArray:
         """Return pinocchio's neutral configuration, (nq,)."""
         return np.asarray(pin.neutral(self.model), dtype=np.float64)
+
+    def pose(self, name: str | None = None) -> FloatArray:
+        """Return a named configuration (nq,); the usual one when no name is given.
+
+        Raises:
+            RobotError: no such pose, or a robot without any.
+        """
+        wanted = next(iter(self.poses), "(usual)") if name is None else name
+        if wanted not in self.poses:
+            raise RobotError(unknown_name(f"pose of '{self.name}'", wanted, self.poses))
+        return self.poses[wanted].copy()
 
     def configuration(self, **joints: float) -> FloatArray:
         """Return the neutral configuration with some one-degree joints set by name.
