@@ -1,0 +1,148 @@
+"""A saved robot is the robot again, and every mistake in such a file is named."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.effects import (
+    CoulombFriction,
+    PayloadMass,
+    TorqueRipple,
+    TransmissionEfficiency,
+    load_robot,
+    save_robot,
+)
+from wbc.errors import EffectError, RobotError, WbcError
+from wbc.robot import robots_directory
+
+FITTED = """
+robot = "planar_leg"
+lossless = true
+[[effects]]
+effect = "coulomb_friction"
+where = "knee"
+parameters = { level = { value = 350.0, unit = "mN m", low = 0.3, high = 0.4 } }
+[[effects]]
+effect = "payload_mass"
+where = "base"
+parameters = { mass = 2 }
+"""
+
+
+@pytest.mark.parametrize("lossless", [False, True])
+@pytest.mark.parametrize("name", ["planar_leg", "solo12"])
+def test_round_trip(tmp_path: Path, name: str, lossless: bool) -> None:
+    robot = load_robot(name).lossless() if lossless else load_robot(name)
+    joint = robot.transmission.joints[-1]
+    robot = robot.with_effects(
+        CoulombFriction(joint, 0.123456789012345),
+        TransmissionEfficiency(joint, 0.81, 1.0 / 3.0),
+        PayloadMass(robot.contacts[0].name, -0.001),
+        TorqueRipple(joint, 0.2, 17.5, -1.0),
+    )
+    path = save_robot(robot, tmp_path / "deep" / "fitted.toml")
+    again = load_robot(path)
+    assert again.effects == robot.effects
+    assert again.source == robot.source
+    np.testing.assert_array_equal(
+        again.transmission.forward_efficiency, robot.transmission.forward_efficiency
+    )
+    np.testing.assert_array_equal(
+        again.transmission.backward_efficiency, robot.transmission.backward_efficiency
+    )
+    for ours, theirs in zip(again.model.inertias, robot.model.inertias, strict=True):
+        assert ours == theirs
+    more = again.with_effect(CoulombFriction(joint, 0.5))
+    assert load_robot(save_robot(more, path)).effects == more.effects
+
+
+def test_a_robot_of_one_s_own_is_found_again_from_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = tmp_path / "own"
+    own.mkdir()
+    text = (robots_directory() / "planar_leg_fixed" / "robot.toml").read_text()
+    urdf = (robots_directory() / "planar_leg" / "planar_leg.urdf").as_posix()
+    (own / "robot.toml").write_text(text.replace("../planar_leg/planar_leg.urdf", urdf))
+    monkeypatch.chdir(tmp_path)
+    path = save_robot(load_robot("own"), tmp_path / "fitted.toml")
+    monkeypatch.chdir("/")
+    assert load_robot(path).joints == ("hip", "knee")
+
+
+def test_units_intervals_and_provenance(tmp_path: Path) -> None:
+    path = tmp_path / "fitted.toml"
+    path.write_text(FITTED)
+    robot = load_robot(path)
+    assert robot.effects[0].values == {"level": pytest.approx(0.35)}
+    assert robot.effects[1].values == {"mass": 2.0}
+    np.testing.assert_array_equal(robot.transmission.forward_efficiency, 1.0)
+    intervals = {("coulomb_friction", "knee", "level"): (0.3, 0.4)}
+    saved = save_robot(robot, tmp_path / "again.toml", intervals, {"logs": "a.csv"})
+    table = tomllib.loads(saved.read_text())
+    assert table["provenance"] == {"logs": "a.csv"}
+    level = table["effects"][0]["parameters"]["level"]
+    assert level == {"value": pytest.approx(0.35), "unit": "N m", "low": 0.3, "high": 0.4}
+    assert load_robot(saved).effects == robot.effects
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ('"planar_leg"', '"planar_lge"', RobotError, "Did you mean 'planar_leg'"),
+        ("lossless", "losless", RobotError, "Did you mean 'lossless'"),
+        ("coulomb_friction", "coulom_friction", EffectError, "Did you mean 'coulomb_friction'"),
+        ('where = "knee"', "", RobotError, "lacks the key 'where'"),
+        ('where = "knee"', 'where = "knie"', EffectError, "Did you mean 'knee'"),
+        ("level =", "lewel =", EffectError, "Did you mean 'level'"),
+        ("350.0", "-1.0", EffectError, "lies outside"),
+        ("350.0", '"much"', RobotError, "coulomb_friction at 'knee': level: 'much' is not a num"),
+        ("value = 350.0, ", "", RobotError, "the key 'value' is missing"),
+        ('"mN m"', '"kg"', RobotError, "unit 'kg' measures [kg], expected [N m]"),
+        ('robot = "planar_leg"', 'robot = "fitted.toml"', RobotError, "refers back to this file"),
+    ],
+)
+def test_mistakes_are_named(
+    tmp_path: Path, old: str, new: str, error: type[WbcError], message: str
+) -> None:
+    assert old in FITTED
+    path = tmp_path / "fitted.toml"
+    path.write_text(FITTED.replace(old, new, 1))
+    with pytest.raises(error, match=re.escape(message)):
+        load_robot(path)
+
+
+def test_a_chain_of_files_adds_up(tmp_path: Path) -> None:
+    (tmp_path / "one.toml").write_text(FITTED)
+    (tmp_path / "two.toml").write_text(
+        'robot = "one.toml"\n[[effects]]\neffect = "viscous_friction"\nwhere = "hip"\n'
+        "parameters = { coefficient = 0.1 }\n"
+    )
+    assert [e.name for e in load_robot(tmp_path / "two.toml").effects] == [
+        "coulomb_friction",
+        "payload_mass",
+        "viscous_friction",
+    ]
+
+
+def test_a_folder_that_happens_to_have_the_robot_s_name_is_no_obstacle(tmp_path: Path) -> None:
+    (tmp_path / "planar_leg").mkdir()
+    path = tmp_path / "fitted.toml"
+    path.write_text(FITTED)
+    assert load_robot(path).name == "planar_leg"
+
+
+def test_a_robot_changed_in_code_cannot_be_saved(tmp_path: Path) -> None:
+    robot = load_robot("planar_leg")
+    for changed in (
+        robot.with_transmission(robot.transmission.lossless()),
+        robot.with_effect(PayloadMass("base", 1.0)).lossless(),
+    ):
+        with pytest.raises(RobotError, match="changed in code"):
+            save_robot(changed, tmp_path / "x.toml")
+    assert not (tmp_path / "x.toml").exists()
