@@ -35,6 +35,9 @@ def numbers(table: dict[str, Any], place: str) -> Iterator[tuple[str, Any]]:
         for key in ("offset", "friction"):
             if key in contact:
                 yield f"{place}: {contact['name']}.{key}", contact[key]
+    for pose, joints in table.get("poses", {}).items():
+        for joint, entry in joints.items():
+            yield f"{place}: pose {pose}, {joint}", entry
     if "topology" in table.get("transmission", {}):
         yield f"{place}: topology", table["transmission"]["topology"]
     if "gravity" in table:
@@ -84,6 +87,30 @@ def test_legged_robots_float_and_can_stand(name: str) -> None:
     # At zero the legs hang down: all contact points lie on one plane below the base.
     assert heights.max() < -0.2
     np.testing.assert_allclose(heights, heights[0], atol=0.02)
+
+
+@pytest.mark.parametrize("name", ["solo12", "anymal", "talos", "differential_biped"])
+def test_the_usual_pose_stands_on_the_ground_within_its_feet(name: str) -> None:
+    robot = load_robot(name)
+    q = robot.pose()
+    points = evaluate(robot, q, np.zeros(robot.model.nv)).contact_position
+    np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-6)
+    above = pin.centerOfMass(robot.model, robot.model.createData(), q)[:2]
+    assert np.all(points[:, :2].min(axis=0) < above)
+    assert np.all(above < points[:, :2].max(axis=0))
+    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    inside = (q >= lower - 1e-9) & (q <= upper + 1e-9)
+    assert inside[robot.actuated_position].all()
+
+
+@pytest.mark.parametrize(
+    "name", ["planar_leg", "planar_leg_fixed", "planar_leg_strong", "parallelogram_leg"]
+)
+def test_the_paper_s_pose_has_the_foot_straight_under_the_hip(name: str) -> None:
+    robot = load_robot(name)
+    foot = evaluate(robot, robot.pose("paper"), np.zeros(robot.model.nv)).contact_position[0]
+    ground = -0.8 * np.cos(np.pi / 6) if name == "planar_leg_fixed" else 0.0
+    np.testing.assert_allclose(foot, [0.0, 0.0, ground], atol=1e-12)
 
 
 def test_the_differential_shares_its_motors() -> None:

@@ -1,0 +1,87 @@
+"""No transmission creates power: any topology, sign of ratio, efficiency and friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import dissipative_equation, evaluate, link_torque, rotor_torque
+from wbc.effects import load_robot
+from wbc.robot import Motion, Robot
+from wbc.transmission import Transmission
+
+LEG = load_robot("planar_leg")
+vectors = arrays(np.float64, (3, 5), elements=st.floats(-5.0, 5.0))
+TOPOLOGIES = ([[1, 0], [0, 1]], [[1, 0], [-1, 1]], [[0.5, -0.5], [0.5, 0.5]], [[0, -2], [1, 0.3]])
+
+
+@st.composite
+def legs(draw: st.DrawFn) -> Robot:
+    def pair(low: float, high: float) -> list[float]:
+        return [draw(st.floats(low, high)), draw(st.floats(low, high))]
+
+    signs = draw(st.sampled_from([(1, 1), (-1, 1), (-1, -1)]))
+    return LEG.with_transmission(
+        Transmission(
+            joints=LEG.transmission.joints,
+            gear_ratio=np.array(pair(0.5, 160.0)) * signs,
+            rotor_inertia=np.array(pair(0.0, 1e-3)),
+            topology=np.array(draw(st.sampled_from(TOPOLOGIES)), dtype=float),
+            forward_efficiency=np.array(pair(0.2, 1.0)),
+            backward_efficiency=np.array(pair(-1.0, 1.0)),
+            rotor_coulomb_friction=np.array(pair(0.0, 0.1)),
+            rotor_viscous_friction=np.array(pair(0.0, 1e-2)),
+        )
+    )
+
+
+def balance(robot: Robot, motion: Motion) -> tuple[float, float]:
+    """Return (power given minus power stored, size of the terms)."""
+    gears, acceleration = robot.transmission, motion.acceleration
+    assert acceleration is not None
+    links = link_torque(robot, motion)
+    torque, rest = rotor_torque(robot, motion, links)
+    spin = gears.gear_ratio * (gears.motor_from_joint @ motion.velocity[0][robot.actuated])
+    spin_up = gears.gear_ratio * (gears.motor_from_joint @ acceleration[0][robot.actuated])
+    given_power = np.concatenate([torque[0] * spin, rest[0] * motion.velocity[0][:3]])
+    stored = np.concatenate([links[0] * motion.velocity[0], gears.rotor_inertia * spin_up * spin])
+    return float(given_power.sum() - stored.sum()), float(
+        np.abs(given_power).sum() + np.abs(stored).sum()
+    )
+
+
+@settings(deadline=None, max_examples=150)
+@given(legs(), vectors)
+def test_inverse_dynamics_never_gains_power(robot: Robot, state: FloatArray) -> None:
+    loss, size = balance(robot, Motion(state[:1], state[1:2], state[2:]))
+    assert loss >= -1e-9 * size
+    free, size = balance(robot.lossless(), Motion(state[:1], state[1:2], state[2:]))
+    assert abs(free) <= 1e-9 * size
+
+
+@settings(deadline=None, max_examples=150)
+@given(legs(), vectors, arrays(np.float64, 2, elements=st.floats(-2.0, 2.0)))
+def test_consistent_forward_dynamics_never_gains_power(
+    robot: Robot, state: FloatArray, torque: FloatArray
+) -> None:
+    gears = robot.transmission.replace(
+        backward_efficiency=np.maximum(robot.transmission.backward_efficiency, 0.05)
+    )
+    robot = robot.with_transmission(gears)
+    q, v, _ = state
+    terms = evaluate(robot, q, v)
+    speed = gears.motor_from_joint @ v[robot.actuated]
+    spin = gears.gear_ratio * speed
+    for mode in np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]], dtype=float):
+        a = dissipative_equation(robot, terms, mode).acceleration(torque, np.zeros(5))
+        spin_up = gears.gear_ratio * (gears.motor_from_joint @ a[robot.actuated])
+        mesh_power = (torque - gears.rotor_inertia * spin_up) * spin
+        if np.any(mesh_power * mode < 0.0):
+            continue
+        stored = v @ (terms.mass_matrix @ a + terms.bias)
+        stored += float(np.sum(gears.rotor_inertia * spin_up * spin))
+        size = float(np.abs(torque * spin).sum() + abs(stored)) + 1.0
+        assert float(torque @ spin) - stored >= -1e-7 * size
