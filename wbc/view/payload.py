@@ -13,14 +13,13 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
 from wbc.transmission import Direction
-from wbc.view.ghost import GhostTrack
+from wbc.view.ghost_track import GhostTrack
 from wbc.view.ground import GroundSlab, surface_under
 from wbc.view.palette import BLUE, DIRECTION_COLOURS, GREEN, VERMILION, YELLOW
 from wbc.view.scene import SceneSize
 from wbc.view.track import ContactTrack, GearTrack, Track
 
-RESIDUAL_SPAN = 6.0
-"""A residual of so many noise floors has the full colour."""
+_LEAST_SPAN = 6.0
 
 
 def playback_payload(
@@ -45,11 +44,12 @@ def playback_payload(
         "marks": _marks(track, marks),
         "weight": track.weight,
         "reach": size.reach,
+        "arrow_head": size.arrow_head,
         "metres_per_newton": size.metres_per_newton,
         "camera": _camera(robot, track, size),
         "floating": robot.floating_size > 0,
         "follow": bool(np.ptp(track.center_of_mass[:, :2], axis=0).max() > 1.2 * size.reach),
-        "residual_span": RESIDUAL_SPAN,
+        "residual_span": _residual_span(ghost),
         "autoplay": autoplay,
         "colours": {
             "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
@@ -62,8 +62,20 @@ def playback_payload(
         "commands": list(commands),
     }
     if ghost is not None:
-        document["ghost"] = {"joints": ghost.poses.shape[1], "poses": _packed(ghost.poses)}
+        document["ghost"] = {
+            "label": ghost.label,
+            "joints": ghost.poses.shape[1],
+            "poses": _packed(ghost.poses),
+        }
     return json.dumps(document, separators=(",", ":"))
+
+
+def _residual_span(ghost: GhostTrack | None) -> float:
+    """Return how many noise floors have the full colour: few residuals exceed it."""
+    if ghost is None or not ghost.residual:
+        return _LEAST_SPAN
+    sizes = np.concatenate([np.abs(values) for values in ghost.residual.values()])
+    return max(_LEAST_SPAN, float(np.quantile(sizes, 0.95)))
 
 
 def _packed(values: ArrayLike) -> str:

@@ -14,10 +14,13 @@ from wbc.files import write_text
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.sim.terrain import Terrain
+from wbc.view.ghost import Ghost
+from wbc.view.ghost_track import track_ghost
 from wbc.view.ground import GroundSlab, flat_ground, surface_under
 from wbc.view.payload import playback_payload
 from wbc.view.recorder import CommandRecorder
-from wbc.view.scene import add_robot_scene
+from wbc.view.scene import add_ghost, add_robot_scene
+from wbc.view.shapes import robot_shapes
 from wbc.view.terrain import terrain_slabs
 from wbc.view.track import Track, make_track
 
@@ -29,6 +32,7 @@ def write_playback(
     robot: Robot,
     log: Log,
     *,
+    ghost: Ghost | None = None,
     ground: Terrain | Sequence[GroundSlab] | None = None,
     marks: Mapping[str, float] | None = None,
     title: str | None = None,
@@ -44,6 +48,8 @@ def write_playback(
         path: the file to write (whole or not at all).
         robot: the robot of the log.
         log: positions at least; velocities, torques and contact forces are shown if it has them.
+        ghost: a second, transparent robot beside it (`model_ghost`, `log_ghost`); with its
+            residuals the joints take their colour.
         ground: what it stands on; level ground under the loaded contacts when left out.
         marks: label -> time [s] to mark on the timeline beside the impacts found.
         title: headline, the robot's name when left out.
@@ -52,16 +58,22 @@ def write_playback(
     Raises:
         LogError: the log holds no position of the robot.
     """
-    return write_text(path, playback_page(robot, log, ground, marks or {}, title, theme))
+    page = playback_page(
+        robot, log, ghost=ghost, ground=ground, marks=marks, title=title, theme=theme
+    )
+    return write_text(path, page)
 
 
 def playback_page(
     robot: Robot,
     log: Log,
-    ground: Terrain | Sequence[GroundSlab] | None,
-    marks: Mapping[str, float],
-    title: str | None,
-    theme: str,
+    *,
+    ghost: Ghost | None = None,
+    ground: Terrain | Sequence[GroundSlab] | None = None,
+    marks: Mapping[str, float] | None = None,
+    title: str | None = None,
+    theme: str = "",
+    autoplay: bool = True,
 ) -> str:
     """Return the HTML text of `write_playback`."""
     track = make_track(robot, log)
@@ -70,8 +82,12 @@ def playback_page(
     slabs = _slabs(track, ground)
     contacts = [contact.name for contact in track.contacts]
     size = add_robot_scene(root, robot, slabs, contacts, _ground_opacity(track, slabs))
+    shadow = None
+    if ghost is not None:
+        add_ghost(root["ghost"], robot_shapes(robot))
+        shadow = track_ghost(robot, ghost, track.time)
     scene = playback_payload(
-        robot, track, size, slabs, recorder.encoded(), marks, None, autoplay=True
+        robot, track, size, slabs, recorder.encoded(), marks or {}, shadow, autoplay
     )
     environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
     return environment.get_template("playback.html.j2").render(

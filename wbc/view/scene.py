@@ -12,12 +12,14 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
+from wbc.view.axes import joint_axis
 from wbc.view.geometry import UprightCylinder, along
 from wbc.view.ground import GroundSlab
 from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW, rgb
 from wbc.view.shapes import LinkShape, robot_shapes
 
 GHOST_OPACITY = 0.35
+_GHOST = "#7E57C2"
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,16 @@ class SceneSize:
         """Length of a force arrow per newton."""
         return 0.45 * self.reach / max(self.weight, 1e-9)
 
+    @property
+    def arrow_radius(self) -> float:
+        """Of the shaft of a force arrow [m]."""
+        return 0.011 * self.reach
+
+    @property
+    def arrow_head(self) -> float:
+        """Length of the head of a force arrow [m]."""
+        return 5.0 * self.arrow_radius
+
 
 def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> SceneSize:
     """Return the lengths that fit a robot in its neutral pose."""
@@ -50,12 +62,23 @@ def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> SceneSize:
     return SceneSize(max(span, 1e-3), weight)
 
 
-def add_robot(root: Any, shapes: tuple[LinkShape, ...], opacity: float = 1.0) -> None:
+def add_robot(root: Any, shapes: tuple[LinkShape, ...]) -> None:
     """Add one group per joint with the bodies it moves, at `root/j<number>`."""
     for shape in shapes:
-        place = root[f"j{shape.joint}"][shape.name]
-        place.set_object(shape.geometry, material(shape.colour, opacity))
-        place.set_transform(shape.placement.homogeneous)
+        _add_shape(root, shape, material(shape.colour, 1.0))
+
+
+def add_ghost(root: Any, shapes: tuple[LinkShape, ...]) -> None:
+    """Add the moving bodies once more, transparent and of one colour."""
+    for shape in shapes:
+        if shape.joint > 0:
+            _add_shape(root, shape, material(rgb(_GHOST), GHOST_OPACITY))
+
+
+def _add_shape(root: Any, shape: LinkShape, surface: Any) -> None:
+    place = root[f"j{shape.joint}"][shape.name]
+    place.set_object(shape.geometry, surface)
+    place.set_transform(shape.placement.homogeneous)
 
 
 def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: SceneSize) -> None:
@@ -69,18 +92,6 @@ def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: Scene
         place = root[f"j{number}"]["hub"]
         place.set_object(hub, material(rgb(GREY), 1.0))
         place.set_transform(pin.SE3(turn, np.zeros(3)).homogeneous)
-
-
-def joint_axis(robot: Robot, joint: str) -> FloatArray:
-    """Return the axis (3,) of a joint with one degree of freedom, in the joint's frame."""
-    model = robot.model
-    data = model.createData()
-    v = np.zeros(model.nv)
-    v[robot.velocity_index(joint)] = 1.0
-    pin.forwardKinematics(model, data, robot.neutral(), v)
-    twist = data.v[model.getJointId(joint)]
-    axis = np.asarray(twist.angular if np.linalg.norm(twist.angular) > 0.5 else twist.linear)
-    return np.asarray(axis / np.linalg.norm(axis))
 
 
 def _half_width(
@@ -99,13 +110,13 @@ def _half_width(
 
 def add_contact(root: Any, friction: float, size: SceneSize) -> None:
     """Add an arrow of unit length along z and a friction cone, to be placed and scaled."""
-    radius = 0.011 * size.reach
+    radius = size.arrow_radius
     shaft = UprightCylinder(1.0, radius)
     root["shaft"]["body"].set_object(shaft, material(rgb(GREEN), 1.0))
     root["shaft"]["body"].set_transform(_shift(0.5))
-    head = UprightCylinder(5.0 * radius, radiusTop=0.0, radiusBottom=2.6 * radius)
+    head = UprightCylinder(size.arrow_head, radiusTop=0.0, radiusBottom=2.6 * radius)
     root["head"]["body"].set_object(head, material(rgb(GREEN), 1.0))
-    root["head"]["body"].set_transform(_shift(2.5 * radius))
+    root["head"]["body"].set_transform(_shift(0.5 * size.arrow_head))
     height = 0.28 * size.reach
     cone = UprightCylinder(height, radiusTop=friction * height, radiusBottom=0.0)
     root["cone"]["body"].set_object(cone, material(rgb(YELLOW), 0.22))

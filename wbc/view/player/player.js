@@ -51,7 +51,13 @@ for (const c of data.contacts) {
   Object.values(c.node).forEach(noShadow);
 }
 for (const g of data.gears) g.node = node("robot", "j" + g.number, "hub");
-if (data.ghost) noShadow(node("ghost"));
+if (data.ghost) {
+  noShadow(node("ghost"));
+  // Where the two coincide the measurement is seen, without flicker.
+  node("ghost").traverse((o) => {
+    if (o.material) Object.assign(o.material, { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
+  });
+}
 node("ground").traverse((o) => { o.castShadow = false; });
 
 // Motion -----------------------------------------------------------------------------------------
@@ -62,7 +68,8 @@ let now = start, playing = false, speed = 1, lastTick = 0;
 const layers = { "centre of mass": data.floor !== null };
 if (data.contacts.length) Object.assign(layers, { forces: true, cones: true });
 if (data.floating) layers.follow = data.follow;
-if (data.ghost) { layers.ghost = true; layers.residual = true; }
+if (data.ghost) layers.ghost = true;
+if (data.gears.some((g) => g.residual)) layers.residual = true;
 
 function locate(t) {
   let low = 0, high = frames - 1;
@@ -91,7 +98,7 @@ function drawContact(c, i) {
   const size = Math.hypot(...force);
   const shown = size > 0.02 * data.weight;
   const full = Math.min(size * data.metres_per_newton, 1.6 * data.reach);
-  const head = 5 * 0.011 * data.reach, shaft = Math.max(full - head, 1e-4);
+  const shaft = Math.max(full - data.arrow_head, 1e-4);
   c.node.shaft.visible = c.node.head.visible = shown && layers.forces;
   c.node.cone.visible = shown && layers.cones;
   if (!shown) return;
@@ -177,11 +184,12 @@ function buildReadout() {
     cells.push(made);
   }
   const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
+  const ghostNote = data.ghost ? `<br>transparent: ${data.ghost.label}` : "";
   $("legend").innerHTML = data.gears.length === 0 ? "" : "power through the teeth: " +
     entry(data.colours.modes["1"], "motor drives") + entry(data.colours.modes["-1"], "joint drives") +
     entry(data.colours.modes["0"], "stuck or idle") +
     (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
-      entry(data.colours.under, "below") : "");
+      entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} floors)` : "") + ghostNote;
   if (data.gears.length === 0) $("details").remove();
   else if (window.innerWidth < 560 || data.gears.length > 8) $("details").open = false;
 }
@@ -239,7 +247,7 @@ function paintBackdrop() {
     for (let i = 0; i < frames;) {
       const fill = shade(i), from = i;
       while (i < frames && shade(i) === fill) i++;
-      if (fill) { g.fillStyle = fill; g.fillRect(x(time[from]), y, x(time[Math.min(i, frames - 1)]) - x(time[from]), view.strip); }
+      if (fill) { g.fillStyle = fill; g.fillRect(x(time[from]), y, x(time[Math.min(i, frames - 1)]) - x(time[from]) + 0.6, view.strip); }
     }
     y += view.strip + 2;
   }

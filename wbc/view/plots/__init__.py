@@ -4,6 +4,7 @@ from wbc.view.plots.energy import EnergyAudit, energy_audit, energy_figure
 from wbc.view.plots.impact import impact_figure
 from wbc.view.plots.metrics import leg_figure, tradeoff_figure
 from wbc.view.plots.power import power_figure
+from wbc.view.plots.residuals import residual_figure, staircase_figure
 from wbc.view.plots.standing import standing_figure
 from wbc.view.plots.style import write_figure
 
@@ -14,6 +15,8 @@ __all__ = [
     "impact_figure",
     "leg_figure",
     "power_figure",
+    "residual_figure",
+    "staircase_figure",
     "standing_figure",
     "tradeoff_figure",
     "write_figure",

@@ -1,0 +1,142 @@
+"""Where a model fails, and what its effects repair."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from wbc.arrays import FloatArray
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.style import drawing, new_figure
+from wbc.view.residuals import Residuals
+
+_BINS = 24
+_POINTS = 1500
+_DECIDES = 0.5
+
+
+def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
+    """Return the residual of every driven joint over time, speed, position and load.
+
+    Points are measured minus modelled torque of the robot that was given and of the robot with
+    the effects found; the band is two noise floors. Where the quantity on the axis decides what
+    the effects explain, a line shows it (the difference of the two, averaged in bins).
+
+    Args:
+        residuals: from `residuals_of`.
+        fitted_label: what the robot with the effects is called in the legend.
+        theme: page colours.
+    """
+    run = residuals.runs[0]
+    stacked = [
+        np.concatenate([getattr(r, name) for r in residuals.runs])
+        for name in ("speed", "position", "load", "before", "after")
+    ]
+    speed, position, load, before, after = stacked
+    with drawing(theme):
+        figure, grid = new_figure(residuals.driven, 4, 12.0, 2.3 * residuals.driven + 0.6)
+        for k, axes in enumerate(grid):
+            _over_time(axes[0], run.time, run.before[:, k], run.after[:, k], theme)
+            for ax, x in zip(axes[1:], (speed, position, load), strict=True):
+                _over(ax, x[:, k], before[:, k], after[:, k], theme)
+            for ax in axes:
+                level = 2.0 * residuals.floor[k]
+                ax.axhspan(-level, level, color=theme.ink, alpha=0.13, linewidth=0.0)
+            axes[0].set_title(residuals.outputs[k])
+            axes[0].set_ylabel(f"measured - model [{residuals.units[k]}]")
+            linear = residuals.units[k] == "N"
+            labels = ("time [s]", "speed [m/s]", "position [m]", "load [N]")
+            turning = ("time [s]", "speed [rad/s]", "position [rad]", "load [N m]")
+            for ax, label in zip(axes, labels if linear else turning, strict=True):
+                ax.set_xlabel(label)
+        entries = [
+            Line2D([], [], color=theme.series[1], marker="o", linestyle="", label="as given"),
+            Line2D([], [], color=theme.series[0], marker="o", linestyle="", label=fitted_label),
+            Line2D([], [], color=theme.ink, label="difference"),
+            Patch(color=theme.ink, alpha=0.13, label="two noise floors"),
+        ]
+        figure.legend(handles=entries, loc="outside upper center", ncols=4)
+    return figure
+
+
+def staircase_figure(
+    steps: list[tuple[str, float]], floor_source: str, theme: Theme = LIGHT
+) -> Figure:
+    """Return the held-out error after each addition, in noise floors.
+
+    Args:
+        steps: (what was added, error), the first one for the robot as given.
+        floor_source: `repeats` or `lower bound`.
+        theme: page colours.
+    """
+    errors = np.array([error for _, error in steps])
+    with drawing(theme):
+        figure, grid = new_figure(1, 1, 6.5, 0.55 * len(steps) + 1.2)
+        ax = grid[0][0]
+        rows = np.arange(len(steps))
+        ax.barh(rows, errors, color=theme.series[0], height=0.62)
+        ax.set_xscale("log")
+        ax.set_xlim(0.5, 2.2 * max(errors.max(), 2.0))
+        ax.axvline(1.0, color=theme.series[1], linestyle="--")
+        ax.annotate(
+            f"noise floor ({floor_source})",
+            (1.0, -0.62),
+            xytext=(3, 0),
+            textcoords="offset points",
+            color=theme.series[1],
+            fontsize=8,
+        )
+        for row, error in zip(rows, errors, strict=True):
+            ax.annotate(
+                f"{error:.3g}",
+                (error, row),
+                xytext=(4, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8.5,
+            )
+        ax.set_yticks(rows, [label for label, _ in steps])
+        ax.set_ylim(len(steps) - 0.4, -0.8)
+        ax.grid(visible=False, axis="y")
+        ax.set_xlabel("held-out error [noise floors]")
+    return figure
+
+
+def binned_mean(x: FloatArray, y: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:
+    """Return mean x and mean y in bins of equal count, ordered by x; at least eight in a bin."""
+    order = np.argsort(x)
+    parts = np.array_split(order, max(1, min(bins, len(x) // 8)))
+    return (
+        np.array([np.mean(x[part]) for part in parts]),
+        np.array([np.mean(y[part]) for part in parts]),
+    )
+
+
+def _over_time(
+    ax: Axes, time: FloatArray, before: FloatArray, after: FloatArray, theme: Theme
+) -> None:
+    ax.plot(time, before, color=theme.series[1], linewidth=0.8)
+    ax.plot(time, after, color=theme.series[0], linewidth=0.8)
+    ax.set_xlim(time[0], time[-1])
+
+
+def _over(ax: Axes, x: FloatArray, before: FloatArray, after: FloatArray, theme: Theme) -> None:
+    known = np.isfinite(x)
+    x, before, after = x[known], before[known], after[known]
+    if not x.size:
+        ax.set_visible(False)
+        return
+    few = slice(None, None, max(1, len(x) // _POINTS))
+    dots: dict[str, Any] = {"s": 4, "linewidths": 0, "rasterized": True}
+    ax.scatter(x[few], before[few], color=theme.series[1], alpha=0.45, **dots)
+    ax.scatter(x[few], after[few], color=theme.series[0], alpha=0.45, **dots)
+    explained = before - after
+    centers, means = binned_mean(x, explained)
+    scatter = explained - np.interp(x, centers, means)
+    if np.var(scatter) < _DECIDES * np.var(explained):
+        ax.plot(centers, means, color=theme.ink, linewidth=1.6)
