@@ -1,6 +1,21 @@
 """Compare logs with a robot, learn what the model lacks, add it, see the error fall."""
 
+from wbc.identification.breakdown import Breakdown
+from wbc.identification.compare import Comparison, OutputError, Series, compare
 from wbc.identification.diagnose import diagnose
 from wbc.identification.diagnosis import Diagnosis, ErrorLevel, Estimate, Finding, Step, Verdict
 
-__all__ = ["Diagnosis", "ErrorLevel", "Estimate", "Finding", "Step", "Verdict", "diagnose"]
+__all__ = [
+    "Breakdown",
+    "Comparison",
+    "Diagnosis",
+    "ErrorLevel",
+    "Estimate",
+    "Finding",
+    "OutputError",
+    "Series",
+    "Step",
+    "Verdict",
+    "compare",
+    "diagnose",
+]

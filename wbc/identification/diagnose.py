@@ -50,8 +50,8 @@ def diagnose(
     selector = Selector(problem, classes, progress)
     path = selector.run()
     before = path[0].error
-    final = selector.prune(path[-1], before)
-    alternatives = [selector.alternatives(final, k, before) for k in range(len(final.effects))]
+    final = selector.prune(path[-1], path[0])
+    alternatives = [selector.alternatives(final, k, path[0]) for k in range(len(final.effects))]
     verdict = judge(before, final, alternatives)
     findings = _findings(problem, final, alternatives)
     return Diagnosis(

@@ -14,7 +14,7 @@ from wbc.identification.residual import condensed_residual
 from wbc.robot import Effect, Parameter, Robot
 
 _ITERATIONS = 12
-_CONVERGED = 1e-5
+_CONVERGED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +47,16 @@ class Fit:
         return float(np.mean(self.residual**2))
 
     def held_out(self, folds: IntArray) -> FloatArray:
-        """Return (rows,) mean square over outputs, each fold predicted without itself.
+        """Return (rows, outputs) squares, each fold predicted without itself.
 
         The parameters of each fold are one Gauss-Newton step away from those of all records.
         """
-        squares = np.empty(len(self.residual))
+        squares = np.empty(self.residual.shape)
         for fold in np.unique(folds):
             inside = folds == fold
             step = self.step(~inside) if self.parameters else np.zeros(0)
             moved = self.residual[inside] + self.jacobian[inside] @ step
-            squares[inside] = np.mean(moved**2, axis=1)
+            squares[inside] = moved**2
         return squares
 
     def step(self, rows: FloatArray | IntArray) -> FloatArray:
@@ -69,7 +69,7 @@ def refine(
     robot: Robot,
     effects: Sequence[Effect],
     records: Sequence[Record],
-    scale: FloatArray,
+    whitening: FloatArray,
     iterations: int = _ITERATIONS,
 ) -> Fit:
     """Fit all parameters of `effects` added to `robot`.
@@ -78,31 +78,31 @@ def refine(
         robot: the robot that lacks them.
         effects: start values.
         records: the logs.
-        scale: (outputs,) by which residuals are divided.
+        whitening: (outputs, outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
     """
     current = list(effects)
     slots = tuple((k, p) for k, effect in enumerate(current) for p in effect.parameters)
-    residual = _residual(robot, current, records, scale)
-    jacobian = _jacobian(robot, current, slots, records, scale, residual)
+    residual = _residual(robot, current, records, whitening)
+    jacobian = _jacobian(robot, current, slots, records, whitening, residual)
     for _ in range(iterations if slots else 0):
         step = _bounded_step(current, slots, jacobian, residual)
-        moved, change = _line_search(robot, current, slots, step, records, scale, residual)
+        moved, change = _line_search(robot, current, slots, step, records, whitening, residual)
         if moved is None:
             break
         current, after = moved
         gain = float(np.sum(residual**2) - np.sum(after**2)) / float(np.sum(residual**2))
         residual = after
-        jacobian = _jacobian(robot, current, slots, records, scale, residual)
+        jacobian = _jacobian(robot, current, slots, records, whitening, residual)
         if gain < _CONVERGED or change < _CONVERGED:
             break
     return Fit(robot.with_effects(*current), tuple(current), residual, jacobian, slots)
 
 
 def _residual(
-    robot: Robot, effects: Sequence[Effect], records: Sequence[Record], scale: FloatArray
+    robot: Robot, effects: Sequence[Effect], records: Sequence[Record], whitening: FloatArray
 ) -> FloatArray:
-    return condensed_residual(robot.with_effects(*effects), records) / scale
+    return condensed_residual(robot.with_effects(*effects), records) @ whitening
 
 
 def _jacobian(
@@ -110,7 +110,7 @@ def _jacobian(
     effects: Sequence[Effect],
     slots: Sequence[tuple[int, Parameter]],
     records: Sequence[Record],
-    scale: FloatArray,
+    whitening: FloatArray,
     residual: FloatArray,
 ) -> FloatArray:
     columns = []
@@ -119,7 +119,7 @@ def _jacobian(
             step = size * parameter.scale
             try:
                 changed = _moved(effects, {(k, parameter.name): step})
-                column = (_residual(robot, changed, records, scale) - residual) / size
+                column = (_residual(robot, changed, records, whitening) - residual) / size
             except (EffectError, TransmissionError, DynamicsError):
                 continue
             columns.append(column)
@@ -173,7 +173,7 @@ def _line_search(
     slots: Sequence[tuple[int, Parameter]],
     step: FloatArray,
     records: Sequence[Record],
-    scale: FloatArray,
+    whitening: FloatArray,
     residual: FloatArray,
 ) -> tuple[tuple[list[Effect], FloatArray] | None, float]:
     before = float(np.sum(residual**2))
@@ -184,7 +184,7 @@ def _line_search(
         }
         try:
             moved = _moved(effects, changes, clip=True)
-            after = _residual(robot, moved, records, scale)
+            after = _residual(robot, moved, records, whitening)
         except (EffectError, TransmissionError, DynamicsError):
             length *= 0.4
             continue

@@ -6,30 +6,48 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import contact_torque
 from wbc.identification.record import Record
-from wbc.identification.smoothing import low_pass
+from wbc.identification.synthetic import synthetic_noise
 
+_SHRINKAGE = 0.03
 _SAME_MOTION = 0.02  # of the range of motion: runs closer than this are repeats of one another
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
-    """Root mean square of the residual that noise alone leaves.
+    """The residual that noise alone leaves.
 
     Attributes:
-        values: (m + b,) per output [N m, N].
-        sensors: (m + b,) what the white noise of the sensors explains, a lower bound.
-        repeats: pairs of record numbers that repeat one another; with none, `values` is the
+        covariance: (m + b, m + b) of the outputs [N m, N].
+        sensors: the same from the white noise of the sensors alone, a lower bound.
+        repeats: pairs of record numbers that repeat one another; with none, `covariance` is the
             lower bound.
     """
 
-    values: FloatArray
+    covariance: FloatArray
     sensors: FloatArray
     repeats: tuple[tuple[int, int], ...]
+
+    @property
+    def values(self) -> FloatArray:
+        """Root mean square (m + b,) per output [N m, N]."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def whitening(self) -> FloatArray:
+        """W (m + b, m + b): residual @ W has unit covariance where there is only noise.
+
+        Outputs that share their noise (a joint and the base it pushes against, through the same
+        contact force) are judged by their differences, too; correlations are shrunk a little,
+        since no model is so good that noise cancels altogether.
+        """
+        size = self.values
+        correlation = self.covariance / np.outer(size, size)
+        shrunk = (1.0 - _SHRINKAGE) * correlation + _SHRINKAGE * np.eye(size.size)
+        lower = np.linalg.cholesky(shrunk)
+        return np.asarray(np.linalg.inv(lower).T / size[:, None])
 
     @property
     def source(self) -> str:
@@ -44,12 +62,21 @@ def noise_floor(records: Sequence[Record], residuals: Sequence[FloatArray]) -> N
         records: the logs.
         residuals: (rows, m + b) condensed residual of each.
     """
-    sensors = np.sqrt(np.mean([np.mean(_synthetic(r) ** 2, axis=0) for r in records], axis=0))
+    drawn = [record.condense(np.add(*synthetic_noise(record))) for record in records]
+    sensors = _covariance(np.concatenate(drawn))
     pairs = find_repeats(records)
     if not pairs:
         return NoiseFloor(sensors, sensors, ())
-    squares = [np.mean((residuals[i] - residuals[j]) ** 2, axis=0) / 2.0 for i, j in pairs]
-    return NoiseFloor(np.sqrt(np.mean(squares, axis=0)), sensors, pairs)
+    differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in pairs]
+    return NoiseFloor(_covariance(np.concatenate(differences)), sensors, pairs)
+
+
+def _covariance(values: FloatArray) -> FloatArray:
+    """Return the second moments (k, k) of `values` (rows, k) about zero."""
+    moments = values.T @ values / len(values)
+    # An output without any noise (a constant channel) must not get infinite weight.
+    least = 1e-12 * float(np.trace(moments)) + 1e-300
+    return np.asarray(moments + least * np.eye(len(moments)))
 
 
 def find_repeats(records: Sequence[Record]) -> tuple[tuple[int, int], ...]:
@@ -68,35 +95,3 @@ def find_repeats(records: Sequence[Record]) -> tuple[tuple[int, int], ...]:
             if apart.size and apart.max() < _SAME_MOTION and not copies:
                 pairs.append((i, j))
     return tuple(pairs)
-
-
-def _synthetic(record: Record) -> FloatArray:
-    """Return the residual (rows, m + b) that white sensor noise of the measured level makes."""
-    robot, rate, noise = record.robot, record.rate, record.noise
-    random = np.random.default_rng(0)
-    count, nv = record.motion.velocity.shape
-    cutoff = record.bandwidth.kinematics
-
-    def white(level: FloatArray) -> FloatArray:
-        sigma = np.sqrt(np.maximum(np.nan_to_num(level), 0.0) * 0.5 * rate)
-        draws = sigma * random.standard_normal((count, level.size))
-        return low_pass(draws, cutoff, rate)
-
-    by_position, by_velocity = noise.acceleration_variance(record.bandwidth.residual)
-    quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
-    velocity = np.where(
-        quieter, white(noise.velocity), np.gradient(white(noise.position), 1.0 / rate, axis=0)
-    )
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
-    torque = np.empty((count, nv))
-    data = robot.model.createData()
-    for row, q in enumerate(record.motion.position):
-        mass = pin.crba(robot.model, data, q)
-        torque[row] = mass @ acceleration[row]
-    forces = {name: white(level) for name, level in noise.forces.items()}
-    torque -= contact_torque(robot, record.motion.position, forces)
-    gears = robot.transmission
-    mesh = torque[:, robot.actuated] @ gears.topology
-    spin = acceleration[:, robot.actuated] @ gears.motor_from_joint.T
-    driven = white(noise.torque) - mesh - gears.reflected_inertia * spin
-    return record.condense(np.concatenate([driven, torque[:, robot.unactuated]], axis=1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,10 +14,12 @@ from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidt
 from wbc.identification.channels import Channels, read_channels
 from wbc.identification.record import Record
 from wbc.identification.smoothing import differentiate, gate, low_pass, white_level
+from wbc.identification.synthetic import synthetic_noise
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
+_SHARED_NOISE = 0.5
 _REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
 
 
@@ -35,7 +38,7 @@ def prepare(robot: Robot, logs: Sequence[Log]) -> tuple[Record, ...]:
     rate = min(channel.rate for channel in channels)
     band = choose_bandwidth(noises, inertia, robot.actuated, rate)
     return tuple(
-        _record(robot, channel, noise, band)
+        _with_noise_shared(_record(robot, channel, noise, band))
         for channel, noise in zip(channels, noises, strict=True)
     )
 
@@ -93,7 +96,28 @@ def _record(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidt
         rate=rate / every,
         bandwidth=band,
         noise=noise,
+        reported_share=np.ones(robot.transmission.size),
     )
+
+
+def _with_noise_shared(record: Record) -> Record:
+    """Return the record with weights shared by outputs that share their noise.
+
+    A joint whose noise is mostly that of the base can only be judged together with the base, at
+    the same moments.
+    """
+    reported, needed = synthetic_noise(record)
+    cutoff = record.bandwidth.residual
+    reported = low_pass(reported, cutoff, record.rate)
+    noise = reported + low_pass(needed, cutoff, record.rate)
+    moments = noise.T @ noise / len(noise)
+    size = np.sqrt(np.maximum(np.diag(moments), 1e-300))
+    partners = np.abs(moments / np.outer(size, size)) > _SHARED_NOISE
+    np.fill_diagonal(partners, True)
+    weight = np.stack([record.weight[:, row].min(axis=1) for row in partners], axis=1)
+    m = record.torque.shape[1]
+    share = np.mean(reported[:, :m] ** 2, axis=0) / size[:m] ** 2
+    return replace(record, weight=frozen(weight), reported_share=frozen(np.clip(share, 0.0, 1.0)))
 
 
 def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth) -> Motion:

@@ -54,16 +54,16 @@ class Problem:
         )
 
     @property
-    def scale(self) -> FloatArray:
-        """(outputs,) by which residuals are divided: the floor."""
-        return self.floor.values
+    def whitening(self) -> FloatArray:
+        """(outputs, outputs) by which residuals are multiplied."""
+        return self.floor.whitening
 
     def fit(self, effects: Sequence[Effect]) -> Fit:
         """Return the robot with these effects, parameters fitted to all records."""
-        return refine(self.robot, effects, self.records, self.scale)
+        return refine(self.robot, effects, self.records, self.whitening)
 
     def held_out(self, fit: Fit) -> FloatArray:
-        """Return (rows,) held-out mean square over outputs, in units of the floor."""
+        """Return (rows, outputs) held-out squares in units of the floor."""
         return fit.held_out(self.folds)
 
     def distortion(self, fit: Fit) -> FloatArray:
@@ -75,9 +75,9 @@ class Problem:
         if not fit.parameters:
             return np.zeros(0)
         narrow = tuple(record.narrowed(0.6) for record in self.records)
-        other = refine(self.robot, fit.effects, narrow, self.scale, iterations=2)
+        other = refine(self.robot, fit.effects, narrow, self.whitening, iterations=2)
         return np.abs(other.values - fit.values)
 
     def gain(self, worse: FloatArray, better: FloatArray) -> tuple[float, float]:
         """Return the fall of the held-out mean square and its standard error."""
-        return paired_difference(worse, better, self.blocks)
+        return paired_difference(worse.mean(axis=1), better.mean(axis=1), self.blocks)

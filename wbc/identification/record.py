@@ -36,6 +36,8 @@ class Record:
         rate: [Hz] of this grid.
         bandwidth: cut-offs.
         noise: white noise of the sensors.
+        reported_share: (m,) share of the residual's noise variance that comes from the reported
+            torque; the rest comes from what the model needs.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Record:
     rate: float
     bandwidth: Bandwidth
     noise: SensorNoise
+    reported_share: FloatArray
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
 
     @property
@@ -71,19 +74,20 @@ class Record:
 
     def condense(self, values: FloatArray) -> FloatArray:
         """Return weighted, low-passed and thinned `values` (N, k) -> (rows, k)."""
-        smooth = low_pass(values * self.weight, self.bandwidth.residual, self.rate)
-        return smooth[self.edge : len(smooth) - self.edge : self.stride]
+        return self.thinned(low_pass(values * self.weight, self.bandwidth.residual, self.rate))
 
-    def condense_many(self, values: FloatArray) -> FloatArray:
-        """Return `condense` of every column set in `values` (N, k, c) -> (rows, k, c)."""
-        smooth = low_pass(values * self.weight[:, :, None], self.bandwidth.residual, self.rate)
-        return smooth[self.edge : len(smooth) - self.edge : self.stride]
+    def condense_driven(self, values: FloatArray) -> FloatArray:
+        """Return low-passed and thinned `values` (N, k) -> (rows, k), without weights."""
+        return self.thinned(low_pass(values, self.bandwidth.residual, self.rate))
+
+    def thinned(self, values: FloatArray) -> FloatArray:
+        """Return the samples of `values` (N, ...) that belong to the condensed rows."""
+        return values[self.edge : len(values) - self.edge : self.stride]
 
     @cached_property
     def time(self) -> FloatArray:
-        """Time of every condensed row (rows,) [s]."""
-        assert self.motion.time is not None
-        return self.motion.time[self.edge : len(self.torque) - self.edge : self.stride]
+        """Time since the start of the log of every condensed row, (rows,) [s]."""
+        return self.thinned(np.arange(len(self.torque)) / self.rate)
 
     def narrowed(self, factor: float) -> Record:
         """Return the same record with the residual's band narrowed by `factor`."""

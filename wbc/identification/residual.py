@@ -22,8 +22,8 @@ def raw_residual(robot: Robot, record: Record) -> FloatArray:
     undriven coordinates (minus the wrench that nothing provides).
 
     Reported torque goes through the robot's drives forward, so that a drive that clips, sags or
-    lags needs no inverse; dividing by the drive's slope keeps the size of the sensor's noise, or
-    else a factor near zero would explain everything.
+    lags needs no inverse; the result is divided by what the drive's slope does to the size of the
+    noise, or else a factor that shrinks everything would explain everything.
     """
     motion = record.motion
     for effect in reversed(robot.effects):
@@ -33,7 +33,9 @@ def raw_residual(robot: Robot, record: Record) -> FloatArray:
         _without_drives(robot), motion, links, record.contacts_along(motion)
     )
     delivered, slope = _delivered(robot, motion, record.torque)
-    driven = (delivered - needed) / slope * np.abs(robot.transmission.gear_ratio)
+    share = record.reported_share
+    size = np.sqrt(share * slope**2 + 1.0 - share)
+    driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
     return np.concatenate([driven, -wrench], axis=1)
 
 

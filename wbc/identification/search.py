@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.atoms import Atom
 from wbc.identification.design_matrix import DesignMatrix
-from wbc.robot import Robot
+from wbc.identification.fit import Fit
 
 
 @dataclass(frozen=True)
@@ -31,26 +31,22 @@ class BeamSearch:
 
     def __init__(
         self,
-        robot: Robot,
+        fit: Fit,
         atoms: Sequence[Atom],
-        residual: FloatArray,
-        scale: FloatArray,
+        whitening: FloatArray,
         folds: IntArray,
-        nuisance: FloatArray,
         width: int = 8,
     ) -> None:
         """Sum up the columns of all atoms.
 
         Args:
-            robot: what the causes are added to.
+            fit: the model that causes are added to; its own parameters stay free to move.
             atoms: candidates with columns (rows, outputs, r).
-            residual: (rows, outputs) to be explained, in the outputs' units.
-            scale: (outputs,) noise floor.
+            whitening: (outputs, outputs) of the fit.
             folds: (rows,) numbers of the folds.
-            nuisance: (rows, outputs, p) columns that every set contains.
             width: sets kept per size.
         """
-        self.robot = robot
+        self.robot = fit.robot
         self.atoms = list(atoms)
         self.width = width
         ends = np.cumsum([atom.columns.shape[-1] for atom in self.atoms])
@@ -59,9 +55,10 @@ class BeamSearch:
             for atom, end in zip(self.atoms, ends, strict=True)
         ]
         first = int(ends[-1]) if self.atoms else 0
-        self._nuisance = list(range(first, first + nuisance.shape[-1]))
-        columns = np.concatenate([*(atom.columns for atom in self.atoms), nuisance], axis=-1)
-        self.matrix = DesignMatrix.from_rows(columns / scale[:, None], residual / scale, folds)
+        self._nuisance = list(range(first, first + fit.jacobian.shape[-1]))
+        whitened = [np.einsum("roc,op->rpc", atom.columns, whitening) for atom in self.atoms]
+        columns = np.concatenate([*whitened, -fit.jacobian], axis=-1)
+        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds)
         self._errors: dict[tuple[int, ...], float] = {}
 
     def columns(self, chosen: Sequence[int]) -> list[int]:

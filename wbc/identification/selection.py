@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.fit import Fit
 from wbc.identification.problem import Problem
+from wbc.identification.residual import condensed_residual
 from wbc.identification.search import BeamSearch, Subset
 from wbc.robot import Effect
 
@@ -20,6 +21,7 @@ _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivative
 _MOST_CAUSES = 8
 _REFINED = 5
 _SCREEN_ERROR = 0.03
+_SCREEN_NOISE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,7 @@ class Model:
 
     Attributes:
         fit: effects and parameters.
-        squares: (rows,) held-out mean square in units of the floor.
+        squares: (rows, outputs) held-out squares in units of the floor.
     """
 
     fit: Fit
@@ -71,34 +73,38 @@ class Selector:
         fit = self.problem.fit(effects)
         return Model(fit, self.problem.held_out(fit))
 
-    def tolerance(self, before: float) -> float:
-        """Return the smallest gain worth a cause, given the first error (mean squares)."""
-        return _LEAST_GAIN + _SYSTEMATIC**2 * max(before - 1.0, 0.0)
+    def pays(self, small: Model, large: Model, first: Model) -> bool:
+        """Whether `large` is better than `small` by more than chance and distortion.
 
-    def pays(self, small: Model, large: Model, before: float) -> bool:
-        """Whether `large` is better than `small` by more than chance and distortion."""
+        What filters and derivatives distort is a share of each output's first error; only what
+        an output gains beyond that counts.
+        """
         gain, error = self.problem.gain(small.squares, large.squares)
-        return gain > max(_SIGNIFICANT * error, self.tolerance(before))
+        if gain <= _SIGNIFICANT * error:
+            return False
+        by_output = np.mean(small.squares - large.squares, axis=0)
+        distorted = _SYSTEMATIC**2 * np.mean(first.squares, axis=0)
+        return float(np.mean(np.maximum(by_output - distorted, 0.0))) > _LEAST_GAIN
 
     def run(self) -> list[Model]:
         """Return the models from no cause to the chosen ones, each one cause larger."""
         path = [self.model(())]
-        before = path[0].error
+        first = path[0]
         while len(path) <= _MOST_CAUSES:
-            best = self.best_addition(path[-1], before)
-            if best is None or not self.pays(path[-1], best, before):
+            best = self.best_addition(path[-1], first)
+            if best is None:
                 break
             path.append(best)
             self.report(f"{best.effects[-1].name} at {best.effects[-1].where}")
         return path
 
-    def best_addition(self, model: Model, before: float) -> Model | None:
-        """Return the model with one cause more that is best on held-out data."""
-        refined = self.additions(model, _REFINED)
+    def best_addition(self, model: Model, first: Model) -> Model | None:
+        """Return the simplest of the models with one cause more that do best, or None."""
+        refined = [m for m in self.additions(model, _REFINED) if self.pays(model, m, first)]
         if not refined:
             return None
         lowest = min(refined, key=lambda m: m.error)
-        close = [m for m in refined if not self.pays(m, lowest, before)]
+        close = [m for m in refined if not self.pays(m, lowest, first)]
         return min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
 
     def _rank(self, model: Model) -> int:
@@ -123,7 +129,8 @@ class Selector:
         if not found:
             return []
         # The screen is linear: leave room for what the refit may still gain over it.
-        worst = max(found[0].error, enough) + _SCREEN_ERROR * (start.error - found[0].error)
+        doubt = _SCREEN_ERROR * (start.error - found[0].error) + _SCREEN_NOISE
+        worst = max(found[0].error, enough) + doubt
         refined: list[Model] = []
         seen: set[tuple[str, str]] = set()
         for subset in found:
@@ -143,7 +150,7 @@ class Selector:
     ) -> tuple[BeamSearch, list[Atom]]:
         """Return the search over single additions, with the present parameters free to move."""
         problem, fit = self.problem, model.fit
-        base = fit.residual * problem.scale
+        base = condensed_residual(fit.robot, problem.records)
         known = evidence(fit.robot, problem.records)
         taken = {(e.name, e.where) for e in model.effects} | set(exclude)
         atoms = [
@@ -151,13 +158,10 @@ class Selector:
             for atom in make_atoms(fit.robot, problem.records, self.candidates, base, known)
             if atom.key not in taken
         ]
-        nuisance = -fit.jacobian * problem.scale[:, None]
-        search = BeamSearch(
-            fit.robot, atoms, base, problem.scale, problem.folds, nuisance, width=40
-        )
+        search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)
         return search, atoms
 
-    def alternatives(self, model: Model, k: int, before: float) -> tuple[str, ...]:
+    def alternatives(self, model: Model, k: int, first: Model) -> tuple[str, ...]:
         """Return names of effects that could stand for cause number `k` just as well.
 
         Another place of the same effect is named `effect at place`.
@@ -168,20 +172,20 @@ class Selector:
         names: dict[str, None] = {}
         for rival in self.additions(rest, _REFINED, [(own.name, own.where)], model.error):
             simple = rival.complexity <= model.complexity + 1e-9
-            if simple and not self.pays(rival, model, before):
+            if simple and not self.pays(rival, model, first):
                 other = rival.effects[-1]
                 same = other.name == own.name
                 names[f"{other.name} at {other.where}" if same else other.name] = None
         return tuple(names)
 
-    def prune(self, model: Model, before: float) -> Model:
+    def prune(self, model: Model, first: Model) -> Model:
         """Return the model without causes that do not pay any more."""
         current = model
         while current.effects:
             smaller = [
                 self.model(_without(current.effects, k)) for k in range(len(current.effects))
             ]
-            idle = [m for m in smaller if not self.pays(m, current, before)]
+            idle = [m for m in smaller if not self.pays(m, current, first)]
             if not idle:
                 return current
             current = min(idle, key=lambda m: m.error)
