@@ -1,1 +1,47 @@
-"""Tasks, contacts and limits, the two QPs, and the whole-body controller."""
+"""Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
+
+from wbc.control.command import Command, Status
+from wbc.control.contacts import ConeApproximation, Contact, PointContact
+from wbc.control.controller import Controller, State
+from wbc.control.gears import RestPolicy
+from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.reference import Reference
+from wbc.control.safety import Damped, Hold, RepeatLast, SafetyPolicy
+from wbc.control.settings import ControllerSettings
+from wbc.control.speed import SpeedBlend
+from wbc.control.tasks import (
+    AngularMomentumTask,
+    CenterOfMassTask,
+    FrameOrientationTask,
+    FramePoseTask,
+    FramePositionTask,
+    PostureTask,
+    Task,
+)
+
+__all__ = [
+    "AngularMomentumTask",
+    "CenterOfMassTask",
+    "Command",
+    "ConeApproximation",
+    "Contact",
+    "Controller",
+    "ControllerSettings",
+    "Damped",
+    "FrameOrientationTask",
+    "FramePoseTask",
+    "FramePositionTask",
+    "Hold",
+    "JointLimit",
+    "PointContact",
+    "PostureTask",
+    "Reference",
+    "RepeatLast",
+    "RestPolicy",
+    "RotorTorqueLimit",
+    "SafetyPolicy",
+    "SpeedBlend",
+    "State",
+    "Status",
+    "Task",
+]

@@ -1,0 +1,66 @@
+"""What one tick of the controller returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from wbc.arrays import FloatArray
+from wbc.control.qp import QPSolution
+
+
+class Status(Enum):
+    """How a tick ended."""
+
+    SOLVED = "solved"
+    INACCURATE = "inaccurate"
+    LATE = "late"
+    INFEASIBLE = "infeasible"
+    FAILED = "failed"
+    NOT_FINITE = "not finite"
+    BAD_INPUT = "bad input"
+
+    @property
+    def usable(self) -> bool:
+        """Whether the rotor torque is that of the program, not the safe one."""
+        return self in (Status.SOLVED, Status.INACCURATE, Status.LATE)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Command:
+    """Rotor torques for one tick, and what they were computed from.
+
+    Attributes:
+        rotor_torque: tau_phi (m,) [N m] to command to the drives, inside their limits.
+        acceleration: qdd (nv,) that the program expects; zero where it found none.
+        forces: force of every active contact, (3,) [N] world axes for a point, (6,) [N, N m] in
+            its frame for a surface.
+        directions: (m,) `Direction` per gear: FORWARD, BACKWARD, or STUCK where the torque lies
+            inside the interval that stiction holds.
+        consistent: whether the mesh law allows the returned torques in these directions.
+        output_torque: T (m,) [N m] that leaves the gears.
+        mesh_power: (m,) [W] predicted into each mesh, mesh torque times expected motor speed.
+        desired_speed: (m,) [rad/s] of the motor outputs that the directions were judged by.
+        status: how the tick ended.
+        message: what was in the way, empty when nothing was.
+        solve_time: [s] in the solver.
+        tick_time: [s] of the whole tick.
+        rounds: programs solved; more than one where a predicted direction was revised.
+        solution: of the last program, None where none was solved.
+    """
+
+    rotor_torque: FloatArray
+    acceleration: FloatArray
+    forces: Mapping[str, FloatArray]
+    directions: FloatArray
+    consistent: bool
+    output_torque: FloatArray
+    mesh_power: FloatArray
+    desired_speed: FloatArray
+    status: Status
+    message: str
+    solve_time: float
+    tick_time: float
+    rounds: int
+    solution: QPSolution | None

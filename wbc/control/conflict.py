@@ -1,0 +1,62 @@
+"""What stands in the way when a program has no solution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from proxsuite import proxqp
+
+from wbc.control.program import ContactForceProgram
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """The constraint that the closest-to-feasible motion still breaks most.
+
+    Attributes:
+        name: of the constraint.
+        residual: by how much, in the row's own unit (N m, m/s^2, or 100 N).
+        unit: of the residual.
+    """
+
+    name: str
+    residual: float
+    unit: str
+
+    @property
+    def message(self) -> str:
+        """The sentence for a command's message."""
+        if self.residual <= 1e-4:
+            return "the solver stopped early although a feasible motion exists."
+        return f"{self.name} cannot be kept: {self.residual:.3g} {self.unit} missing."
+
+    @classmethod
+    def of(cls, program: ContactForceProgram) -> Conflict:
+        """Return the worst row of the program as assembled last.
+
+        Solves a second program that is allowed to break constraints in the least-squares sense;
+        this happens only in ticks that have no solution.
+        """
+        problem = program.problem
+        qp = proxqp.dense.QP(program.n, len(problem.b), len(problem.lower))
+        qp.settings.primal_infeasibility_solving = True
+        qp.settings.max_iter = 200
+        qp.settings.max_iter_in = 200
+        qp.init(*problem)
+        qp.solve()
+        x = np.array(qp.results.x)
+        if not np.isfinite(x).all():
+            return cls("the program", float("inf"), "")
+        balance = np.abs(problem.A @ x - problem.b)
+        rows = problem.C @ x
+        beyond = np.maximum(np.maximum(rows - problem.upper, problem.lower - rows), 0.0)
+        worst_balance = int(np.argmax(balance)) if balance.size else -1
+        worst_row = int(np.argmax(beyond)) if beyond.size else -1
+        in_balance = float(balance[worst_balance]) if balance.size else 0.0
+        in_rows = float(beyond[worst_row]) if beyond.size else 0.0
+        if in_balance >= in_rows:
+            name, unit = program.equality_label(worst_balance)
+            return cls(name, in_balance, unit)
+        name, unit = program.inequality_label(worst_row)
+        return cls(name, in_rows, unit)

@@ -1,0 +1,70 @@
+"""The contacts that are active in one tick, with their rows in one block."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.contacts import BoundContact
+from wbc.control.kinematics import Kinematics
+
+FORCE_SCALE = 100.0
+"""Newtons per unit of force variable, so that forces and accelerations are of one size."""
+
+
+class ContactSet:
+    """Stacked rows of some contacts.
+
+    Attributes:
+        contacts: the contacts, in order.
+        rows: total number of rows k, which is also that of force components.
+        jacobian: J (k, nv).
+        target: (k,) what J qdd must be: -drift - damping J v.
+        cone: (p, k) rows <= 0 on the forces in newtons.
+        cone_labels: (p,) names for messages.
+        normals: (c, k), normal force of each contact.
+    """
+
+    def __init__(self, contacts: Sequence[BoundContact], nv: int) -> None:
+        """Lay out the rows."""
+        self.contacts = tuple(contacts)
+        self.slices: list[slice] = []
+        start = 0
+        for contact in self.contacts:
+            self.slices.append(slice(start, start + contact.rows))
+            start += contact.rows
+        self.rows = start
+        self.jacobian = np.zeros((start, nv))
+        self.target = np.zeros(start)
+        self._drift = np.zeros(start)
+        self._damping = np.zeros(start)
+        faces = sum(len(contact.cone.matrix) for contact in self.contacts)
+        self.cone = np.zeros((faces, start))
+        self.normals = np.zeros((len(self.contacts), start))
+        labels: list[str] = []
+        for i, (contact, rows) in enumerate(zip(self.contacts, self.slices, strict=True)):
+            first = len(labels)
+            labels.extend(f"{contact.name}: {label}" for label in contact.cone.labels)
+            self.cone[first : len(labels), rows] = contact.cone.matrix
+            self.normals[i, rows] = contact.cone.normal
+            self._damping[rows] = contact.contact.damping
+        self.cone_labels = tuple(labels)
+        self.normal_minimum = np.array([c.contact.normal_minimum for c in self.contacts])
+        self.normal_maximum = np.array([c.contact.normal_maximum for c in self.contacts])
+
+    def fill(self, kinematics: Kinematics) -> None:
+        """Evaluate the rows at the present state."""
+        for contact, rows in zip(self.contacts, self.slices, strict=True):
+            contact.fill(kinematics, self.jacobian[rows], self._drift[rows])
+        np.dot(self.jacobian, kinematics.velocity, out=self.target)
+        self.target *= self._damping
+        self.target += self._drift
+        np.negative(self.target, out=self.target)
+
+    def load_share(self, weight: float) -> FloatArray:
+        """Return forces (k,) [N] that share `weight` [N] equally among the normals."""
+        if not self.contacts:
+            return np.zeros(0)
+        return np.asarray(self.normals.sum(axis=0) * (weight / len(self.contacts)))

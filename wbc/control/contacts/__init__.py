@@ -1,0 +1,7 @@
+"""Contacts: where the robot may push against the ground, and how hard."""
+
+from wbc.control.contacts.contact import BoundContact, Cone, Contact
+from wbc.control.contacts.friction import ConeApproximation
+from wbc.control.contacts.point import PointContact
+
+__all__ = ["BoundContact", "Cone", "ConeApproximation", "Contact", "PointContact"]

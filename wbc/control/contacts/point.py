@@ -1,0 +1,117 @@
+"""A point that rests on the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.control.contacts.contact import BoundContact, Cone, Contact
+from wbc.control.contacts.friction import ConeApproximation, planar_cone, pyramid
+from wbc.control.kinematics import Kinematics
+from wbc.dynamics import Workspace, evaluate
+from wbc.errors import ControlError
+from wbc.robot import Robot
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointContact(Contact):
+    """One of the robot's contact points on level ground, force (3,) along the world axes.
+
+    Axes in which the robot can never move the point (y of a planar robot) get neither rows nor
+    forces, so that no row of the program is singular by construction.
+
+    Attributes:
+        faces: faces of the friction pyramid, at least 3; a planar robot's cone is exact.
+        approximation: whether the pyramid stands inside the cone or around it.
+    """
+
+    faces: int = 4
+    approximation: ConeApproximation = ConeApproximation.INNER
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        super().__post_init__()
+        if self.faces < 3:
+            raise ControlError(f"contact '{self.name}': a pyramid has at least 3 faces.")
+
+    def points(self) -> tuple[str, ...]:
+        """Return its own name."""
+        return (self.name,)
+
+    def bind(self, robot: Robot) -> BoundPoint:
+        """Return the contact with its movable axes and its cone.
+
+        Raises:
+            ControlError: the point cannot move up and down, so that no force supports it.
+            RobotError: no such contact point.
+        """
+        point = robot.contact(self.name)
+        index = [c.name for c in robot.contacts].index(self.name)
+        axes = movable_axes(robot, index)
+        if 2 not in axes:
+            raise ControlError(f"contact '{self.name}' cannot move along z on '{robot.name}'.")
+        mu = point.friction if self.friction is None else self.friction
+        if len(axes) == 3:
+            matrix = pyramid(mu, self.faces, self.approximation)
+        else:
+            matrix = planar_cone(mu, len(axes))
+        normal = np.zeros(len(axes))
+        normal[-1] = 1.0
+        cone = Cone(
+            frozen(matrix), tuple(f"friction cone, face {i}" for i in range(len(matrix))), normal
+        )
+        return BoundPoint(
+            contact=self,
+            rows=len(axes),
+            cone=cone,
+            axes=frozen(axes, np.int_),
+            select=frozen([3 * index + axis for axis in axes], np.int_),
+        )
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoundPoint(BoundContact):
+    """A point contact resolved on a robot.
+
+    Attributes:
+        axes: the world axes (k,) that it has, the last one z.
+        select: its rows (k,) in the stacked contact Jacobian.
+    """
+
+    axes: IntArray
+    select: IntArray
+
+    def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
+        """Copy the rows of the tick's contact Jacobian and drift."""
+        terms = kinematics.terms
+        jacobian[:] = terms.contact_jacobian[self.select]
+        drift[:] = terms.contact_drift[self.select]
+
+    def wrench(self, force: FloatArray) -> FloatArray:
+        """Return the force (3,) [N], world axes."""
+        result = np.zeros(3)
+        result[self.axes] = force
+        return result
+
+
+def movable_axes(robot: Robot, index: int) -> list[int]:
+    """Return the world axes in which any motion of the robot moves a contact point.
+
+    Judged at a few configurations spread over the joints' range, by a Jacobian row that is zero
+    at all of them.
+    """
+    generator = np.random.default_rng(0)
+    space = Workspace(robot)
+    reach = np.zeros(3)
+    for _ in range(5):
+        step = generator.uniform(-1.0, 1.0, robot.model.nv)
+        q = pin.integrate(robot.model, robot.neutral(), step)
+        rows = evaluate(robot, q, np.zeros(robot.model.nv), space).contact_jacobian
+        reach = np.maximum(reach, np.abs(rows[3 * index : 3 * index + 3]).max(axis=1))
+    return [axis for axis in range(3) if reach[axis] > 1e-9]

@@ -1,0 +1,65 @@
+"""What the robot's physical effects ask of the controller, found by their hooks alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wbc.arrays import FloatArray
+from wbc.robot import Effect, Motion, Robot
+
+
+class EffectTorques:
+    """Calls the hooks that the robot's effects override, and no others.
+
+    Structural effects are already folded into the robot and cost nothing here.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Sort the effects by hook."""
+        self._robot = robot
+        self._smooth = _overriding(robot.effects, "joint_torque")
+        self._dry = _overriding(robot.effects, "joint_friction")
+        self._rotor = _overriding(robot.effects, "rotor_torque")
+        self._drive = tuple(reversed(_overriding(robot.effects, "drive_inverse")))
+        self._truth = tuple(reversed(_overriding(robot.effects, "true")))
+
+    def true_motion(self, motion: Motion) -> Motion:
+        """Return the motion behind what the encoders report."""
+        for effect in self._truth:
+            motion = effect.true(self._robot, motion)
+        return motion
+
+    def on_joints(self, motion: Motion, certainty: FloatArray) -> FloatArray | None:
+        """Return the torque of the effects on the coordinates (nv,), None without such effects.
+
+        Dry friction acts against the direction that `certainty` (nv,), -1 to 1, gives it.
+        """
+        total: FloatArray | None = None
+        for effect in self._smooth:
+            torque = effect.joint_torque(self._robot, motion)
+            if torque is not None:
+                total = torque if total is None else total + torque
+        for effect in self._dry:
+            level = effect.joint_friction(self._robot, motion)
+            if level is not None:
+                total = -level * certainty if total is None else total - level * certainty
+        return total
+
+    def on_rotors(self, motion: Motion) -> FloatArray | None:
+        """Return the torque that effects add on the rotors (m,), None without such effects."""
+        total: FloatArray | None = None
+        for effect in self._rotor:
+            torque = effect.rotor_torque(self._robot, motion)
+            if torque is not None:
+                total = torque if total is None else total + torque
+        return total
+
+    def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return what to command so that the drives deliver `torque` (m,)."""
+        for effect in self._drive:
+            torque = effect.drive_inverse(self._robot, motion, torque)
+        return torque
+
+
+def _overriding(effects: Sequence[Effect], hook: str) -> tuple[Effect, ...]:
+    return tuple(e for e in effects if getattr(type(e), hook) is not getattr(Effect, hook))

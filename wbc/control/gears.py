@@ -1,0 +1,104 @@
+"""The mesh law as the controller uses it: blended near standstill, linear in each direction."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.transmission import Direction, Transmission, mesh_input_interval
+
+
+class RestPolicy(Enum):
+    """Which mesh input torque to choose where a gear stands still and T fixes only an interval.
+
+    NEUTRAL passes T through as if without loss; LEAST_TORQUE takes the end of least magnitude and
+    lets friction carry the rest; MOST_MARGIN takes the middle, farthest from slipping either way.
+    """
+
+    NEUTRAL = "neutral"
+    LEAST_TORQUE = "least_torque"
+    MOST_MARGIN = "most_margin"
+
+
+class Slopes(NamedTuple):
+    """Mesh input torque per output torque, t = slope T, (m,) for either sign of T."""
+
+    positive: FloatArray
+    negative: FloatArray
+
+    def at(self, output_positive: BoolArray) -> FloatArray:
+        """Return the slope of each gear for the given signs of T."""
+        return np.where(output_positive, self.positive, self.negative)
+
+
+class GearLaw:
+    """Mesh input torque as a function of output torque and of where the joint is going.
+
+    sigma in [-1, 1] says how surely each gear turns and which way: at +-1 the branch of the mesh
+    law holds, t = T/eta_f where T sigma > 0 and eta_b T where T sigma < 0; in between it is blended
+    with the torque that the policy prefers at rest. Every blend of the three lies inside the
+    interval that holds T at rest.
+    """
+
+    def __init__(self, gears: Transmission, policy: RestPolicy) -> None:
+        """Precompute the three slopes of every gear."""
+        self._forward = 1.0 / gears.forward_efficiency
+        self._backward = np.array(gears.backward_efficiency)
+        self._gears = gears
+        low = np.minimum(self._forward, self._backward)
+        high = np.maximum(self._forward, self._backward)
+        preferred = {
+            RestPolicy.NEUTRAL: np.ones(gears.size),
+            RestPolicy.LEAST_TORQUE: np.zeros(gears.size),
+            RestPolicy.MOST_MARGIN: 0.5 * (low + high),
+        }[policy]
+        self._rest = np.clip(preferred, low, high)
+        self._to_forward = self._forward - self._rest
+        self._to_backward = self._backward - self._rest
+
+    def slopes(self, sigma: FloatArray) -> Slopes:
+        """Return the slopes for gears that turn with certainty and direction `sigma` (m,)."""
+        size = np.abs(sigma)
+        forward = self._rest + size * self._to_forward
+        backward = self._rest + size * self._to_backward
+        with_load = sigma > 0.0
+        return Slopes(
+            np.where(with_load, forward, backward), np.where(with_load, backward, forward)
+        )
+
+    def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least and greatest mesh input (m,) that transmit `output` T at `sigma`.
+
+        At rest it is the whole interval of the mesh law, in motion the branch alone.
+        """
+        low, high = mesh_input_interval(
+            output, self._gears.forward_efficiency, self._gears.backward_efficiency
+        )
+        branch = np.where(output * sigma > 0.0, self._forward, self._backward) * output
+        size = np.abs(sigma)
+        return (1.0 - size) * low + size * branch, (1.0 - size) * high + size * branch
+
+    def directions(self, output: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the `Direction` of each gear (m,): STUCK unless it surely turns under load."""
+        power = np.sign(output * sigma)
+        return np.where(np.abs(sigma) >= 1.0, power, float(Direction.STUCK))
+
+    def consistent(
+        self, directions: FloatArray, output: FloatArray, mesh_input: FloatArray
+    ) -> bool:
+        """Whether the mesh law allows `mesh_input` t and `output` T in these directions.
+
+        FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all
+        within 1e-6 of the largest torque.
+        """
+        low, high = mesh_input_interval(
+            output, self._gears.forward_efficiency, self._gears.backward_efficiency
+        )
+        forward, backward = self._forward * output, self._backward * output
+        low = np.where(directions > 0, forward, np.where(directions < 0, backward, low))
+        high = np.where(directions > 0, forward, np.where(directions < 0, backward, high))
+        slack = 1e-6 * (1.0 + float(np.abs(output).max(initial=0.0)))
+        return bool(np.all(mesh_input >= low - slack) and np.all(mesh_input <= high + slack))

@@ -1,0 +1,6 @@
+"""Limits: what motors and joints cannot do."""
+
+from wbc.control.limits.joint import JointLimit
+from wbc.control.limits.rotor_torque import RotorTorqueLimit
+
+__all__ = ["JointLimit", "RotorTorqueLimit"]

@@ -1,0 +1,103 @@
+"""The dissipative dynamics of one tick, as rows over accelerations and contact forces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.dynamics import Terms, rotor_coupling
+from wbc.robot import Robot
+
+
+class Plant:
+    """Output torques of the gears and what their rotors add, linear in qdd and contact forces.
+
+    K' E_s H_s K qdd + K' E_s c_s = J'f + [0; B E_m] tau_phi holds row by row as
+
+        undriven:  (M qdd + bias - J'f)_u = 0                       (the same in every direction)
+        driven:    T = D' (M qdd + bias - J'f)_m                    (torque that leaves the gears)
+        rotors:    N tau_phi = t(T) + rotor qdd + rotor_bias        (t: the mesh law)
+
+    so that the directions of power enter in t alone. M is H_l, plus what a rotor's spin asks of
+    its housing where the robot couples the two.
+
+    Attributes:
+        mass: M (nv, nv).
+        bias: (nv,) [N m], effects included.
+        output: D' M_m (m, nv).
+        output_bias: D' bias_m (m,) [N m].
+        rotor: (m, nv) [kg m^2], N^2 I_r D^-1 in the driven columns.
+        rotor_bias: (m,) [N m] at the motor output: rotor friction and coupling.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Precompute what does not change with the state."""
+        gears = robot.transmission
+        self.robot = robot
+        self.driven = _as_slice(robot.actuated)
+        self.undriven = _as_slice(robot.unactuated)
+        self.topology = None if _is_identity(gears.topology) else gears.topology
+        self.motor_from_joint = None if self.topology is None else gears.motor_from_joint
+        self.rotor = np.zeros((gears.size, robot.model.nv))
+        self.rotor[:, robot.actuated] = gears.reflected_inertia[:, None] * gears.motor_from_joint
+        self._rotor_own = self.rotor.copy()
+        self._turns = np.zeros_like(self.rotor)
+        self._turns[:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
+        self._dry = np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction
+        self._viscous = gears.gear_ratio**2 * gears.rotor_viscous_friction
+        self._rotors_rub = bool(np.any(self._dry > 0.0) or np.any(self._viscous > 0.0))
+        self.rotor_bias = np.zeros(gears.size)
+        self.mass: FloatArray
+        self.bias: FloatArray
+        self.output: FloatArray
+        self.output_bias: FloatArray
+
+    def motor_speed(self, velocity: FloatArray) -> FloatArray:
+        """Return dpsi (m,) [rad/s] of joint velocities (nv,)."""
+        driven = velocity[self.driven]
+        return driven if self.motor_from_joint is None else self.motor_from_joint @ driven
+
+    def to_motors(self, joint_rows: FloatArray) -> FloatArray:
+        """Return D' rows (m, ...) of the driven joints' rows of something (nv, ...)."""
+        rows = joint_rows[self.driven]
+        return rows if self.topology is None else self.topology.T @ rows
+
+    def update(
+        self, terms: Terms, effects: FloatArray | None, speed: FloatArray, certainty: FloatArray
+    ) -> None:
+        """Take the terms of a state.
+
+        Args:
+            terms: link-side terms.
+            effects: torque of the physical effects on the coordinates (nv,), or None.
+            speed: motor speed dpsi (m,) [rad/s].
+            certainty: sigma (m,) of each gear.
+        """
+        self.mass = terms.mass_matrix
+        self.bias = terms.bias if effects is None else terms.bias - effects
+        if self._rotors_rub:
+            self.rotor_bias = self._dry * certainty + self._viscous * speed
+        if self.robot.rotors_turn_with_links:
+            self._couple(terms)
+        self.output = self.to_motors(self.mass)
+        self.output_bias = self.to_motors(self.bias)
+
+    def _couple(self, terms: Terms) -> None:
+        coupling = rotor_coupling(self.robot, terms)
+        ratio = self.robot.transmission.gear_ratio
+        self.mass = self.mass + coupling.inertia.T @ self._turns
+        self.bias = self.bias + coupling.link_bias
+        self.rotor = self._rotor_own + ratio[:, None] * coupling.inertia
+        own = ratio * coupling.rotor_bias
+        self.rotor_bias = self.rotor_bias + own if self._rotors_rub else own
+
+
+def _as_slice(rows: IntArray) -> slice | IntArray:
+    """Return the rows as a slice where they are consecutive: views instead of copies."""
+    if rows.size and np.array_equal(rows, np.arange(rows[0], rows[0] + rows.size)):
+        return slice(int(rows[0]), int(rows[0]) + int(rows.size))
+    return rows
+
+
+def _is_identity(matrix: FloatArray) -> bool:
+    return bool(np.array_equal(matrix, np.eye(len(matrix))))

@@ -1,0 +1,191 @@
+"""The contact-force program: accelerations and contact forces under the dissipative dynamics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.control.contact_set import FORCE_SCALE, ContactSet
+from wbc.control.limits import JointLimit
+from wbc.control.plant import Plant
+from wbc.control.qp import INFINITE, QPProblem
+from wbc.control.task_stack import TaskStack
+
+
+class ContactForceProgram:
+    """Assembles, for one set of contacts, the quadratic program in x = [qdd, f / FORCE_SCALE].
+
+        min   sum of task costs + regularisation of qdd and of f towards a shared load
+        s.t.  (M qdd + bias - J'f)_undriven = 0
+              J qdd = -dJ/dt v - damping J v
+              -limit <= e (D'(M qdd + bias - J'f)_m) + rotor qdd + rotor_bias <= limit
+              friction cones, normal forces, joint limits
+
+    with e the slope of the mesh law in the direction predicted for each gear. All memory is
+    allocated once; `problem` is overwritten by the next `assemble`.
+
+    Attributes:
+        contacts: the active contacts.
+        n: number of variables.
+        row_labels: what every inequality row is called in messages.
+        coupled_forces: -D' J_m' (m, k) per force variable, the forces' part of T.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        contacts: ContactSet,
+        limited: FloatArray,
+        joint_limit: JointLimit | None,
+        weights: tuple[float, float],
+    ) -> None:
+        """Lay out the rows.
+
+        Args:
+            plant: the dynamics.
+            contacts: the active contacts.
+            limited: (m,) bool, gears that have a torque limit.
+            joint_limit: limits of joints, or None.
+            weights: regularisation of qdd and of the force variables.
+        """
+        robot = plant.robot
+        self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
+        self.nv, self.forces = robot.model.nv, contacts.rows
+        self.n = self.nv + self.forces
+        self.undriven = robot.floating_size
+        self.gears = np.flatnonzero(limited)
+        self._all_gears = len(self.gears) == robot.transmission.size
+        self._weights = weights
+        share = contacts.load_share(_weight(robot.model)) / FORCE_SCALE
+        self.H = np.zeros((self.n, self.n))
+        force_diagonal = np.arange(self.nv, self.n)
+        self.H[force_diagonal, force_diagonal] = weights[1]
+        self._diagonal = np.arange(self.nv) * (self.n + 1)
+        self.g = np.zeros(self.n)
+        self.g[self.nv :] = -weights[1] * share
+        self.A = np.zeros((self.undriven + contacts.rows, self.n))
+        self.b = np.zeros(len(self.A))
+        self._lay_out_inequalities()
+        self._square = np.zeros((self.nv, self.nv))
+        self.coupled_forces = np.zeros((robot.transmission.size, self.forces))
+
+    def _lay_out_inequalities(self) -> None:
+        m, set_ = len(self.gears), self.contacts
+        faces, normals = len(set_.cone), len(set_.contacts)
+        joints = 0 if self.joint_limit is None else len(self.joint_limit.joints)
+        total = m + faces + normals + joints
+        self.C = np.zeros((total, self.n))
+        self.lower, self.upper = np.full(total, -INFINITE), np.full(total, INFINITE)
+        self.torque_rows = slice(0, m)
+        self.cone_rows = slice(m, m + faces)
+        self.normal_rows = slice(m + faces, m + faces + normals)
+        self.joint_rows = slice(m + faces + normals, total)
+        self.C[self.cone_rows, self.nv :] = set_.cone
+        self.upper[self.cone_rows] = 0.0
+        self.C[self.normal_rows, self.nv :] = set_.normals
+        names = self.plant.robot.transmission.joints
+        labels = [f"rotor torque limit of '{names[i]}'" for i in self.gears]
+        labels += [f"contact {label}" for label in set_.cone_labels]
+        labels += [f"contact {contact.name}: normal force" for contact in set_.contacts]
+        if self.joint_limit is not None:
+            self.C[np.arange(m + faces + normals, total), self.joint_limit.rows] = 1.0
+            labels += [f"joint limit of '{joint}'" for joint in self.joint_limit.joints]
+        self.row_labels = tuple(labels)
+
+    @property
+    def problem(self) -> QPProblem:
+        """The program as assembled last; the arrays are this object's own."""
+        return QPProblem(self.H, self.g, self.A, self.b, self.C, self.lower, self.upper)
+
+    def assemble_cost(self, tasks: TaskStack) -> None:
+        """Write H and g from the tasks' rows."""
+        nv = self.nv
+        np.dot(tasks.matrix.T, tasks.matrix, out=self._square)
+        self.H[:nv, :nv] = self._square
+        self.H.reshape(-1)[self._diagonal] += tasks.diagonal + self._weights[0]
+        np.dot(tasks.target, tasks.matrix, out=self.g[:nv])
+        self.g[:nv] += tasks.pull
+        np.negative(self.g[:nv], out=self.g[:nv])
+
+    def assemble_dynamics(self) -> None:
+        """Write the equalities from the plant and the contacts."""
+        plant, set_, free, nv = self.plant, self.contacts, self.undriven, self.nv
+        self.A[:free, :nv] = plant.mass[plant.undriven]
+        self.b[:free] = plant.bias[plant.undriven]
+        np.negative(self.b[:free], out=self.b[:free])
+        if self.forces:
+            across = set_.jacobian.T * -FORCE_SCALE
+            self.A[:free, nv:] = across[plant.undriven]
+            self.A[free:, :nv] = set_.jacobian
+            self.b[free:] = set_.target
+            self.coupled_forces = plant.to_motors(across)
+
+    def assemble_torque_limits(
+        self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> None:
+        """Write the rows of the rotor torque limits for one slope per gear.
+
+        Args:
+            slopes: e (m,), mesh input per output torque in the predicted directions.
+            lower, upper: (m,) least and greatest N tau_phi [N m].
+        """
+        plant, nv, rows = self.plant, self.nv, self.torque_rows
+        steep = slopes[:, None]
+        torque = plant.output * steep
+        torque += plant.rotor
+        offset = slopes * plant.output_bias + plant.rotor_bias
+        if self._all_gears:
+            self.C[rows, :nv] = torque
+            np.multiply(self.coupled_forces, steep, out=self.C[rows, nv:])
+            np.subtract(lower, offset, out=self.lower[rows])
+            np.subtract(upper, offset, out=self.upper[rows])
+        elif len(self.gears):
+            self.C[rows, :nv] = torque[self.gears]
+            self.C[rows, nv:] = (self.coupled_forces * steep)[self.gears]
+            self.lower[rows] = (lower - offset)[self.gears]
+            self.upper[rows] = (upper - offset)[self.gears]
+
+    def assemble_limits(
+        self, position: FloatArray, velocity: FloatArray, step: float, normal_limit: FloatArray
+    ) -> None:
+        """Write the bounds of normal forces (c,) [N] and of joint accelerations."""
+        set_ = self.contacts
+        top = np.minimum(set_.normal_maximum, normal_limit)
+        self.lower[self.normal_rows] = np.minimum(set_.normal_minimum, top) / FORCE_SCALE
+        self.upper[self.normal_rows] = np.minimum(top / FORCE_SCALE, INFINITE)
+        if self.joint_limit is not None:
+            low, high = self.joint_limit.bounds(position, velocity, step)
+            self.lower[self.joint_rows] = low
+            self.upper[self.joint_rows] = high
+
+    def output_torque(self, x: FloatArray) -> FloatArray:
+        """Return T (m,) [N m] at a solution."""
+        torque = self.plant.output @ x[: self.nv] + self.plant.output_bias
+        if self.forces:
+            torque += self.coupled_forces @ x[self.nv :]
+        return torque
+
+    def equality_label(self, row: int) -> tuple[str, str]:
+        """Return what an equality row is called in messages, and its unit."""
+        if row < self.undriven:
+            coordinate = int(self.plant.robot.unactuated[row])
+            return f"balance of undriven coordinate {coordinate}", "N or N m"
+        for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
+            if row - self.undriven < rows.stop:
+                return f"contact {contact.name} at rest", "m/s^2"
+        return "the program", ""
+
+    def inequality_label(self, row: int) -> tuple[str, str]:
+        """Return what an inequality row is called in messages, and its unit."""
+        if row < self.torque_rows.stop:
+            return self.row_labels[row], "N m at the motor output"
+        if row < self.joint_rows.start:
+            return self.row_labels[row], "times 100 N"
+        return self.row_labels[row], "rad/s^2"
+
+
+def _weight(model: pin.Model) -> float:
+    """Return the robot's weight [N]."""
+    gravity = float(np.linalg.norm(model.gravity.linear))
+    return float(pin.computeTotalMass(model)) * gravity

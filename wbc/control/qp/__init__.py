@@ -1,0 +1,17 @@
+"""Quadratic programs and their solvers."""
+
+from wbc.control.qp.foreign import ForeignSolver
+from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
+from wbc.control.qp.proxqp import ProxQPSolver
+from wbc.control.qp.solver import Solver, make_solver
+
+__all__ = [
+    "INFINITE",
+    "ForeignSolver",
+    "ProxQPSolver",
+    "QPProblem",
+    "QPSolution",
+    "QPStatus",
+    "Solver",
+    "make_solver",
+]

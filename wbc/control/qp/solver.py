@@ -1,0 +1,35 @@
+"""Choosing a solver by name."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from wbc.control.qp.foreign import ForeignSolver
+from wbc.control.qp.problem import QPProblem, QPSolution
+from wbc.control.qp.proxqp import ProxQPSolver
+
+
+class Solver(Protocol):
+    """What the controller needs of a QP solver."""
+
+    def solve(self, problem: QPProblem) -> QPSolution:
+        """Return the solution of a program whose numbers are finite and bounds ordered."""
+
+
+def make_solver(
+    name: str, n: int, n_eq: int, n_in: int, *, tolerance: float, max_iterations: int
+) -> Solver:
+    """Return a solver for programs of one size.
+
+    Args:
+        name: "proxqp" for the native one, or any backend of qpsolvers.
+        n, n_eq, n_in: size of the programs.
+        tolerance: absolute, on residuals (native solver).
+        max_iterations: bound on inner and outer iterations (native solver).
+
+    Raises:
+        ControlError: no such backend is installed.
+    """
+    if name == "proxqp":
+        return ProxQPSolver(n, n_eq, n_in, tolerance=tolerance, max_iterations=max_iterations)
+    return ForeignSolver(name)

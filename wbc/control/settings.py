@@ -1,0 +1,52 @@
+"""What a controller can be told besides tasks, contacts and limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from wbc.control.gears import RestPolicy
+from wbc.control.safety import Damped, SafetyPolicy
+from wbc.control.speed import SpeedBlend
+from wbc.errors import ControlError
+
+
+@dataclass(frozen=True)
+class ControllerSettings:
+    """Settings of a controller.
+
+    Attributes:
+        time_step: time until the next tick [s], for joint limits.
+        rest_policy: what to choose inside the interval that stiction leaves free.
+        speed_blend: how the directions of the gears are judged.
+        solver: "proxqp" (native) or any qpsolvers backend.
+        tolerance: absolute tolerance of the native solver on every residual.
+        max_iterations: bound on its inner and its outer iterations.
+        max_rounds: programs solved at most while directions are revised.
+        acceleration_weight: regularisation of qdd towards zero.
+        force_weight: regularisation of the contact forces (per 100 N) towards a shared load.
+        safety: what to command when a tick has no solution.
+        deadline: [s] that a tick may take before its status is LATE; None for no deadline.
+    """
+
+    time_step: float = 1e-3
+    rest_policy: RestPolicy = RestPolicy.NEUTRAL
+    speed_blend: SpeedBlend = field(default_factory=SpeedBlend)
+    solver: str = "proxqp"
+    tolerance: float = 1e-7
+    max_iterations: int = 200
+    max_rounds: int = 4
+    acceleration_weight: float = 1e-6
+    force_weight: float = 1e-5
+    safety: SafetyPolicy = field(default_factory=Damped)
+    deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        positive = ("time_step", "tolerance", "max_iterations", "max_rounds", "acceleration_weight")
+        for name in positive:
+            if not getattr(self, name) > 0:
+                raise ControlError(f"setting {name} must be > 0, got {getattr(self, name)}.")
+        if not self.force_weight >= 0.0:
+            raise ControlError(f"setting force_weight must be >= 0, got {self.force_weight}.")
+        if self.deadline is not None and not self.deadline > 0.0:
+            raise ControlError(f"setting deadline must be > 0 s, got {self.deadline}.")

@@ -1,0 +1,126 @@
+"""All tasks of one level, stacked into one weighted least-squares problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.kinematics import Kinematics
+from wbc.control.reference import Reference
+from wbc.control.tasks import Task
+from wbc.robot import Robot
+
+_NOTHING = Reference()
+
+
+class TaskStack:
+    """Weighted rows W J qdd = W (wanted - drift), refilled in place every tick.
+
+    Tasks that select joints go to a diagonal instead of rows.
+
+    Attributes:
+        matrix: sqrt(w) J (k, nv) of the tasks with rows.
+        target: sqrt(w) (wanted - drift) (k,).
+        diagonal: (nv,) summed weights of the selecting tasks.
+        pull: (nv,) their weighted wanted accelerations.
+        rate_pull: (nv,) J' W vel_ref of all tasks, for the desired joint speeds.
+        moving: whether any reference has a velocity.
+    """
+
+    def __init__(self, robot: Robot, tasks: Sequence[Task]) -> None:
+        """Check the tasks on `robot` and make room for them."""
+        self.tasks = tuple(tasks)
+        nv = robot.model.nv
+        sizes = [task.check(robot) for task in self.tasks]
+        self._selections = [task.selection(robot) for task in self.tasks]
+        self._weights = [
+            np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
+            for task, size in zip(self.tasks, sizes, strict=True)
+        ]
+        self._roots = [np.sqrt(weight)[:, None] for weight in self._weights]
+        self._slices: list[slice] = []
+        total = 0
+        for size, selection in zip(sizes, self._selections, strict=True):
+            rows = 0 if selection is not None else size
+            self._slices.append(slice(total, total + rows))
+            total += rows
+        self.matrix = np.zeros((total, nv))
+        self.target = np.zeros(total)
+        self.diagonal = np.zeros(nv)
+        for selection, weight in zip(self._selections, self._weights, strict=True):
+            if selection is not None:
+                np.add.at(self.diagonal, selection, weight)
+        self.pull = np.zeros(nv)
+        self.rate_pull = np.zeros(nv)
+        self.moving = False
+        self._last: dict[str, Reference] = {}
+
+    def forget(self) -> None:
+        """Forget the references held so far."""
+        self._last.clear()
+
+    def fill(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
+        """Evaluate every task at the present state.
+
+        A task without a reference keeps its last one; one that never had any holds the value that
+        it has now.
+        """
+        self.pull[:] = 0.0
+        self.rate_pull[:] = 0.0
+        self.moving = False
+        velocity = kinematics.velocity
+        for i, task in enumerate(self.tasks):
+            reference = self._reference(task, kinematics, references)
+            selection = self._selections[i]
+            weight = self._weights[i]
+            if selection is not None:
+                wanted = task.command(kinematics, reference, velocity[selection])
+                self.pull[selection] += weight * wanted
+                if reference.velocity is not None:
+                    self.rate_pull[selection] += weight * reference.velocity
+                    self.moving = True
+                continue
+            rows = self._slices[i]
+            block = self.matrix[rows]
+            np.multiply(task.jacobian(kinematics), self._roots[i], out=block)
+            jacobian_rate = block @ velocity
+            root = self._roots[i][:, 0]
+            rate = np.divide(jacobian_rate, root, out=np.zeros_like(root), where=root > 0.0)
+            wanted = task.command(kinematics, reference, rate)
+            wanted -= task.drift(kinematics)
+            wanted *= root
+            self.target[rows] = wanted
+            if reference.velocity is not None and not task.momentum_level:
+                self.rate_pull += block.T @ (root * reference.velocity)
+                self.moving = True
+
+    def violation(self, acceleration: FloatArray) -> dict[str, float]:
+        """Return how far each task is from what it wants, |J qdd - target| in its own units."""
+        result = {}
+        for i, task in enumerate(self.tasks):
+            selection, weight = self._selections[i], self._weights[i]
+            if selection is not None:
+                gap = np.abs(weight * acceleration[selection] - self.pull[selection])
+                scale = weight
+            else:
+                rows = self._slices[i]
+                gap = np.abs(self.matrix[rows] @ acceleration - self.target[rows])
+                scale = self._roots[i][:, 0]
+            values = np.divide(gap, scale, out=np.zeros_like(gap), where=scale > 0.0)
+            result[task.name] = float(values.max(initial=0.0))
+        return result
+
+    def _reference(
+        self, task: Task, kinematics: Kinematics, references: Mapping[str, Reference]
+    ) -> Reference:
+        reference = references.get(task.name)
+        if reference is None:
+            reference = self._last.get(task.name, _NOTHING)
+        if reference.position is None:
+            held = self._last.get(task.name)
+            position = task.value(kinematics) if held is None else held.position
+            reference = Reference(position, reference.velocity, reference.acceleration)
+        self._last[task.name] = reference
+        return reference
