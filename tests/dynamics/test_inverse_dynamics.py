@@ -135,6 +135,21 @@ def test_contact_forces_do_the_work_of_the_moving_contact() -> None:
     np.testing.assert_array_equal(contact_torque(robot, motion.position, {}), 0.0)
 
 
+def test_a_measured_contact_force_carries_its_part_of_the_load() -> None:
+    robot = load_robot("planar_leg").lossless()
+    q = robot.pose("paper")
+    weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
+    still = Motion(q[None], np.zeros((1, 5)), np.zeros((1, 5)))
+    force = contact_torque(robot, still.position, {"foot": np.array([[0.0, 0.0, weight]])})
+    torque, rest = rotor_torque(robot, still, link_torque(robot, still), force)
+    # The foot is straight under the hip. Both links' centres lie 0.1 m ahead of it, the shin's
+    # centre 0.1 m behind the knee, the foot 0.2 m behind the knee.
+    links = 4.0 * 9.81 * 0.1
+    np.testing.assert_allclose(rest[0], [0.0, 0.0, -links], atol=1e-9)
+    knee = 2.0 * 9.81 * 0.1 - weight * 0.2
+    np.testing.assert_allclose(20.0 * torque[0], [-links, knee], atol=1e-9)
+
+
 def test_accelerations_are_needed() -> None:
     robot = load_robot("planar_leg_fixed")
     with pytest.raises(DynamicsError, match="accelerations"):

@@ -34,8 +34,10 @@ def test_a_force_on_the_foot_moves_it_as_the_tensor_says(name: str, kind: str, m
         np.testing.assert_allclose(tensor(robot, q, "foot", "xz") @ moved, force, atol=1e-9)
 
 
-def test_motors_move_the_foot_as_the_forward_tensor_says() -> None:
+@pytest.mark.parametrize("topology", [[[1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [-1.0, 1.0]]])
+def test_motors_move_the_foot_as_the_forward_tensor_says(topology: list[list[float]]) -> None:
     robot = load_robot("planar_leg_fixed")
+    robot = robot.with_transmission(robot.transmission.replace(topology=np.array(topology)))
     q = robot.configuration(**POSE)
     terms = evaluate(robot, q, np.zeros(2))
     jacobian = terms.contact_jacobian[[0, 2]]

@@ -47,8 +47,9 @@ def test_at_rest_and_carrying_the_interval_is_the_one_of_the_design() -> None:
 
 
 def test_the_output_between_the_branches_at_rest() -> None:
-    low, high = sorted((ETA_F * 2.0, 2.0 / ETA_B))
-    assert low < mesh_output(2.0, 0.0, ETA_F, ETA_B) < high
+    ends = (ETA_F * 2.0, 2.0 / ETA_B)
+    assert mesh_output(2.0, 0.0, ETA_F, ETA_B) == pytest.approx(np.mean(ends))
+    assert mesh_input(2.0, 0.0, ETA_F, ETA_B) == pytest.approx(np.mean((2.0 / ETA_F, 2.0 * ETA_B)))
 
 
 def test_a_self_locking_gear_needs_help_to_be_lowered() -> None:
@@ -57,8 +58,10 @@ def test_a_self_locking_gear_needs_help_to_be_lowered() -> None:
     assert given > 0.0
     low, high = mesh_input_interval(2.0, 0.45, -0.2)
     assert low < 0.0 < high
-    with pytest.raises(TransmissionError, match="self-locking"):
-        mesh_output(-1.0, 1.0, 0.45, -0.2)
+    for locking in (-0.2, 0.0):
+        with pytest.raises(TransmissionError, match="self-locking"):
+            mesh_output(-1.0, 1.0, 0.45, locking)
+        assert mesh_output(1.0, 1.0, 0.45, locking) == pytest.approx(0.45)
 
 
 def test_gears_are_evaluated_side_by_side() -> None:
