@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+from wbc.effects.actuation_delay import ActuationDelay
+from wbc.effects.backlash import Backlash
+from wbc.effects.center_of_mass import CenterOfMass
 from wbc.effects.coulomb_friction import CoulombFriction
+from wbc.effects.current_limit import CurrentLimit
+from wbc.effects.gravity_direction import GravityDirection
+from wbc.effects.joint_compliance import JointCompliance
 from wbc.effects.joint_spring import JointSpring
 from wbc.effects.load_friction import LoadFriction
 from wbc.effects.payload_mass import PayloadMass
+from wbc.effects.position_offset import PositionOffset
 from wbc.effects.quadratic_drag import QuadraticDrag
 from wbc.effects.rotor_inertia import RotorInertia
 from wbc.effects.stribeck_friction import StribeckFriction
+from wbc.effects.supply_sag import SupplySag
+from wbc.effects.thermal_drift import ThermalDrift
 from wbc.effects.torque_constant import TorqueConstant
 from wbc.effects.torque_offset import TorqueOffset
 from wbc.effects.torque_ripple import TorqueRipple
@@ -32,6 +41,15 @@ _CLASSES: tuple[type[Effect], ...] = (
     TorqueConstant,
     TorqueOffset,
     TorqueRipple,
+    CenterOfMass,
+    PositionOffset,
+    GravityDirection,
+    ActuationDelay,
+    ThermalDrift,
+    SupplySag,
+    CurrentLimit,
+    JointCompliance,
+    Backlash,
 )
 
 EFFECTS = MappingProxyType({cls.name: cls for cls in _CLASSES})

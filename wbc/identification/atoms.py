@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
+from wbc.arrays import BoolArray, FloatArray
+from wbc.errors import EffectError, RobotError, TransmissionError
 from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual, raw_residual
+from wbc.identification.residual import raw_residual
 from wbc.robot import Effect, Evidence, Robot, Screen
+
+_BATCH = 64  # offers filtered together; more only costs memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +56,18 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         torque[:, robot.actuated] = residual[:, : robot.transmission.size]
         torque[:, robot.unactuated] = residual[:, robot.transmission.size :]
         unexplained.append(torque)
-    return Evidence(tuple(record.motion for record in records), tuple(unexplained))
+    return Evidence(
+        motions=tuple(record.motion for record in records),
+        unexplained=tuple(unexplained),
+        reported=tuple(record.torque for record in records),
+        responses=lambda joint: tuple(record.response(joint) for record in records),
+    )
 
 
 def make_atoms(
     robot: Robot,
     records: Sequence[Record],
     candidates: Sequence[type[Effect]],
-    base: FloatArray,
     known: Evidence,
 ) -> list[Atom]:
     """Return every candidate at every place in every shape, with its columns.
@@ -70,32 +76,59 @@ def make_atoms(
         robot: the model whose residual is to be explained.
         records: the logs.
         candidates: effect classes.
-        base: (rows, outputs) condensed residual of `robot`.
         known: evidence for shapes that depend on the data.
     """
+    offers = [
+        (effect, where, screen)
+        for effect in candidates
+        for where in effect.places(robot)
+        for screen in effect.screening(robot, where, known)
+    ]
+    offers = [offer for offer in offers if _changed(robot, *offer) is not None]
+    parts = [_columns(robot, record, offers) for record in records]
     atoms = []
-    for effect in candidates:
-        for where in effect.places(robot):
-            for screen in effect.screening(robot, where, known):
-                columns = _columns(robot, records, effect, where, screen, base)
-                if columns is not None and np.all(np.any(columns != 0.0, axis=(0, 1))):
-                    atoms.append(Atom(effect, where, screen, columns))
+    for (effect, where, screen), *columns in zip(offers, *parts, strict=True):
+        stacked = np.concatenate(columns)
+        used = np.any(stacked != 0.0, axis=(0, 1))
+        if used.any():
+            atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
     return atoms
 
 
+def _changed(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> list[Robot] | None:
+    """Return the robot with every unit of a screen, None if it cannot have one of them."""
+    try:
+        return [robot.with_effect(effect.at(where, values)) for values in screen.units]
+    except (EffectError, TransmissionError, RobotError):
+        return None
+
+
 def _columns(
-    robot: Robot,
-    records: Sequence[Record],
-    effect: type[Effect],
-    where: str,
-    screen: Screen,
-    base: FloatArray,
-) -> FloatArray | None:
-    columns = []
-    for values in screen.units:
-        try:
-            changed = robot.with_effect(effect.at(where, values))
-            columns.append(base - condensed_residual(changed, records))
-        except (EffectError, TransmissionError, DynamicsError):
-            return None
-    return np.stack(columns, axis=-1)
+    robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
+) -> list[FloatArray]:
+    """Return (rows, outputs, r) what the units of every offer change, filtered all at once."""
+    base = raw_residual(robot, record)
+    result: list[FloatArray] = []
+    for first in range(0, len(offers), _BATCH):
+        changes, sizes = [], []
+        for offer in offers[first : first + _BATCH]:
+            robots = _changed(robot, *offer) or []
+            changes += [base - raw_residual(changed, record) for changed in robots]
+            sizes.append(len(robots))
+        columns = record.condense(np.stack(changes, axis=-1))
+        result += np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
+    return result
+
+
+def _only(screen: Screen, used: BoolArray) -> Screen:
+    """Return the screen without the units that change nothing on these logs."""
+    if used.all():
+        return screen
+
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        full = np.zeros(used.size)
+        full[used] = coefficients
+        return screen.combine(full)
+
+    units = tuple(unit for unit, keep in zip(screen.units, used, strict=True) if keep)
+    return Screen(units, combine)

@@ -49,14 +49,27 @@ class Fit:
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself.
 
-        The parameters of each fold are one Gauss-Newton step away from those of all records.
+        The parameters of each fold are one Gauss-Newton step away from those of all records. Where
+        the model is too rough for such a step (a bouncing link), the fold's parameters stay.
         """
+        if any(type(effect).deflection is not Effect.deflection for effect in self.effects):
+            return self._held_out_damped(folds)
         squares = np.empty(self.residual.shape)
         for fold in np.unique(folds):
             inside = folds == fold
             step = self.step(~inside) if self.parameters else np.zeros(0)
             moved = self.residual[inside] + self.jacobian[inside] @ step
             squares[inside] = moved**2
+        return squares
+
+    def _held_out_damped(self, folds: IntArray) -> FloatArray:
+        squares = self.residual**2
+        for fold in np.unique(folds):
+            inside = folds == fold
+            step = self.step(~inside)
+            moved = self.residual + self.jacobian @ step
+            if np.sum(moved[inside] ** 2) < 4.0 * np.sum(squares[inside]):
+                squares[inside] = moved[inside] ** 2
         return squares
 
     def step(self, rows: FloatArray | IntArray) -> FloatArray:
@@ -115,7 +128,7 @@ def _jacobian(
 ) -> FloatArray:
     columns = []
     for k, parameter in slots:
-        for size in (1e-4, -1e-4):
+        for size in (1e-3, -1e-3):
             step = size * parameter.scale
             try:
                 changed = _moved(effects, {(k, parameter.name): step})

@@ -18,7 +18,9 @@ from wbc.dynamics import (
 )
 from wbc.identification.bandwidth import Bandwidth, SensorNoise
 from wbc.identification.smoothing import low_pass
-from wbc.robot import Motion, Robot
+from wbc.robot import LinkResponse, Motion, Robot
+
+_SMALL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,7 @@ class Record:
     noise: SensorNoise
     reported_share: FloatArray
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
+    _responses: dict[str, LinkResponse] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -73,8 +76,9 @@ class Record:
         return len(range(self.edge, len(self.torque) - self.edge, self.stride))
 
     def condense(self, values: FloatArray) -> FloatArray:
-        """Return weighted, low-passed and thinned `values` (N, k) -> (rows, k)."""
-        return self.thinned(low_pass(values * self.weight, self.bandwidth.residual, self.rate))
+        """Return weighted, low-passed, thinned `values` (N, m + b, ...) -> (rows, m + b, ...)."""
+        weight = self.weight.reshape(*self.weight.shape, *(1,) * (values.ndim - 2))
+        return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
 
     def condense_driven(self, values: FloatArray) -> FloatArray:
         """Return low-passed and thinned `values` (N, k) -> (rows, k), without weights."""
@@ -129,6 +133,36 @@ class Record:
         if np.any(field_change):
             torque = torque + self._in_gravity(robot, field_change)
         return np.asarray(torque)
+
+    def response(self, joint: str) -> LinkResponse:
+        """Return how the link behind a gear reacts to a deflection of the gear."""
+        if joint not in self._responses:
+            self._responses[joint] = self._sensitivities(joint)
+        return self._responses[joint]
+
+    def _sensitivities(self, joint: str) -> LinkResponse:
+        """Differentiate the link torque by one joint's position, velocity and acceleration."""
+        robot, motion = self.robot, self.motion
+        row = robot.velocity_index(joint)
+        unit = np.eye(robot.model.nv)[row]
+        position = np.array(motion.position)
+        position[:, robot.position_index(joint)] += _SMALL
+        acceleration = np.zeros_like(motion.velocity) + unit
+        if motion.acceleration is not None:
+            acceleration = acceleration + motion.acceleration
+        moved = motion.replace(position=position)
+        faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
+        pushed = motion.replace(acceleration=acceleration)
+        load = self.links - self.contacts
+        bent = link_torque(robot, moved) - self.contacts_along(moved)
+        return LinkResponse(
+            step=1.0 / self.rate,
+            row=row,
+            load=load,
+            inertia=link_torque(robot, pushed) - self.links,
+            damping=(link_torque(robot, faster) - self.links) / _SMALL,
+            stiffness=(bent - load) / _SMALL,
+        )
 
     def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:
         """Return the torque of an additional uniform field, linear in it, (N, nv)."""

@@ -29,9 +29,14 @@ def raw_residual(robot: Robot, record: Record) -> FloatArray:
     for effect in reversed(robot.effects):
         motion = effect.true(robot, motion)
     links = record.links_of(robot, motion)
-    needed, wrench = rotor_torque(
-        _without_drives(robot), motion, links, record.contacts_along(motion)
-    )
+    contacts = record.contacts_along(motion)
+    for effect in robot.effects:
+        if type(effect).deflection is not Effect.deflection:
+            response = replace(record.response(effect.where), load=links - contacts)
+            bent = effect.deflection(robot, response)
+            if bent is not None:
+                links = links + response.torque(bent)
+    needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
     delivered, slope = _delivered(robot, motion, record.torque)
     share = record.reported_share
     size = np.sqrt(share * slope**2 + 1.0 - share)

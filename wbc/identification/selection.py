@@ -11,7 +11,6 @@ from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.fit import Fit
 from wbc.identification.problem import Problem
-from wbc.identification.residual import condensed_residual
 from wbc.identification.search import BeamSearch, Subset
 from wbc.robot import Effect
 
@@ -150,12 +149,11 @@ class Selector:
     ) -> tuple[BeamSearch, list[Atom]]:
         """Return the search over single additions, with the present parameters free to move."""
         problem, fit = self.problem, model.fit
-        base = condensed_residual(fit.robot, problem.records)
         known = evidence(fit.robot, problem.records)
         taken = {(e.name, e.where) for e in model.effects} | set(exclude)
         atoms = [
             atom
-            for atom in make_atoms(fit.robot, problem.records, self.candidates, base, known)
+            for atom in make_atoms(fit.robot, problem.records, self.candidates, known)
             if atom.key not in taken
         ]
         search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)

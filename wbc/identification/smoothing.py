@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -23,9 +24,14 @@ def low_pass(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
     """
     if cutoff >= 0.5 * rate or len(values) < 4:
         return values
-    sections = butter(_ORDER, cutoff / (0.5 * rate), output="sos")
+    sections = _sections(cutoff / (0.5 * rate))
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding))
+
+
+@lru_cache(maxsize=64)
+def _sections(relative: float) -> FloatArray:
+    return np.asarray(butter(_ORDER, relative, output="sos"))
 
 
 def white_level(values: FloatArray, rate: float) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
-from wbc.robot.screening import Evidence, Screen
+from wbc.robot.screening import Evidence, LinkResponse, Screen
 
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
@@ -172,6 +172,14 @@ class Effect(ABC):
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque that the drive reports when it delivers `torque`, (..., m)."""
         return torque
+
+    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray | None:
+        """Return how far the link behind a gear strays from its motor, (N, 3), along a log.
+
+        Columns are the deflection [rad], its rate and its second derivative. None means that the
+        gear is stiff. Only identification asks: a simulator carries the deflection as state.
+        """
+        return None
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:
         """Return what the encoders report for the true `motion`."""

@@ -5,8 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.robot.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class LinkResponse:
+    """How the link behind one gear reacts to a small deflection d of the gear, along a log.
+
+    The link is at q = motor + d. Its torque balance, linear in d:
+
+        inertia d_dd + damping d_d + stiffness d + load = torque the gear passes on
+
+    Attributes:
+        step: distance of the samples [s].
+        row: index of the joint in v.
+        load: (N, nv) torque the links need without deflection [N m].
+        inertia: (N, nv) column of the mass matrix [kg m^2].
+        damping: (N, nv) derivative of the load by this joint's velocity [N m s/rad].
+        stiffness: (N, nv) derivative of the load by this joint's position [N m/rad].
+    """
+
+    step: float
+    row: int
+    load: FloatArray
+    inertia: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+    def torque(self, deflection: FloatArray) -> FloatArray:
+        """Return the additional torque (N, nv) of a deflection (N, 3): d, its rate, its second."""
+        return np.asarray(
+            self.stiffness * deflection[:, [0]]
+            + self.damping * deflection[:, [1]]
+            + self.inertia * deflection[:, [2]]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +52,14 @@ class Evidence:
         motions: one per log, (N, ...) arrays.
         unexplained: one (N, nv) per log: measured minus modelled torque at the coordinates
             [N m, N], driven rows at the motor output.
+        reported: one (N, m) per log: torque on the rotors that the drives report [N m].
+        responses: joint name -> one link response per log.
     """
 
     motions: tuple[Motion, ...]
     unexplained: tuple[FloatArray, ...]
+    reported: tuple[FloatArray, ...]
+    responses: Callable[[str], tuple[LinkResponse, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,3 +76,17 @@ class Screen:
 
     units: tuple[Mapping[str, float], ...]
     combine: Callable[[FloatArray], dict[str, float]]
+
+    @classmethod
+    def fixed(cls, values: Mapping[str, float]) -> Screen:
+        """Return the screen of an effect that is not linear in any parameter.
+
+        Its size is part of its shape: a coefficient far from one says that the shape is wrong.
+        """
+        chosen = dict(values)
+
+        def combine(coefficients: FloatArray) -> dict[str, float]:
+            fits = 0.4 < float(coefficients[0]) < 2.5
+            return chosen if fits else dict.fromkeys(chosen, np.nan)
+
+        return cls((chosen,), combine)

@@ -1,0 +1,79 @@
+"""Free play between motor and link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.effects.link_motion import best_contacts, link_deflection
+from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
+
+
+@final
+@dataclass(frozen=True)
+class Backlash(JointEffect):
+    """The link is free to move within `width` of its motor and bounces on stiff flanks.
+
+    Positions are those of the motor: the link's own are hidden, and its inertia leaves and
+    strikes the gear at every reversal of the load.
+
+    Attributes:
+        width: whole play [rad] at the joint.
+        stiffness: of the flanks [N m/rad].
+        damping: of the flanks [N m s/rad].
+    """
+
+    width: float
+    stiffness: float
+    damping: float
+
+    name: ClassVar[str] = "backlash"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("width", "rad", 0.0, 0.0, 0.5, 0.01),
+        Parameter("stiffness", "N m/rad", 3000.0, 1.0, 1e7, 1000.0, shape=True),
+        Parameter("damping", "N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "Teeth have clearance: whenever the load changes sign the link travels freely through "
+        "it and strikes the other flank."
+    )
+    experiment: ClassVar[str] = (
+        "Hold the motor still and push the link both ways, or swing the load through zero "
+        "slowly and fast: the link jumps while the motor does not."
+    )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return the plays and flanks that explain the unexplained torque best."""
+        grid = [
+            (stiffness, damping, width)
+            for width in np.geomspace(0.002, 0.12, 9)
+            for stiffness in (1000.0, 5000.0, 25000.0)
+            for damping in (5.0, 20.0)
+        ]
+        best = best_contacts(
+            evidence.responses(where), evidence.unexplained, np.array(grid), count=2
+        )
+        return tuple(
+            Screen.fixed({"width": float(w), "stiffness": float(k), "damping": float(c)})
+            for k, c, w in best
+        )
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot whose gear has this play."""
+        gears = robot.transmission
+        for name, value in (
+            ("backlash", self.width),
+            ("stiffness", self.stiffness),
+            ("damping", self.damping),
+        ):
+            gears = gears.with_value(name, self.where, value)
+        return robot.with_transmission(gears)
+
+    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
+        """Return the link's motion relative to the motor, (N, 3)."""
+        return link_deflection(response, self.stiffness, self.damping, self.width)

@@ -1,0 +1,64 @@
+"""A gear that winds up under load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.effects.link_motion import best_contacts, link_deflection
+from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
+
+
+@final
+@dataclass(frozen=True)
+class JointCompliance(JointEffect):
+    """A spring and a damper between motor and link.
+
+    Positions are those of the motor; the link lags by load / stiffness and may swing.
+
+    Attributes:
+        stiffness: [N m/rad] at the joint.
+        damping: [N m s/rad].
+    """
+
+    stiffness: float
+    damping: float
+
+    name: ClassVar[str] = "joint_compliance"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("stiffness", "N m/rad", 1e9, 1.0, 1e9, 100.0),
+        Parameter("damping", "N m s/rad", 1.0, 0.0, 1e5, 1.0, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "Shafts, belts and flex splines wind up: the link lags behind its motor in proportion "
+        "to the load and swings after fast moves."
+    )
+    experiment: ClassVar[str] = (
+        "Stop abruptly from fast motion, and hang weights on the link at rest: it rings at one "
+        "frequency, and sags while the motor does not."
+    )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return the stiffnesses that explain the unexplained torque best."""
+        stiffness = np.geomspace(20.0, 20000.0, 13)
+        responses = evidence.responses(where)
+        inertia = float(np.mean([np.mean(r.inertia[:, r.row]) for r in responses]))
+        grid = [
+            (k, 2.0 * ratio * np.sqrt(k * inertia), 0.0) for k in stiffness for ratio in (0.05, 0.3)
+        ]
+        best = best_contacts(responses, evidence.unexplained, np.array(grid), count=2)
+        return tuple(Screen.fixed({"stiffness": float(k), "damping": float(c)}) for k, c, _ in best)
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot whose gear is that soft."""
+        gears = robot.transmission.with_value("stiffness", self.where, self.stiffness)
+        return robot.with_transmission(gears.with_value("damping", self.where, self.damping))
+
+    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
+        """Return the link's motion relative to the motor, (N, 3)."""
+        return link_deflection(response, self.stiffness, self.damping, 0.0)

@@ -1,0 +1,49 @@
+"""An encoder with a wrong zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class PositionOffset(JointEffect):
+    """The encoder reports the joint's position plus a constant.
+
+    Attributes:
+        offset: reported minus true position [rad].
+    """
+
+    offset: float
+
+    name: ClassVar[str] = "position_offset"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("offset", "rad", 0.0, -3.2, 3.2, 0.02),
+    )
+    explanation: ClassVar[str] = (
+        "The zero of an encoder was set wrongly or has slipped: gravity pulls as if the joint "
+        "stood elsewhere."
+    )
+    experiment: ClassVar[str] = (
+        "Hold still in many poses, some on both sides of hanging straight: the error follows "
+        "the slope of the gravity torque and vanishes where that is flat."
+    )
+
+    def measured(self, robot: Robot, motion: Motion) -> Motion:
+        """Return the motion with the offset added to this joint's position."""
+        return self._moved(robot, motion, self.offset)
+
+    def true(self, robot: Robot, motion: Motion) -> Motion:
+        """Return the motion with the offset taken from this joint's position."""
+        return self._moved(robot, motion, -self.offset)
+
+    def _moved(self, robot: Robot, motion: Motion, change: float) -> Motion:
+        position = np.array(motion.position)
+        position[..., robot.position_index(self.where)] += change
+        return motion.replace(position=position)

@@ -1,0 +1,71 @@
+"""A motor that weakens as it warms up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+
+
+@final
+@dataclass(frozen=True)
+class ThermalDrift(JointEffect):
+    """The delivered torque falls by `drop` as the motor warms up: 1 - drop (1 - exp(-t/tau)).
+
+    t counts from the start of the log. A negative drop is a motor that grows stronger.
+
+    Attributes:
+        drop: share of the torque lost when warm.
+        time_constant: tau [s].
+    """
+
+    drop: float
+    time_constant: float
+
+    name: ClassVar[str] = "thermal_drift"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("drop", "1", 0.0, -0.9, 0.9, 0.05),
+        Parameter("time_constant", "s", 60.0, 0.1, 1e5, 10.0, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "Magnets and windings lose torque as they warm up: the same motion asks for more and "
+        "more reported torque."
+    )
+    experiment: ClassVar[str] = (
+        "Repeat one loaded motion for several minutes and log the motor's temperature: the "
+        "torque drifts with it and comes back after a pause."
+    )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return one screen per time constant, from a tenth of the log's length to ten times."""
+        times = [motion.time for motion in evidence.motions if motion.time is not None]
+        if not times:
+            return ()
+        length = max(float(time[-1] - time[0]) for time in times)
+
+        def screen(tau: float) -> Screen:
+            unit = {"drop": 0.001, "time_constant": tau}
+            return Screen((unit,), lambda c: {"drop": 0.001 * float(c[0]), "time_constant": tau})
+
+        return tuple(screen(float(np.clip(s * length, 0.1, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
+
+    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque left for this gear, (..., m)."""
+        return torque * self._factor(robot, motion)
+
+    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque reported for a delivered one, (..., m)."""
+        return torque / self._factor(robot, motion)
+
+    def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
+        time = np.zeros(motion.velocity.shape[:-1]) if motion.time is None else motion.time
+        warm = -np.expm1(-np.asarray(time) / self.time_constant)
+        factor = np.ones((*np.shape(time), robot.transmission.size))
+        factor[..., robot.transmission.index(self.where)] = 1.0 - self.drop * warm
+        return factor
