@@ -1,0 +1,98 @@
+"""Taking an impact: barriers that are reached stop the robot at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.errors import SimulationError
+from wbc.sim.barriers import TOUCH, Clearance
+from wbc.sim.coupling import (
+    COUPLING_FAILED,
+    COUPLING_ROUNDS,
+    COUPLING_TOLERANCE,
+    step_coupling,
+)
+from wbc.sim.ground import world_impulse
+from wbc.sim.impact import Impact, impact_elements, impact_mesh_loss
+from wbc.sim.kinetic_energy import kinetic_energy
+from wbc.sim.motor_motion import MotorMotion
+from wbc.sim.program import StepProgram, Unilateral
+from wbc.sim.setup import Setup
+from wbc.sim.solution import StepSolution
+from wbc.sim.solver import solve_program
+from wbc.sim.state import SimState
+
+_SLOW = 1e-9
+
+
+def settle(setup: Setup, state: SimState) -> tuple[SimState, Impact | None]:
+    """Return the state after barriers that have just been reached are hit, and the impact if any.
+
+    A barrier counts as reached where its gap is closed and the state does not know it to be.
+    """
+    barriers, space = setup.barriers, setup.space
+    unknown = len(state.closed) != barriers.size
+    closed = np.zeros(barriers.size, dtype=bool) if unknown else state.closed
+    pin.crba(space.model, space.data, state.position, pin.Convention.WORLD)
+    clearance = barriers.clearance(state.position)
+    fresh = ~closed & (clearance.gap <= TOUCH)
+    if not fresh.any():
+        return (state.replace(closed=closed) if unknown else state), None
+    approach = barriers.approach(clearance.normal, state.velocity)
+    together = closed | fresh
+    if not np.any(fresh & (approach < -_SLOW)):
+        return state.replace(closed=together), None
+    impact = _collide(setup, state, together, clearance, approach)
+    after = barriers.approach(clearance.normal, impact.after)
+    state = state.replace(velocity=impact.after, closed=together & (after <= TOUCH))
+    return state, impact
+
+
+def _collide(
+    setup: Setup,
+    state: SimState,
+    closed: BoolArray,
+    clearance: Clearance,
+    approach: FloatArray,
+) -> Impact:
+    """Return the impact of the `closed` barriers, for the kinematics held in the workspace."""
+    drive, barriers = setup.drive, setup.barriers
+    target = -setup.restitution * np.minimum(approach, 0.0)
+    unilateral, contacts, limits = barriers.rows(closed, clearance.normal, target)
+    solution = _solve(setup, state, unilateral)
+    motor = MotorMotion.of(drive, state).speed[~drive.loose]
+    mesh = impact_mesh_loss(drive, motor, solution.element_speed, solution.element_impulse)
+    after = np.array(solution.velocity)
+    given = kinetic_energy(setup, state.position, state.velocity)
+    given -= kinetic_energy(setup, state.position, after)
+    impulse = world_impulse(
+        contacts,
+        solution.normal_impulse[len(limits) :],
+        solution.tangent_impulse,
+        barriers.contacts,
+    )
+    return Impact(state.time, state.velocity, after, impulse, mesh, given - mesh, solution)
+
+
+def _solve(setup: Setup, state: SimState, unilateral: Unilateral) -> StepSolution:
+    """Solve the impact's program, with rotor coupling by repetition."""
+    drive, velocity = setup.drive, state.velocity
+    coupling = step_coupling(setup.robot, setup.space, state.position, velocity)
+    inertia = setup.space.data.M.copy()
+    motor = MotorMotion.of(drive, state).speed
+    if coupling is None:
+        elements = impact_elements(drive, motor, np.zeros(drive.size))
+        return solve_program(StepProgram(inertia, velocity, elements, unilateral))
+    last = velocity
+    for _ in range(COUPLING_ROUNDS):
+        change = last - velocity
+        elements = impact_elements(drive, motor, -coupling.inertia @ change)
+        back = np.linalg.solve(inertia, coupling.inertia.T @ (drive.rows @ change))
+        solution = solve_program(StepProgram(inertia, velocity - back, elements, unilateral))
+        moved = np.abs(solution.velocity - last).max(initial=0.0)
+        if moved <= COUPLING_TOLERANCE * (1.0 + np.abs(last).max(initial=0.0)):
+            return solution
+        last = solution.velocity
+    raise SimulationError(COUPLING_FAILED)

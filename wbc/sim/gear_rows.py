@@ -1,0 +1,127 @@
+"""The gears' rows of one step: what each rotor brings along, and how it holds on to its joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.sim.drivetrain import Drivetrain
+from wbc.sim.elements import Elements, meeting_speed
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class GearRows:
+    """Dissipative rows of a step.
+
+    Attributes:
+        elements: engaged gears first, then coordinates with friction of their own.
+        engaged: (e,) indices of the gears that hold on to their joints.
+        side: (m,) flank on which a gear with play engages, +1 or -1; 0 without play.
+        alone: coordinates with a friction row of their own.
+        free_speed: (m,) of the motor outputs of gears that hang in their play.
+    """
+
+    elements: Elements
+    engaged: IntArray
+    side: FloatArray
+    alone: IntArray
+    free_speed: FloatArray
+
+
+def gear_rows(
+    drive: Drivetrain,
+    impulse: FloatArray,
+    friction: FloatArray | None,
+    step: float,
+    motor: tuple[FloatArray, FloatArray, FloatArray],
+    released: BoolArray,
+) -> GearRows:
+    """Return the dissipative rows of a step.
+
+    Args:
+        drive: constant part.
+        impulse: (m,) motor impulse at the motor output, N h tau_phi.
+        friction: level of dry friction (nv,) on the coordinates, None for none.
+        step: h [s].
+        motor: speed (m,) of the motor outputs before, their speed relative to the joints (m,) and
+            the deflection (m,).
+        released: (m,) gears found to pull on their flank, which they cannot.
+    """
+    before, relative, deflection = motor
+    brought = impulse + drive.inertia * before
+    dry = step * drive.coulomb
+    inertia = drive.inertia + step * drive.viscous
+    zero = np.zeros(drive.size)
+    shared, alone = zero, np.zeros(0, dtype=np.int_)
+    if friction is not None:
+        level = step * friction
+        if drive.direct:
+            shared = level[drive.actuated]
+            level[drive.actuated] = 0.0
+        alone = np.flatnonzero(level > 0.0)
+    elements = Elements(
+        drive.rows,
+        brought - dry,
+        brought + dry,
+        inertia,
+        drive.forward,
+        drive.backward,
+        shared,
+        zero,
+        zero,
+        zero,
+    )
+    engaged, side, free_speed = np.arange(drive.size), zero, zero
+    if drive.any_loose:
+        elements, engaged, side, free_speed = _hold(
+            drive, elements, step, relative, deflection, released
+        )
+    if alone.size:
+        elements = _with_friction(elements, alone, step * friction[alone])  # type: ignore[index]
+    return GearRows(elements, engaged, side, alone, free_speed)
+
+
+def _hold(
+    drive: Drivetrain,
+    elements: Elements,
+    step: float,
+    relative: FloatArray,
+    deflection: FloatArray,
+    released: BoolArray,
+) -> tuple[Elements, IntArray, FloatArray, FloatArray]:
+    """Put springs and play into the rows; leave out gears that hang in their play.
+
+    A spring takes the mean deflection of the step (trapezoidal rule, which keeps its energy), its
+    damper the final speed; a rigid flank is closed like a contact.
+    """
+    half = 0.5 * drive.play
+    middle = deflection + 0.5 * step * relative
+    side = np.where(drive.play > 0.0, np.sign(middle), 0.0)
+    free = drive.loose & (drive.play > 0.0) & ((np.abs(middle) < half) | released)
+    soft = np.isfinite(drive.stiffness)
+    stiffness = np.where(soft, drive.stiffness, 1.0)
+    gain = 0.25 * step**2 * stiffness + step * drive.damping
+    stretch = deflection - side * half + 0.25 * step * relative
+    compliance = np.where(soft, 1.0 / gain, 0.0)
+    offset = np.where(soft, -step * stiffness * stretch / gain, (side * half - middle) / step)
+    offset = np.where(drive.loose, offset, 0.0)
+    zero = np.zeros(drive.size)
+    alone = meeting_speed(elements, zero, zero)
+    engaged = np.flatnonzero(~free)
+    names = Elements.__slots__
+    fields = {name: getattr(elements, name)[engaged] for name in names}
+    fields |= {"compliance": compliance[engaged], "offset": offset[engaged]}
+    return Elements(**fields), engaged, side, np.where(free, alone, 0.0)
+
+
+def _with_friction(elements: Elements, coordinates: IntArray, level: FloatArray) -> Elements:
+    """Return the elements with one more row per coordinate that only rubs."""
+    count = len(coordinates)
+    rows = np.zeros((count, elements.rows.shape[1]))
+    rows[np.arange(count), coordinates] = 1.0
+    zero, one = np.zeros(count), np.ones(count)
+    added = (rows, zero, zero, zero, one, one, level, zero, zero, zero)
+    pairs = zip(Elements.__slots__, added, strict=True)
+    return Elements(*(np.concatenate((getattr(elements, name), more)) for name, more in pairs))

@@ -1,0 +1,200 @@
+"""The plant: a robot on a terrain that steps from state to state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray, checked
+from wbc.errors import SimulationError
+from wbc.robot import Robot
+from wbc.sim.barriers import TOUCH
+from wbc.sim.collision import settle
+from wbc.sim.flow import Flow, flow
+from wbc.sim.impact import Impact
+from wbc.sim.kinetic_energy import kinetic_energy
+from wbc.sim.motor_motion import MotorMotion
+from wbc.sim.plane import Plane
+from wbc.sim.setup import Setup, prepare
+from wbc.sim.state import SimState
+from wbc.sim.step_result import StepResult, merged
+from wbc.sim.terrain import Terrain
+
+_MAX_PARTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A robot on a terrain, stepped by one convex program per step (docs/physics.md).
+
+    `step` is a function of its arguments alone: the same state, torque and step give the same
+    result to the last bit. The plant keeps memory to work in; use one per thread.
+
+    Attributes:
+        robot: what moves.
+        terrain: what it stands on.
+        restitution: normal speed after over before an impact (Newton), 0 to 1.
+    """
+
+    robot: Robot
+    terrain: Terrain = field(default_factory=Plane)
+    restitution: float = 0.0
+    _setup: Setup = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Prepare what does not change from step to step."""
+        if not 0.0 <= self.restitution <= 1.0:
+            raise SimulationError(f"restitution must lie in [0, 1], got {self.restitution:g}.")
+        gears = self.robot.transmission
+        light = (gears.backward_efficiency < 0.0) & (gears.rotor_inertia == 0.0)
+        if light.any():
+            name = gears.joints[int(np.flatnonzero(light)[0])]
+            raise SimulationError(
+                f"the gear of '{name}' is self-locking (backward efficiency < 0) and has no rotor "
+                "inertia: while it turns, its motion is not determined. Give rotor_inertia."
+            )
+        object.__setattr__(self, "_setup", prepare(self.robot, self.terrain, self.restitution))
+
+    def state(self, position: ArrayLike, velocity: ArrayLike | None = None) -> SimState:
+        """Return a state to start from, at time zero.
+
+        Args:
+            position: q (nq,).
+            velocity: v (nv,), default at rest.
+
+        Raises:
+            SimulationError: wrong shapes, or a value that is not finite.
+        """
+        model = self.robot.model
+        v = np.zeros(model.nv) if velocity is None else velocity
+        return SimState(
+            checked(position, (model.nq,), "position q", SimulationError),
+            checked(v, (model.nv,), "velocity v", SimulationError),
+        )
+
+    def step(
+        self,
+        state: SimState,
+        rotor_torque: ArrayLike,
+        dt: float,
+        external: FloatArray | None = None,
+    ) -> StepResult:
+        """Return what the plant does in `dt` seconds under a constant command.
+
+        A point that lands within the step, or a joint that reaches its limit, splits it: the
+        plant flows to the touchdown, takes the impact there, and flows on.
+
+        Args:
+            state: where it starts.
+            rotor_torque: (m,) [N m] commanded on the rotors; the drives deliver at most the
+                robot's `torque_limit`.
+            dt: [s].
+            external: generalised force (nv,) from outside, None for none.
+
+        Raises:
+            SimulationError: the command or dt is not usable, or the step has no unique solution.
+        """
+        setup, command = self._setup, self._command(rotor_torque, dt)
+        parts: list[Flow] = []
+        impacts: list[Impact] = []
+        state, impact = settle(setup, state)
+        left = dt
+        while True:
+            if impact is not None:
+                impacts.append(impact)
+            part = flow(setup, state, command, left, external)
+            if len(parts) < _MAX_PARTS and _lands(state, part):
+                part = self._until_landing(state, command, part, left, external)
+            parts.append(part)
+            left -= part.state.time - state.time
+            if left <= 1e-9 * dt:
+                break
+            state, impact = settle(setup, part.state)
+        return merged(dt, parts, impacts)
+
+    def run(
+        self,
+        state: SimState,
+        rotor_torque: ArrayLike,
+        dt: float,
+        steps: int,
+        external: FloatArray | None = None,
+    ) -> StepResult:
+        """Return what the plant does in `dt` seconds, taken in several steps."""
+        results = []
+        for _ in range(steps):
+            results.append(self.step(state, rotor_torque, dt / steps, external))
+            state = results[-1].state
+        return results[0] if steps == 1 else StepResult.joined(results)
+
+    def mechanical_energy(self, state: SimState) -> float:
+        """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
+        setup = self._setup
+        motor = MotorMotion.of(setup.drive, state)
+        height = pin.computePotentialEnergy(setup.space.model, setup.space.data, state.position)
+        kinetic = kinetic_energy(setup, state.position, state.velocity, motor.speed)
+        return float(kinetic + height + setup.drive.spring_energy(motor.deflection))
+
+    def gaps(self, state: SimState) -> FloatArray:
+        """Return the distance (k,) of the contact points from the ground [m]."""
+        space, barriers = self._setup.space, self._setup.barriers
+        pin.forwardKinematics(space.model, space.data, state.position)
+        return barriers.clearance(state.position).gap[barriers.limits :]
+
+    def _command(self, rotor_torque: ArrayLike, dt: float) -> FloatArray:
+        if not dt > 0.0:
+            raise SimulationError(f"the step dt must be positive, got {dt}.")
+        gears = self.robot.transmission
+        torque = np.asarray(rotor_torque, dtype=np.float64)
+        if torque.shape != (gears.size,):
+            raise SimulationError(
+                f"rotor_torque has shape {torque.shape}; '{self.robot.name}' has {gears.size} "
+                f"rotors: {', '.join(gears.joints)}."
+            )
+        clipped = np.minimum(np.maximum(torque, -gears.torque_limit), gears.torque_limit)
+        if not np.isfinite(clipped).all():
+            raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
+        return clipped
+
+    def _until_landing(
+        self,
+        state: SimState,
+        command: FloatArray,
+        part: Flow,
+        step: float,
+        external: FloatArray | None,
+    ) -> Flow:
+        """Return the flow that ends where the first barrier is reached (regula falsi)."""
+        space, barriers = self._setup.space, self._setup.barriers
+        pin.forwardKinematics(space.model, space.data, state.position)
+        ahead = ~state.closed
+        early, late = 0.0, step
+        gap_early = barriers.clearance(state.position).gap[ahead]
+        gap_late = part.gap[ahead]
+        for _ in range(40):
+            share = _first_crossing(gap_early, gap_late)
+            trial = early + share * (late - early)
+            part = flow(self._setup, state, command, trial, external)
+            gap = part.gap[ahead]
+            if abs(gap.min()) <= 0.5 * TOUCH:
+                break
+            if gap.min() > 0.0:
+                early, gap_early = trial, gap
+            else:
+                late, gap_late = trial, gap
+        return part
+
+
+def _lands(state: SimState, part: Flow) -> bool:
+    return bool(np.any(part.gap[~state.closed] < -TOUCH))
+
+
+def _first_crossing(early: FloatArray, late: FloatArray) -> float:
+    """Return the share of the way at which the first gap closes, linearly between two ends."""
+    crossing = late < 0.0
+    ahead = np.maximum(early[crossing], 0.0)
+    share = float((ahead / (ahead - late[crossing])).min())
+    return min(max(share, 1e-4), 1.0 - 1e-4)

@@ -1,0 +1,82 @@
+"""Writing down what a plant does, in the columns of a log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import SimulationError
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.sim.state import SimState
+from wbc.sim.step_result import StepResult
+
+_BASE = (
+    *(f"base.position.{axis}" for axis in "xyz"),
+    *(f"base.orientation.{axis}" for axis in "xyzw"),
+)
+_BASE_RATE = (
+    *(f"base.linear_velocity.{axis}" for axis in "xyz"),
+    *(f"base.angular_velocity.{axis}" for axis in "xyz"),
+)
+
+
+class Recorder:
+    """Collects steps; `log` returns them as a log of true values.
+
+    A row holds the state at its time and the torques and forces of the step that starts there:
+    `rotor_torque` as the drives report it, `joint_torque` what the gears pass to the joints, and
+    contact forces as means over the step, impacts included.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Prepare to record `robot`."""
+        self._robot = robot
+        self._single = [
+            (name, robot.position_index(name), robot.velocity_index(name))
+            for name in robot.single_joints
+            if robot.model.joints[robot.model.getJointId(name)].nq == 1
+        ]
+        self._rows: list[tuple[float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]]
+        self._rows = []
+
+    def add(self, state: SimState, command: FloatArray, result: StepResult) -> None:
+        """Record the step from `state` under `command` (m,) that gave `result`."""
+        torque = self._robot.transmission.motor_from_joint.T @ result.mesh_torque
+        limit = self._robot.transmission.torque_limit
+        reported = np.clip(command, -limit, limit)
+        row = (
+            state.time,
+            state.position,
+            state.velocity,
+            reported,
+            torque,
+            result.contact_force.ravel(),
+        )
+        self._rows.append(row)
+
+    def log(self) -> Log:
+        """Return everything recorded so far.
+
+        Raises:
+            SimulationError: fewer than two rows.
+        """
+        if len(self._rows) < 2:
+            raise SimulationError("a recording needs at least two steps to be a log.")
+        times, q, v, rotor, joint, force = (
+            np.array(part) for part in zip(*self._rows, strict=True)
+        )
+        columns: dict[str, FloatArray] = {}
+        if self._robot.has_free_flyer:
+            columns.update(zip(_BASE, q[:, :7].T, strict=True))
+            columns.update(zip(_BASE_RATE, v[:, :6].T, strict=True))
+        for name, at_q, at_v in self._single:
+            columns[f"{name}.position"] = q[:, at_q]
+            columns[f"{name}.velocity"] = v[:, at_v]
+        for i, name in enumerate(self._robot.transmission.joints):
+            columns[f"{name}.rotor_torque"] = rotor[:, i]
+            columns[f"{name}.joint_torque"] = joint[:, i]
+        for i, contact in enumerate(self._robot.contacts):
+            for j, axis in enumerate("xyz"):
+                columns[f"{contact.name}.force.{axis}"] = force[:, 3 * i + j]
+        return Log(times, columns)

@@ -1,0 +1,98 @@
+"""A convenience loop: controller, plant, recording. The user may just as well own the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from rich.progress import Progress
+
+from wbc.arrays import FloatArray
+from wbc.errors import SimulationError
+from wbc.measurement import Log
+from wbc.sim.audit import EnergyAudit
+from wbc.sim.energy import EnergyFlow
+from wbc.sim.impact import Impact
+from wbc.sim.plant import Plant
+from wbc.sim.recorder import Recorder
+from wbc.sim.residuals import Residuals, worst
+from wbc.sim.state import SimState
+
+Controller = Callable[[SimState], FloatArray]
+"""Takes the plant's state, returns the rotor torque (m,) [N m] to hold until the next tick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A finished run.
+
+    Attributes:
+        log: the recording, true values.
+        state: at the end.
+        impacts: all that happened.
+        audit: where the energy went.
+        residuals: the worst of every step.
+        fallbacks: how many step programs the fast path did not solve.
+    """
+
+    log: Log
+    state: SimState
+    impacts: tuple[Impact, ...]
+    audit: EnergyAudit
+    residuals: Residuals
+    fallbacks: int
+
+
+def simulate(
+    plant: Plant,
+    controller: Controller,
+    state: SimState,
+    duration: float,
+    *,
+    dt: float = 1e-3,
+    substeps: int = 1,
+    external: Callable[[SimState], FloatArray | None] | None = None,
+    progress: str | None = None,
+) -> Simulation:
+    """Run `controller` on `plant` for `duration` seconds.
+
+    Args:
+        plant: what moves.
+        controller: called every `dt` with the true state.
+        state: where to start.
+        duration: [s], rounded to whole ticks of `dt`.
+        dt: control period and row spacing of the recording [s].
+        substeps: plant steps per tick.
+        external: generalised force (nv,) from outside as a function of the state.
+        progress: text of a progress bar, None for none.
+
+    Raises:
+        SimulationError: fewer than two ticks, or a step without a unique solution.
+    """
+    ticks = round(duration / dt)
+    if ticks < 2 or substeps < 1:
+        raise SimulationError(
+            f"{duration:g} s at dt = {dt:g} s with {substeps} substeps is no run; at least two "
+            "ticks and one substep are needed."
+        )
+    recorder = Recorder(plant.robot)
+    flow, residuals, fallbacks = EnergyFlow(), Residuals(), 0
+    impacts: list[Impact] = []
+    before = plant.mechanical_energy(state)
+    with Progress(disable=progress is None, transient=True) as bar:
+        task = bar.add_task(progress or "", total=ticks)
+        for tick in range(ticks):
+            command = np.asarray(controller(state), dtype=np.float64)
+            push = None if external is None else external(state)
+            result = plant.run(state, command, dt, substeps, push)
+            recorder.add(state, command, result)
+            state = result.state
+            flow = flow + result.energy
+            impacts.extend(result.impacts)
+            residuals = worst(residuals, *(s.residuals for s in result.solutions))
+            fallbacks += sum(s.method != "newton" for s in result.solutions)
+            if tick % 100 == 99:
+                bar.advance(task, 100)
+    audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)
+    return Simulation(recorder.log(), state, tuple(impacts), audit, residuals, fallbacks)

@@ -1,0 +1,40 @@
+"""Everything the plant remembers from one step to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SimState:
+    """State of a simulated robot; a step turns one into the next and keeps nothing besides.
+
+    Attributes:
+        position: q (nq,), pinocchio's configuration.
+        velocity: v (nv,).
+        time: [s].
+        closed: (2 j + k,) which joint limits (lower, then upper) and contacts are closed since the
+            last step; empty means unknown, the next step then looks.
+        impulse: (r,) row impulses of the last step [N m s, N s], where the next one starts its
+            search and which split of internal forces it stays near; empty means none.
+        deflection: (m,) [rad] of the motor's output ahead of the joint, where a gear is compliant
+            or has backlash; empty means none.
+        motor_velocity: (m,) [rad/s] of the motor's output; empty means that of the joints.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    time: float = 0.0
+    closed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    impulse: FloatArray = field(default_factory=lambda: np.zeros(0))
+    deflection: FloatArray = field(default_factory=lambda: np.zeros(0))
+    motor_velocity: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def replace(self, **changes: Any) -> SimState:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)
