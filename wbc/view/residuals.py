@@ -67,7 +67,12 @@ def residuals_of(robot: Robot, fitted: Robot, logs: Sequence[Log]) -> Residuals:
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    problem = Problem.from_logs(robot, logs)
+    return residuals_in(Problem.from_logs(robot, logs), fitted)
+
+
+def residuals_in(problem: Problem, fitted: Robot) -> Residuals:
+    """Return the residuals of a prepared problem's robot and of `fitted`."""
+    robot = problem.robot
     names, units = output_names(robot)
     return Residuals(
         outputs=names,

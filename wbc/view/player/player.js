@@ -362,7 +362,9 @@ const wish = new URLSearchParams(location.hash.slice(1));
 if (wish.has("bare")) document.body.classList.add("bare");
 buildReadout();
 buildControls();
-setTheme(document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+// Inside another page its theme counts.
+const host = window.frameElement && window.frameElement.dataset.theme;
+setTheme(host || document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 requestAnimationFrame(() => {
   viewer.set_3d_pane_size();
   frameCamera();

@@ -1,0 +1,113 @@
+"use strict";
+(() => {
+const $ = (id) => document.getElementById(id);
+const data = JSON.parse($("data").textContent);
+const root = document.documentElement;
+const style = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+const mouse = matchMedia("(hover: hover)").matches;
+const config = { displaylogo: false, responsive: true, displayModeBar: mouse ? "hover" : false,
+  modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
+
+function layout(x, y, more) {
+  const axis = { gridcolor: style("--line"), zerolinecolor: style("--line"), linecolor: style("--soft"), automargin: true };
+  return Object.assign({
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false,
+    font: { color: style("--ink"), size: 12, family: 'system-ui, "DejaVu Sans", sans-serif' },
+    margin: { l: 48, r: 8, t: 8, b: 36 }, hovermode: "closest",
+    // On a touch screen a finger on a plot scrolls the page.
+    dragmode: mouse ? "zoom" : false,
+    modebar: { bgcolor: "rgba(0,0,0,0)", color: style("--soft"), activecolor: style("--accent") },
+    xaxis: Object.assign({ title: { text: x, standoff: 4 } }, axis),
+    yaxis: Object.assign({ title: { text: y, standoff: 4 } }, axis),
+  }, more || {});
+}
+
+function drawStairs() {
+  if (!data.steps.length) return;
+  const steps = data.steps.slice().reverse(), narrow = window.innerWidth < 560;
+  const shown = layout("held-out error [noise floors]", "");
+  Object.assign(shown.xaxis, { type: "log", dtick: 1, range: [Math.log10(0.5), Math.log10(2.5 * Math.max(...steps.map((s) => s.error), 2))] });
+  Object.assign(shown.yaxis, { title: "", tickfont: { size: narrow ? 10 : 12 } });
+  shown.margin.t = 20;
+  shown.shapes = [{ type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: { color: style("--before"), dash: "dash" } }];
+  shown.annotations = [{ x: 0, xref: "x", y: 1.0, yref: "paper", yanchor: "bottom", text: "noise floor", showarrow: false, font: { color: style("--before"), size: 11 } }];
+  const label = (text) => narrow && text.length > 24 ? text.replace(" at ", "<br>at ") : text;
+  Plotly.react("stairs", [{ type: "bar", orientation: "h", x: steps.map((s) => s.error), y: steps.map((s) => label(s.label)),
+    text: steps.map((s) => s.error.toPrecision(3)), textposition: "outside", cliponaxis: false, marker: { color: style("--after") },
+    hovertemplate: "%{y}<br>%{x:.4g} noise floors<extra></extra>" }], shown, config);
+}
+
+function band(panel) {
+  return [{ type: "rect", xref: "paper", x0: 0, x1: 1, y0: -2 * panel.floor, y1: 2 * panel.floor, line: { width: 0 }, fillcolor: style("--band"), layer: "below" }];
+}
+const hover = (unit, x) => `${x}: %{x:.4g}<br>%{y:.4g} ${unit}`;
+
+function drawPanel(panel, places) {
+  const run = panel.runs[$("log").selectedIndex], y = `residual [${panel.unit}]`;
+  const line = (values, color, name) => ({ x: run.t, y: values, mode: "lines", line: { color, width: 1.3 }, name,
+    hovertemplate: hover(panel.unit, "time") + `<extra>${name}</extra>` });
+  const traces = [line(run.before, style("--before"), "as given")];
+  if (data.fitted) traces.push(line(run.after, style("--after"), "with effects"));
+  Plotly.react(places[0], traces, layout("time [s]", y, { shapes: band(panel) }), config);
+  panel.over.forEach((over, k) => {
+    const dots = (values, color, name) => ({ x: over.x, y: values, mode: "markers", name, marker: { color, size: 4, opacity: 0.55 },
+      hovertemplate: hover(panel.unit, over.name) + `<extra>${name}</extra>` });
+    const both = [dots(panel.before, style("--before"), "as given")];
+    if (data.fitted) both.push(dots(panel.after, style("--after"), "with effects"));
+    Plotly.react(places[k + 1], both, layout(`${over.name} [${over.unit}]`, k === 0 ? `residual [${panel.unit}]` : "", { shapes: band(panel) }), config);
+  });
+}
+
+// Plots are drawn when they are opened: a robot with thirty joints must not wait for all of them.
+const opened = new Map();
+function buildPanels() {
+  data.panels.forEach((panel, index) => {
+    const box = document.createElement("details"), summary = document.createElement("summary"), grid = document.createElement("div");
+    box.className = "panel"; grid.className = "multiples";
+    summary.textContent = panel.output;
+    box.append(summary, grid);
+    $("panels").append(box);
+    const places = [0, ...panel.over].map((_, k) => {
+      const place = document.createElement("div");
+      place.className = k === 0 ? "plot wide" : "plot";
+      grid.append(place);
+      return place;
+    });
+    box.addEventListener("toggle", () => {
+      if (!box.open) { opened.delete(panel); return; }
+      opened.set(panel, places);
+      drawPanel(panel, places);
+    });
+    box.open = index < 3;
+  });
+}
+function drawAll() {
+  drawStairs();
+  for (const [panel, places] of opened) drawPanel(panel, places);
+}
+function setTheme(name) {
+  root.dataset.theme = name;
+  drawAll();
+  $("playback").dataset.theme = name;
+  const player = $("playback").contentWindow && $("playback").contentWindow.player;
+  if (player) player.setTheme(name);
+}
+function loadPlayback() {
+  const frame = $("playback");
+  const page = JSON.parse($("page").textContent);
+  frame.dataset.theme = root.dataset.theme;
+  new IntersectionObserver((seen, observer) => {
+    if (!seen.some((entry) => entry.isIntersecting)) return;
+    observer.disconnect();
+    frame.srcdoc = page;
+  }, { rootMargin: "300px" }).observe(frame);
+}
+
+if (!root.dataset.theme) root.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+$("theme").onclick = () => setTheme(root.dataset.theme === "dark" ? "light" : "dark");
+$("log").onchange = drawAll;
+buildPanels();
+drawStairs();
+loadPlayback();
+window.report = { ready: true, setTheme };
+})();

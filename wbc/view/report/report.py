@@ -1,0 +1,133 @@
+"""The report: one offline page that says what is missing, how sure that is, and where to look."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from plotly.offline import get_plotlyjs
+
+from wbc.files import write_text
+from wbc.identification import Comparison, Diagnosis
+from wbc.identification.compare import compare_problem
+from wbc.identification.problem import Problem
+from wbc.measurement import Log, check_logs
+from wbc.robot import Robot
+from wbc.view.ghost import model_ghost
+from wbc.view.playback import playback_page
+from wbc.view.report.content import (
+    dependence_rows,
+    finding_cards,
+    headline,
+    output_rows,
+    quality_rows,
+    step_rows,
+    worth_rows,
+)
+from wbc.view.report.plot_data import residual_plots
+from wbc.view.report.provenance import provenance
+from wbc.view.report.worth import worth_table
+from wbc.view.residuals import residuals_in
+
+_PAGE = Path(__file__).parent / "page"
+
+
+def write_report(
+    path: str | Path,
+    robot: Robot,
+    logs: Sequence[Log],
+    diagnosis: Diagnosis | None = None,
+    *,
+    command: str = "",
+    seed: int | None = None,
+    theme: str = "",
+) -> Path:
+    """Write what `compare` or `diagnose` found as one HTML file without any network.
+
+    Top to bottom: the verdict in a sentence, the staircase of the error, the effects with their
+    parameters, the ranked table with paired differences, the next experiment, where the model
+    fails, the log with the model as a ghost, the quality of the logs, and how to reproduce it.
+
+    Args:
+        path: the file to write (whole or not at all).
+        robot: the robot as it was given to `compare` or `diagnose`.
+        logs: the logs, in the same order; the first one is played.
+        diagnosis: what `diagnose` returned; a report of the comparison alone when left out.
+        command: how to run it again, for the last section.
+        seed: of random numbers, for the last section.
+        theme: "light", "dark", or "" for what the reader's system prefers.
+
+    Raises:
+        IdentificationError: logs that cannot be compared with this robot.
+        LogError: a channel is missing.
+    """
+    return write_text(path, report_page(robot, logs, diagnosis, command, seed, theme))
+
+
+def report_page(
+    robot: Robot,
+    logs: Sequence[Log],
+    diagnosis: Diagnosis | None,
+    command: str,
+    seed: int | None,
+    theme: str,
+) -> str:
+    """Return the HTML text of `write_report`."""
+    problem = Problem.from_logs(robot, logs)
+    comparison = compare_problem(problem)
+    context: dict[str, Any] = {
+        "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
+        "robot": robot.name,
+        "theme": theme,
+        **headline(comparison, diagnosis),
+        "outputs": output_rows(comparison),
+        "dependences": dependence_rows(comparison),
+        "quality": quality_rows(check_logs(logs, robot)),
+        "floor_source": comparison.floor.source,
+        "notes": list(robot.notes),
+        "provenance": provenance(logs, command, seed),
+        "logs": [Path(log.source.label).name for log in logs],
+    }
+    context |= _diagnosis_part(problem, diagnosis)
+    context["playback"] = _embedded(_playback(robot, logs[0], comparison))
+    fitted = robot if diagnosis is None else diagnosis.robot
+    plots = residual_plots(residuals_in(problem, fitted))
+    context["data"] = _embedded(
+        {**plots, "steps": context["steps"], "fitted": bool(context["cards"])}
+    )
+    for name, file in (("css", "report.css"), ("script", "report.js")):
+        context[name] = (_PAGE / file).read_text(encoding="utf-8")
+    environment = Environment(
+        loader=FileSystemLoader(_PAGE), undefined=StrictUndefined, autoescape=True
+    )
+    return environment.get_template("report.html.j2").render(plotly=get_plotlyjs(), **context)
+
+
+def _diagnosis_part(problem: Problem, diagnosis: Diagnosis | None) -> dict[str, Any]:
+    if diagnosis is None:
+        return {key: [] for key in ("steps", "cards", "worth", "warnings")} | {
+            "remainder": "",
+            "next_experiment": "",
+        }
+    return {
+        "steps": step_rows(diagnosis),
+        "cards": finding_cards(diagnosis.findings),
+        "worth": worth_rows(worth_table(problem, diagnosis)),
+        "warnings": list(diagnosis.warnings),
+        "remainder": diagnosis.remainder,
+        "next_experiment": diagnosis.next_experiment,
+    }
+
+
+def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:
+    ghost = model_ghost(robot, log, comparison.floor.values, "the model as given")
+    title = f"{Path(log.source.label).name} and the model as given"
+    return playback_page(robot, log, ghost=ghost, title=title, autoplay=False)
+
+
+def _embedded(value: object) -> str:
+    """Return JSON that can stand inside a script element."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
