@@ -9,6 +9,8 @@ from wbc.sim.plant import Plant
 from wbc.sim.program import StepProgram, Unilateral
 from wbc.sim.recorder import Recorder
 from wbc.sim.residuals import Residuals
+from wbc.sim.sensor import Sensor
+from wbc.sim.sensor_model import SensorModel
 from wbc.sim.simulate import Simulation, simulate
 from wbc.sim.solution import StepSolution
 from wbc.sim.solver import solve_program
@@ -26,6 +28,8 @@ __all__ = [
     "Plant",
     "Recorder",
     "Residuals",
+    "Sensor",
+    "SensorModel",
     "SimState",
     "Simulation",
     "Stairs",
