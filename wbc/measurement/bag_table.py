@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -119,14 +121,25 @@ class BagTable(Table):
                 message = bag.deserialize(raw, connection.msgtype)
                 yield _stamp(message) or received, message
 
-    def _open(self) -> Any:
+    @contextmanager
+    def _open(self) -> Iterator[Any]:
+        """Open the bag; damage that shows then or later becomes a LogError."""
         from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.rosbag2 import ReaderError
+        from rosbags.serde import SerdeError
         from rosbags.typesys import Stores, get_typestore
 
+        # The parser of the bag asserts and unpacks where a file is cut off.
+        damage = (OSError, AnyReaderError, ReaderError, SerdeError, struct.error, AssertionError)
         try:
-            return AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        except (OSError, AnyReaderError) as cause:
-            raise LogError(f"cannot read the bag '{self.path}': {cause}.") from cause
+            types = get_typestore(Stores.ROS2_HUMBLE)
+            with AnyReader([self.path], default_typestore=types) as bag:
+                yield bag
+        except damage as cause:
+            raise LogError(
+                f"cannot read the bag '{self.path}': {str(cause) or type(cause).__name__}. Was the "
+                "recording cut off? The tools of its format can often repair the index."
+            ) from cause
 
 
 def _stamp(message: Any) -> int:

@@ -10,7 +10,7 @@ from wbc.arrays import FloatArray
 from wbc.measurement.finding import Finding
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
-from wbc.measurement.value_runs import jumps, moves_nearby, plateau, resolution
+from wbc.measurement.value_runs import jumps, plateau, resolution
 
 _SATURATED_SHARE = 0.005
 _COARSE_SHARE = 0.1
@@ -55,11 +55,12 @@ def _constant(name: str, value: float, quantity: str) -> Finding:
 
 def _saturation(log: Log, joint: str, name: str) -> list[Finding]:
     values = log.column(name)
-    moving = np.ones(values.size, dtype=bool)
-    if log.has(f"{joint}.position"):
-        moving = moves_nearby(log.column(f"{joint}.position"))
-    low, high, share, runs = plateau(values, moving)
-    full = name.endswith(".duty") and max(-low, high) >= _FULL_DUTY
+    name_of_position = f"{joint}.position"
+    # A duty of one is the limit by definition, whether the joint moves or not.
+    full = name.endswith(".duty") and float(np.abs(values).max()) >= _FULL_DUTY
+    known = log.has(name_of_position) and not full
+    position = log.column(name_of_position) if known else None
+    low, high, share, runs = plateau(values, position)
     if share < _SATURATED_SHARE or (runs < 3 and not full):
         return []
     return [

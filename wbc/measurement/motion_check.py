@@ -60,20 +60,20 @@ def check_velocities(
             continue
         if abs(fit.scale - 1.0) > _SCALE_ERROR and abs(fit.correlation) > _SCALE_TRUSTED:
             findings.append(_scale_finding(name, fit.scale, ratios.get(joint)))
-        late = abs(fit.delay) > max(_DELAY_SAMPLES * log.sample_time, 4.0 * fit.delay_error)
-        samples = abs(fit.delay) / log.sample_time
-        side = "behind" if fit.delay > 0.0 else "ahead of"
-        if late:
-            findings.append(
-                Finding(
-                    "warning",
-                    "clock_lag",
-                    name,
-                    f"{abs(1e3 * fit.delay):.2f} ms ({samples:.1f} samples) {side} the position.",
-                    "Differentiate the position instead, or shift the channel (align_velocity).",
-                )
-            )
+        if abs(fit.delay) > max(_DELAY_SAMPLES * log.sample_time, 4.0 * fit.delay_error):
+            findings.append(_delay_finding(name, fit, log.sample_time))
     return findings
+
+
+def _delay_finding(name: str, fit: VelocityFit, sample_time: float) -> Finding:
+    way_out = "Differentiate the position instead, or take it out of the velocity (align_velocity)."
+    if fit.filtered:
+        text = f"it has gone through a low-pass with a time constant of {1e3 * fit.delay:.1f} ms."
+        return Finding("warning", "velocity_filtered", name, text, way_out)
+    samples = abs(fit.delay) / sample_time
+    side = "behind" if fit.delay > 0.0 else "ahead of"
+    text = f"{abs(1e3 * fit.delay):.2f} ms ({samples:.1f} samples) {side} the position."
+    return Finding("warning", "clock_lag", name, text, way_out)
 
 
 def _scale_finding(name: str, scale: float, ratio: float | None) -> Finding:

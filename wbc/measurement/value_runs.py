@@ -55,28 +55,42 @@ def jumps(values: FloatArray) -> tuple[IntArray, FloatArray]:
     return rows, np.asarray(steps[rows])
 
 
-def plateau(values: FloatArray, moving: BoolArray) -> tuple[float, float, float, int]:
+def plateau(
+    values: FloatArray, position: FloatArray | None = None
+) -> tuple[float, float, float, int]:
     """Return (lowest, highest, share, runs): how much of a channel is cut off at its extremes.
 
     Only runs of at least three equal samples at an extreme count (a peak touches it once), and only
-    while the joint moves (a drive that holds a pose repeats its value too).
+    those during which the joint moves (a drive that holds a pose repeats its value too).
 
     Args:
         values: (N,) the channel.
-        moving: (N,) whether the joint moves.
+        position: (N,) of the joint, None if it is not known.
     """
     low, high = float(values.min()), float(values.max())
     share, runs = 0.0, 0
     for extreme in {low, high} - {0.0}:
-        mask = (values == extreme) & moving
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-        lengths = edges[1::2] - edges[::2]
-        share += float(lengths[lengths >= 3].sum()) / values.size
-        runs += int(np.count_nonzero(lengths >= 3))
+        mask = np.concatenate([[False], values == extreme, [False]])
+        edges = np.flatnonzero(np.diff(mask.astype(np.int8)))
+        starts, ends = edges[::2], edges[1::2]
+        counted = ends - starts >= 3
+        if position is not None and counted.any():
+            counted &= _travel(position, starts, ends) > _least_travel(position)
+        share += float(np.sum((ends - starts)[counted])) / values.size
+        runs += int(np.count_nonzero(counted))
     return low, high, share, runs
 
 
-def moves_nearby(position: FloatArray, reach: int = 3) -> BoolArray:
-    """Return whether a position changes within `reach` samples of each row, (N,) bool."""
-    changed = (np.diff(position, prepend=position[0]) != 0.0).astype(np.float64)
-    return np.asarray(np.convolve(changed, np.ones(2 * reach + 1), mode="same") > 0.5)
+def _travel(position: FloatArray, starts: IntArray, ends: IntArray) -> FloatArray:
+    """Return the range of a position within each run of rows (its first row left out)."""
+    bounds = np.stack([starts + 1, ends], axis=1).ravel()
+    if bounds[-1] == position.size:
+        bounds = bounds[:-1]
+    highest = np.maximum.reduceat(position, bounds)[::2]
+    lowest = np.minimum.reduceat(position, bounds)[::2]
+    return np.asarray(highest - lowest)
+
+
+def _least_travel(position: FloatArray) -> float:
+    """Return what a joint at rest may seem to travel: its resolution, a thousandth of its range."""
+    return float(max(2.0 * resolution(position), 1e-3 * np.ptp(position)))

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.measurement import Log
+
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
+
+
+def outside(name: str) -> Path:
+    """Return a file of the outside data, or skip the test."""
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip(f"outside data '{name}' is not beside the repository")
+    return path
+
+
+@pytest.fixture
+def swing() -> Log:
+    """Two joints, 4 s at 500 Hz, exact sinusoids."""
+    time = np.arange(2000) * 0.002
+    return Log(
+        time,
+        {
+            "hip.position": 0.5 * np.sin(4.0 * time),
+            "knee.position": 0.8 * np.sin(6.0 * time + 1.0),
+            "hip.velocity": 2.0 * np.cos(4.0 * time),
+            "knee.velocity": 4.8 * np.cos(6.0 * time + 1.0),
+            "hip.rotor_torque": np.sin(4.0 * time),
+            "knee.rotor_torque": np.cos(6.0 * time),
+        },
+    )

@@ -1,0 +1,211 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.effects import load_robot
+from wbc.errors import LogError
+from wbc.measurement import (
+    Log,
+    LogSource,
+    align_velocity,
+    check_log,
+    check_logs,
+    fit_velocity,
+    load_log,
+    require_plausible_units,
+    save_log,
+)
+
+
+def _kinds(log: Log) -> set[str]:
+    return {finding.kind for finding in check_log(log).findings}
+
+
+def test_a_clean_log_has_no_findings(swing: Log) -> None:
+    quality = check_log(swing, load_robot("planar_leg_fixed"))
+    assert quality.findings == ()
+    assert quality.usable
+    assert quality.rate == pytest.approx(500.0)
+    assert quality.jitter == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: {"hip.position": np.degrees(c["hip.position"])}, ["degrees", 'unit = "deg"']),
+        (lambda c: {"hip.velocity": np.degrees(c["hip.velocity"])}, ["deg/s"]),
+        (lambda c: {"hip.velocity": c["hip.velocity"] * 30 / np.pi}, ["rpm"]),
+        (lambda c: {"hip.velocity": -c["hip.velocity"]}, ["opposite signs"]),
+    ],
+)
+def test_units_that_contradict_each_other_are_refused_on_load(
+    change, words: list[str], swing: Log, tmp_path: Path
+) -> None:
+    path = save_log(swing.with_columns(change(swing.columns)), tmp_path / "log.csv")
+    with pytest.raises(LogError) as caught:
+        load_log(path)
+    for word in [str(path), "hip", "--columns", *words]:
+        assert word in str(caught.value)
+
+
+def test_milliseconds_for_seconds_are_refused_with_and_without_velocity(swing: Log) -> None:
+    late = Log(1e3 * swing.time, swing.columns)
+    with pytest.raises(LogError, match="time is in ms"):
+        require_plausible_units(late)
+    with pytest.raises(LogError, match=r"2 s apart.*unit = \"ms\""):
+        require_plausible_units(late.select(["hip.position"]))
+
+
+def test_degrees_throughout_show_against_the_limits_of_the_robot() -> None:
+    robot = load_robot("planar_leg_fixed")
+    time = np.arange(2000) * 0.002
+    model = robot.model
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -2.0, 2.0
+    angle = 60.0 * np.sin(3.0 * time)
+    log = Log(time, {"hip.position": angle, "hip.velocity": 180.0 * np.cos(3.0 * time)})
+    (finding,) = check_log(log, robot).of_kind("range")
+    assert finding.severity == "error"
+    assert "read as degrees it would fit" in finding.text
+    assert "range" in _kinds(log)
+
+
+def test_the_wrong_side_of_the_gear_shows(swing: Log) -> None:
+    robot = load_robot("planar_leg_fixed")
+    fast = swing.with_columns({"hip.velocity": 20.0 * swing.column("hip.velocity")})
+    (finding,) = check_log(fast, robot).of_kind("gear_side")
+    assert finding.column == "hip.velocity"
+    assert finding.severity == "error"
+    same = swing.with_columns({"hip.rotor_position": swing.column("hip.position")})
+    (finding,) = check_log(same, robot).of_kind("gear_side")
+    assert finding.column == "hip.rotor_position"
+    right = swing.with_columns({"hip.rotor_position": 20.0 * swing.column("hip.position")})
+    assert check_log(right, robot).findings == ()
+
+
+@pytest.mark.parametrize("delay", [-0.003, 0.0007, 0.005])
+def test_the_delay_of_a_velocity_is_found_finer_than_a_sample_and_taken_out(delay: float) -> None:
+    rng = np.random.default_rng(1)
+    time = np.arange(4000) * 0.002 + rng.uniform(-5e-4, 5e-4, 4000)
+
+    def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        position = np.sin(5.0 * t) + 0.3 * np.sin(11.0 * t)
+        return position, 5.0 * np.cos(5.0 * t) + 3.3 * np.cos(11.0 * t)
+
+    position = motion(time)[0] + 2e-5 * rng.normal(size=time.size)
+    velocity = 1.02 * motion(time - delay)[1] + 3e-3 * rng.normal(size=time.size) + 0.1
+    fit = fit_velocity(time, position, velocity)
+    assert fit.delay == pytest.approx(delay, abs=5e-5)
+    assert fit.scale == pytest.approx(1.02, abs=2e-3)
+    log = Log(time, {"hip.position": position, "hip.velocity": velocity})
+    assert ("clock_lag" in _kinds(log)) == (abs(delay) > 0.5e-3)
+    aligned = align_velocity(log)
+    expected = 1.02 * motion(aligned.time)[1] + 0.1
+    assert np.std(aligned.column("hip.velocity") - expected) < 4e-3
+
+
+def test_a_low_passed_velocity_is_told_from_a_late_one_and_undone() -> None:
+    rng = np.random.default_rng(2)
+    time, constant = np.arange(5000) * 0.002, 0.05
+    position, truth, velocity = np.zeros((3, time.size))
+    for scale, omega in ((1.0, 2.0), (0.3, 13.0)):
+        lag = np.arctan(omega * constant)
+        gain = omega * scale / np.hypot(1.0, omega * constant)
+        position += scale * np.sin(omega * time)
+        truth += omega * scale * np.cos(omega * time)
+        velocity += gain * np.cos(omega * time - lag)
+    velocity += 1e-4 * rng.normal(size=time.size)
+    log = Log(time, {"a.position": position, "a.velocity": velocity})
+    assert fit_velocity(time, position, velocity).delay == pytest.approx(constant, rel=0.01)
+    assert "velocity_filtered" in _kinds(log)
+    found = align_velocity(log).column("a.velocity")
+    assert np.std((found - truth)[20:-20]) < 0.01 * np.std(truth)
+
+
+def test_a_full_duty_is_saturation_even_while_the_joint_stands_still(swing: Log) -> None:
+    duty = np.where(swing.time > 3.0, 1.0, 0.2 * np.sin(swing.time))
+    position = np.minimum(swing.time, 3.0)
+    log = Log(swing.time, {"a.position": position, "a.duty": duty})
+    assert "saturation" in _kinds(log)
+
+
+@pytest.mark.parametrize(
+    ("period", "words"), [(2 * np.pi, "one turn"), (4096.0, r"2^12 encoder counts"), (360.0, "360")]
+)
+def test_unsigned_wraps_are_recognised(period: float, words: str) -> None:
+    time = np.arange(3000) * 0.002
+    position = np.mod(period * (0.3 + 0.9 * np.sin(2.0 * time)), period)
+    (finding,) = check_log(Log(time, {"a.position": position})).of_kind("wrap")
+    assert words in finding.text
+    assert f"unwrap = {period:.6g}"[:12] in finding.way_out
+
+
+def test_a_clipped_torque_is_saturated_and_a_held_pose_is_not(swing: Log) -> None:
+    clipped = np.clip(swing.column("hip.rotor_torque"), -0.7, 0.7)
+    (finding,) = check_log(swing.with_columns({"hip.rotor_torque": clipped})).of_kind("saturation")
+    share = np.mean(np.abs(clipped) == 0.7)
+    assert f"{100 * share:.1f} %" in finding.text
+    time = np.arange(2000) * 0.002
+    pose = np.clip(np.sin(2.0 * time), -0.5, 0.5)
+    held = Log(time, {"a.position": pose, "a.motor_torque": 3.0 * pose})
+    assert "saturation" not in _kinds(held)
+
+
+def test_stuck_sensors_are_told_from_joints_at_rest(swing: Log) -> None:
+    stuck = swing.column("hip.position").copy()
+    stuck[700:800] = stuck[700]
+    (finding,) = check_log(swing.with_columns({"hip.position": stuck})).of_kind("stuck")
+    assert "1.400 s" in finding.text
+    held = swing.column("knee.velocity").copy()
+    held[900:1050] = held[900]
+    (finding,) = check_log(swing.with_columns({"knee.velocity": held})).of_kind("stuck")
+    assert finding.column == "knee.velocity"
+    lost = swing.column("hip.position").copy()
+    lost[1700:] = lost[1700]
+    assert "stuck" in _kinds(swing.with_columns({"hip.position": lost}))
+    time = swing.time
+    rest = np.where(time < 2.0, np.sin(np.pi * time) ** 2, 0.0)
+    speed = np.where(time < 2.0, np.pi * np.sin(2 * np.pi * time), 0.0)
+    still = Log(time, {"a.position": rest, "a.velocity": speed})
+    assert "stuck" not in _kinds(still)
+
+
+def test_resolution_constant_joints_gaps_and_unrelated_velocities(swing: Log) -> None:
+    step = 2 * np.pi / 4096
+    coarse = np.round(swing.column("hip.position") / step) * step
+    quality = check_log(swing.with_columns({"hip.position": coarse}))
+    assert quality.resolution["hip.position"] == pytest.approx(step, rel=1e-3)
+    assert quality.resolution["knee.position"] == 0.0
+    rough = np.round(swing.column("hip.position") / 0.2) * 0.2
+    assert check_log(swing.with_columns({"hip.position": rough})).of_kind("coarse")
+    quality = check_log(swing.with_columns({"hip.position": np.full(2000, 0.3)}))
+    assert quality.of_kind("constant_joint")[0].column == "hip.position"
+    time = swing.time + 0.5 * (np.arange(2000) >= 1200)
+    gap = check_log(Log(time, swing.columns)).of_kind("gap")[0]
+    assert "2.3980 s" in gap.text
+    noise = np.random.default_rng(0).normal(size=2000)
+    assert "velocity_unrelated" in _kinds(swing.with_columns({"hip.velocity": noise}))
+    jittery = np.sort(np.random.default_rng(1).uniform(0.0, 4.0, 2000))
+    assert {"jitter", "gap"} & _kinds(Log(jittery, {"a.current": jittery}))
+    assert "short" in _kinds(swing[:50])
+
+
+def test_logs_that_fight_each_other_are_named(swing: Log) -> None:
+    def named(log: Log, name: str) -> Log:
+        return log.with_source(LogSource(path=name))
+
+    a, copy = named(swing, "a.csv"), named(swing, "copy.csv")
+    (finding,) = check_logs([a, copy])[0].of_kind("duplicate")
+    assert "a.csv, copy.csv" in finding.text
+    other = Log(swing.time, {"arm.position": np.sin(swing.time)}, LogSource(path="arm.csv"))
+    (finding,) = check_logs([a, other])[0].of_kind("joints_differ")
+    assert "arm.csv has the joints arm" in finding.text
+    slow = Log(3.0 * swing.time, swing.columns, LogSource(path="slow.csv"))
+    assert check_logs([a, slow])[0].of_kind("rates_differ")
+    degrees = swing.with_columns({n: np.degrees(v) for n, v in swing.columns.items()})
+    assert check_logs([a, named(degrees, "d.csv")])[0].of_kind("scales_differ")
+    fewer = named(swing[100:].select(["hip.position", "knee.position"]), "fewer.csv")
+    assert check_logs([a, fewer])[0].of_kind("channels_differ")
+    assert check_logs([a, named(swing[100:], "tail.csv")])[0].findings == ()

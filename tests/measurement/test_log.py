@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.errors import LogError
+from wbc.measurement import Log, LogSource
+
+
+def test_channels_are_reached_by_name_and_stacked_in_the_order_asked_for(swing: Log) -> None:
+    assert swing.joints == ("hip", "knee")
+    assert swing.has("time", "hip.position")
+    assert not swing.has("hip.position", "hip.current")
+    stacked = swing.stack("position", ["knee", "hip"])
+    np.testing.assert_array_equal(stacked[:, 0], swing.column("knee.position"))
+    np.testing.assert_array_equal(stacked[:, 1], swing.column("hip.position"))
+    assert swing.duration == pytest.approx(3.998)
+    assert swing.sample_time == pytest.approx(0.002)
+
+
+def test_contacts_and_base_are_no_joints() -> None:
+    time = np.arange(3.0)
+    log = Log(
+        time,
+        {
+            "base.position.x": time,
+            "base.orientation.w": time,
+            "hip.position": time,
+            "left.foot.force.z": time,
+        },
+    )
+    assert log.joints == ("hip",)
+    assert log.contacts == ("left.foot",)
+    assert log.with_quantity("force.z") == ("left.foot",)
+
+
+def test_nothing_about_a_log_can_be_changed(swing: Log) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        swing.time[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        swing.column("hip.position")[0] = 1.0
+    with pytest.raises(TypeError):
+        swing.columns["hip.position"] = swing.time  # type: ignore[index]
+    mine = np.arange(5.0)
+    log = Log(mine, {"hip.position": mine})
+    mine[0] = -7.0
+    assert log.time[0] == 0.0
+    assert log.column("hip.position")[0] == 0.0
+
+
+def test_a_view_of_somebody_elses_array_is_copied() -> None:
+    base = np.arange(5.0)
+    view = base[:]
+    view.setflags(write=False)
+    log = Log(np.arange(5.0), {"hip.position": view})
+    base[2] = 99.0
+    assert log.column("hip.position")[2] == 2.0
+
+
+def test_rows_are_cut_by_index_and_by_time(swing: Log) -> None:
+    assert len(swing[100:200]) == 100
+    part = swing.between(1.0, 2.0)
+    assert part.time[0] == pytest.approx(1.0)
+    assert part.time[-1] < 2.0
+    np.testing.assert_array_equal(
+        part.column("hip.position"), swing.column("hip.position")[500:1000]
+    )
+    with pytest.raises(LogError, match=r"between 9 s and 10 s; the log runs from 0 s to 3\.998 s"):
+        swing.between(9.0, 10.0)
+
+
+def test_a_missing_column_names_what_there_is_and_what_was_not_read() -> None:
+    log = Log(
+        np.arange(3.0), {"hip.position": np.zeros(3)}, LogSource(path="a.csv", ignored=("tau",))
+    )
+    with pytest.raises(LogError) as caught:
+        log.column("hip.positon")
+    message = str(caught.value)
+    assert "a.csv" in message
+    assert "Did you mean 'hip.position'" in message
+    assert "tau" in message
+
+
+@pytest.mark.parametrize(
+    ("time", "columns", "words"),
+    [
+        ([0.0, 1.0, 1.0], {}, ["time repeats at row 2", "repeated"]),
+        ([0.0, 2.0, 1.0], {}, ["time goes back at row 2"]),
+        ([0.0], {}, ["1 rows"]),
+        ([0.0, 1.0, np.nan], {}, ["'time' holds nan at row 2"]),
+        (
+            [0.0, 1.0, 2.0],
+            {"hip.position": [0.0, np.inf, 1.0]},
+            ["'hip.position' holds inf at row 1"],
+        ),
+        ([0.0, 1.0, 2.0], {"hip.position": [0.0, 1.0]}, ["'hip.position' has 2 rows, time has 3"]),
+        ([0.0, 1.0, 2.0], {"hip.position": ["a", "b", "c"]}, ["instead of numbers"]),
+        ([0.0, 1.0, 2.0], {"hip.position": np.zeros((3, 2))}, ["shape (3, 2)"]),
+        ([0.0, 1.0, 2.0], {"hip.velocty": np.zeros(3)}, ["Did you mean 'hip.velocity'"]),
+        ([0.0, 1.0, 2.0], {"torque": np.zeros(3)}, ["'torque' is not a column", "rotor_torque"]),
+    ],
+)
+def test_bad_channels_are_refused_by_name_and_row(
+    time: list[float], columns: dict[str, object], words: list[str]
+) -> None:
+    with pytest.raises(LogError) as caught:
+        Log(np.asarray(time), columns, LogSource(path="run.csv"))  # type: ignore[arg-type]
+    for word in ["run.csv", *words]:
+        assert word in str(caught.value)
+
+
+def test_large_finite_values_are_not_mistaken_for_infinity() -> None:
+    huge = np.full(4, 1e308)
+    assert Log(np.arange(4.0), {"hip.position": huge}).column("hip.position")[0] == 1e308
