@@ -15,6 +15,7 @@ from wbc.control.tasks import (
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    PointFootBalanceTask,
     PostureTask,
     Task,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "Hold",
     "JointLimit",
     "PointContact",
+    "PointFootBalanceTask",
     "PostureTask",
     "Reference",
     "RepeatLast",

@@ -41,7 +41,7 @@ class Command:
         consistent: whether the mesh law allows the returned torques in these directions.
         output_torque: T (m,) [N m] that leaves the gears.
         mesh_power: (m,) [W] predicted into each mesh, mesh torque times expected motor speed.
-        desired_speed: (m,) [rad/s] of the motor outputs that the directions were judged by.
+        expected_speed: (m,) [rad/s] of the motor outputs that the directions were judged by.
         status: how the tick ended.
         message: what was in the way, empty when nothing was.
         solve_time: [s] in the solver.
@@ -57,7 +57,7 @@ class Command:
     consistent: bool
     output_torque: FloatArray
     mesh_power: FloatArray
-    desired_speed: FloatArray
+    expected_speed: FloatArray
     status: Status
     message: str
     solve_time: float

@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import Protocol, TypeVar
 
 import numpy as np
-from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
@@ -34,7 +33,6 @@ from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit)
-_RIGID = 1e4
 _NO_REFERENCES: Mapping[str, Reference] = {}
 
 
@@ -113,6 +111,7 @@ class Controller:
         m = robot.transmission.size
         self._positive = np.zeros(m, dtype=bool)
         self._last = LastGood(np.zeros(m), None)
+        self._expected = np.zeros(robot.model.nv)
         self._search: DirectionSearch | None = None
 
     @property
@@ -124,6 +123,7 @@ class Controller:
         """Forget references, directions and the last good torque, as when newly made."""
         self._stack.forget()
         self._positive[:] = False
+        self._expected = np.zeros(self.robot.model.nv)
         self._last = LastGood(np.zeros(self.robot.transmission.size), None)
 
     def step(
@@ -195,7 +195,7 @@ class Controller:
         program = search.program
         program.contacts.fill(self._kinematics)
         program.assemble_cost(self._stack)
-        sigma, speed, desired = self._directions(program, terms, motion)
+        sigma, speed, expected = self._directions(terms, motion)
         program.assemble_dynamics()
         ceilings = _ceilings(program.contacts, contacts)
         program.assemble_limits(motion.position, motion.velocity, self.settings.time_step, ceilings)
@@ -208,7 +208,7 @@ class Controller:
         if not status.usable:
             return self._safe(motion, status, message, start, found)
         return self._realise(
-            motion, program, found, sigma, slopes, limits, desired, status, message, start
+            motion, program, found, sigma, slopes, limits, expected, status, message, start
         )
 
     def _search_for(self, contacts: Mapping[str, float] | None) -> DirectionSearch:
@@ -240,29 +240,17 @@ class Controller:
         return search
 
     def _directions(
-        self, program: ContactForceProgram, terms: Terms, motion: Motion
+        self, terms: Terms, motion: Motion
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Update the plant; return sigma (m,), motor speed (m,) and the speed believed in (m,)."""
-        blend = self.settings.speed_blend
-        wanted = self._desired_velocity(program)
-        believed = blend.speed(wanted, motion.velocity)
-        desired = self._plant.motor_speed(believed)
+        """Update the plant; return sigma (m,), measured and expected motor speed (m,)."""
+        blend, step = self.settings.speed_blend, self.settings.time_step
+        self._expected = blend.corrected(self._expected, motion.velocity, step)
+        expected = self._plant.motor_speed(self._expected)
         speed = self._plant.motor_speed(motion.velocity)
-        sigma = blend.certainty(desired)
-        torque = self._effects.on_joints(motion, blend.certainty(believed))
+        sigma = blend.certainty(expected)
+        torque = self._effects.on_joints(motion, blend.certainty(self._expected))
         self._plant.update(terms, torque, speed, sigma)
-        return sigma, speed, desired
-
-    def _desired_velocity(self, program: ContactForceProgram) -> FloatArray:
-        """Return the velocity (nv,) that follows the references' velocities and the contacts."""
-        nv = program.nv
-        if not self._stack.moving:
-            return np.zeros(nv)
-        normal = program.H[:nv, :nv] + _RIGID * (
-            program.contacts.jacobian.T @ program.contacts.jacobian
-        )
-        _, velocity, info = lapack.dposv(normal, self._stack.rate_pull)
-        return np.asarray(velocity) if info == 0 else np.zeros(nv)
+        return sigma, speed, expected
 
     def _torque_limits(self, motion: Motion, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest N tau_phi (m,) that the motors themselves may give."""
@@ -299,7 +287,7 @@ class Controller:
         sigma: FloatArray,
         slopes: Slopes,
         limits: tuple[FloatArray, FloatArray],
-        desired: FloatArray,
+        expected: FloatArray,
         status: Status,
         message: str,
         start: float,
@@ -310,6 +298,7 @@ class Controller:
         torque, mesh = self._stage.solve(found.output, share, sigma, slopes, limits)
         directions = self._law.directions(found.output, sigma)
         self._positive = found.output > 0.0
+        self._expected = self._expected + self.settings.time_step * acceleration
         self._last = LastGood(torque, self._motor_position(motion))
         forces = x[program.nv :] * FORCE_SCALE
         set_ = program.contacts
@@ -327,8 +316,8 @@ class Controller:
             directions=directions,
             consistent=self._law.consistent(directions, found.output, mesh),
             output_torque=found.output,
-            mesh_power=mesh * desired,
-            desired_speed=desired,
+            mesh_power=mesh * expected,
+            expected_speed=expected,
             status=status,
             message=message,
             solve_time=found.solve_time,
@@ -379,7 +368,7 @@ class Controller:
             consistent=False,
             output_torque=np.zeros(m),
             mesh_power=np.zeros(m),
-            desired_speed=np.zeros(m),
+            expected_speed=np.zeros(m),
             status=status,
             message=message,
             solve_time=0.0 if found is None else found.solve_time,

@@ -1,4 +1,4 @@
-"""Which way the gears will turn, judged from what is wanted rather than from a noisy encoder."""
+"""Which way the gears turn, by what the controller expects rather than by a noisy encoder."""
 
 from __future__ import annotations
 
@@ -15,35 +15,44 @@ class SpeedBlend:
     """How sure the controller is of the direction of a joint.
 
     The measured sign flips with every count of encoder noise while a joint stands, and each flip
-    costs the full width of the stiction interval. The desired speed has no noise, but says nothing
-    when the robot is thrown off its reference. The two are joined by believing the desired speed
-    until the measured one contradicts it by more than `trusted_error`:
+    costs the full width of the stiction interval; the velocity of a reference knows nothing of
+    the feedback's own motions. The controller therefore goes by the speed that its own
+    accelerations lead to, drawn slowly towards the measurement:
 
-        v = v_des + shrink(v_meas - v_des, trusted_error),   sigma = clip(v / full_speed, -1, 1).
+        v <- v + step qdd,   then with e = v_meas - v
+        v <- v + correction step clip(e, +-trusted_error) + (e beyond trusted_error)
+        sigma = clip(v / full_speed, -1, 1)
+
+    A joint that sticks although it should move gathers expected speed until its gear is driven
+    into the branch that breaks it loose; an impact, an error beyond all noise, is taken over at
+    once.
 
     Attributes:
         full_speed: [rad/s] of the motor output from which a direction counts as certain.
-        trusted_error: [rad/s] up to which measured and desired speed may differ for nothing; some
-            five standard deviations of the velocity noise. Infinite trusts the desired speed
-            alone, zero the measured one.
+        correction: [1/s] rate at which the expected speed follows the measured one.
+        trusted_error: [rad/s] that noise and small disturbances explain, some five standard
+            deviations of the velocity noise. With zero the measured speed is believed.
     """
 
-    full_speed: float = 0.05
+    full_speed: float = 0.02
+    correction: float = 30.0
     trusted_error: float = 0.25
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not self.full_speed > 0.0:
             raise ControlError(f"full_speed must be > 0 rad/s, got {self.full_speed:g}.")
-        if not self.trusted_error >= 0.0:
-            raise ControlError(f"trusted_error must be >= 0 rad/s, got {self.trusted_error:g}.")
+        for name in ("correction", "trusted_error"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ControlError(f"{name} must be >= 0, got {getattr(self, name):g}.")
 
-    def speed(self, desired: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return the speed believed in, (...) [rad/s]."""
-        error = measured - desired
-        beyond = np.maximum(np.abs(error) - self.trusted_error, 0.0)
-        return np.asarray(desired + np.copysign(beyond, error))
+    def corrected(self, expected: FloatArray, measured: FloatArray, step: float) -> FloatArray:
+        """Return the expected speed (...) drawn towards the measured one [rad/s]."""
+        error = measured - expected
+        small = np.minimum(np.maximum(error, -self.trusted_error), self.trusted_error)
+        gain = 1.0 - min(self.correction * step, 1.0)
+        return np.asarray(measured - gain * small)
 
     def certainty(self, speed: FloatArray) -> FloatArray:
         """Return sigma (...), -1 to 1."""
-        return np.minimum(np.maximum(speed / self.full_speed, -1.0), 1.0)
+        return np.minimum(np.maximum(speed * (1.0 / self.full_speed), -1.0), 1.0)

@@ -25,8 +25,6 @@ class TaskStack:
         target: sqrt(w) (wanted - drift) (k,).
         diagonal: (nv,) summed weights of the selecting tasks.
         pull: (nv,) their weighted wanted accelerations.
-        rate_pull: (nv,) J' W vel_ref of all tasks, for the desired joint speeds.
-        moving: whether any reference has a velocity.
     """
 
     def __init__(self, robot: Robot, tasks: Sequence[Task]) -> None:
@@ -53,8 +51,6 @@ class TaskStack:
             if selection is not None:
                 np.add.at(self.diagonal, selection, weight)
         self.pull = np.zeros(nv)
-        self.rate_pull = np.zeros(nv)
-        self.moving = False
         self._last: dict[str, Reference] = {}
 
     def forget(self) -> None:
@@ -68,8 +64,6 @@ class TaskStack:
         it has now.
         """
         self.pull[:] = 0.0
-        self.rate_pull[:] = 0.0
-        self.moving = False
         velocity = kinematics.velocity
         for i, task in enumerate(self.tasks):
             reference = self._reference(task, kinematics, references)
@@ -78,9 +72,6 @@ class TaskStack:
             if selection is not None:
                 wanted = task.command(kinematics, reference, velocity[selection])
                 self.pull[selection] += weight * wanted
-                if reference.velocity is not None:
-                    self.rate_pull[selection] += weight * reference.velocity
-                    self.moving = True
                 continue
             rows = self._slices[i]
             block = self.matrix[rows]
@@ -92,9 +83,6 @@ class TaskStack:
             wanted -= task.drift(kinematics)
             wanted *= root
             self.target[rows] = wanted
-            if reference.velocity is not None and not task.momentum_level:
-                self.rate_pull += block.T @ (root * reference.velocity)
-                self.moving = True
 
     def violation(self, acceleration: FloatArray) -> dict[str, float]:
         """Return how far each task is from what it wants, |J qdd - target| in its own units."""

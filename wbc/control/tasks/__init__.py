@@ -5,6 +5,7 @@ from wbc.control.tasks.centroidal_momentum import AngularMomentumTask
 from wbc.control.tasks.frame_orientation import FrameOrientationTask
 from wbc.control.tasks.frame_pose import FramePoseTask
 from wbc.control.tasks.frame_position import FramePositionTask
+from wbc.control.tasks.point_foot_balance import PointFootBalanceTask
 from wbc.control.tasks.posture import PostureTask
 from wbc.control.tasks.task import Task
 
@@ -14,6 +15,7 @@ __all__ = [
     "FrameOrientationTask",
     "FramePoseTask",
     "FramePositionTask",
+    "PointFootBalanceTask",
     "PostureTask",
     "Task",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -34,8 +34,6 @@ class AngularMomentumTask(Task):
     stiffness: float = 10.0
     axes: str = "xyz"
     _rows: IntArray = field(init=False, repr=False)
-
-    momentum_level: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the axes."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import sqrt
-from typing import ClassVar
 
 import numpy as np
 
@@ -41,8 +40,6 @@ class Task(ABC):
     stiffness: float = 100.0
     damping: float | None = None
     level: int = 0
-
-    momentum_level: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check gains and weights."""

@@ -1,0 +1,120 @@
+"""Balancing on one point: the centre of mass is moved to steer angular momentum and pitch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.kinematics import Kinematics
+from wbc.control.reference import Reference, Target
+from wbc.control.tasks.frames import require_frame
+from wbc.control.tasks.task import Task
+from wbc.errors import ControlError
+from wbc.robot import Robot
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointFootBalanceTask(Task):
+    """Horizontal acceleration of the centre of mass that keeps a robot up on a point foot.
+
+    On a point no torque holds the robot: with x the horizontal distance of the centre of mass
+    from the point, z its height, k the angular momentum about the centre of mass (+y) and theta
+    the pitch of a frame,
+
+        dk/dt = m (g x - z xdd),    dtheta/dt = a xd + c k
+
+    (a, c from the Jacobians of contact, centre of mass and momentum). The task's one row is xdd;
+    it commands the state feedback that puts the four poles of (x, xd, k, theta) at -bandwidth, so
+    that the robot leans and swings like an acrobat instead of fighting for x and pitch at once.
+    Height belongs to another task. The value is theta [rad]; a reference gives the pitch to keep.
+
+    Attributes:
+        contact: frame of the point foot.
+        frame: frame whose pitch is kept.
+        bandwidth: [1/s] of the poles; None takes sqrt(g/z), the falling rate of the pendulum.
+    """
+
+    name: str = "balance"
+    contact: str
+    frame: str
+    bandwidth: float | None = None
+
+    def check(self, robot: Robot) -> int:
+        """Return 1."""
+        require_frame(robot, self.frame, self.name)
+        require_frame(robot, self.contact, self.name)
+        if self.bandwidth is not None and not self.bandwidth > 0.0:
+            raise ControlError(f"task '{self.name}': bandwidth must be > 0 1/s.")
+        return 1
+
+    def value(self, kinematics: Kinematics) -> float:
+        """Return the pitch theta [rad], the rotation of the frame about +y."""
+        rotation = kinematics.placement(kinematics.frame_id(self.frame)).rotation
+        return float(np.arctan2(rotation[0, 2], rotation[2, 2]))
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return the pitch that is missing, (1,) [rad]."""
+        return np.array([float(target) - self.value(kinematics)])
+
+    def jacobian(self, kinematics: Kinematics) -> FloatArray:
+        """Return the x row of J_com, (1, nv)."""
+        return kinematics.center_of_mass_jacobian()[:1]
+
+    def drift(self, kinematics: Kinematics) -> FloatArray:
+        """Return the x row of dJ_com/dt v, (1,) [m/s^2]."""
+        return kinematics.center_of_mass_drift()[:1]
+
+    def command(self, kinematics: Kinematics, reference: Reference, rate: FloatArray) -> FloatArray:
+        """Return xdd, (1,) [m/s^2]: state feedback on (x, xd, k, theta)."""
+        foot = kinematics.placement(kinematics.frame_id(self.contact)).translation
+        com = kinematics.center_of_mass()
+        momentum = kinematics.momentum_matrix()[4]
+        pitch = -float(self.error(kinematics, reference.position)[0])
+        state = np.array(
+            [com[0] - foot[0], float(rate[0]), float(momentum @ kinematics.velocity), pitch]
+        )
+        gains = self.gains(kinematics, float(com[2] - foot[2]))
+        wanted = -gains @ state
+        if reference.acceleration is not None:
+            wanted = wanted + reference.acceleration[0]
+        return np.array([wanted])
+
+    def gains(self, kinematics: Kinematics, height: float) -> FloatArray:
+        """Return the feedback (4,) on (x, xd, k, theta), by Ackermann's formula.
+
+        Args:
+            kinematics: of the present state.
+            height: z of the centre of mass above the foot [m], not zero.
+        """
+        mass = float(kinematics.terms.data.mass[0])
+        gravity = float(np.linalg.norm(kinematics.model.gravity.linear))
+        from_speed, from_momentum = self._pitch_rate(kinematics)
+        A = np.zeros((4, 4))
+        A[0, 1] = 1.0
+        A[2, 0] = mass * gravity
+        A[3, 1], A[3, 2] = from_speed, from_momentum
+        b = np.array([0.0, 1.0, -mass * height, 0.0])
+        pole = sqrt(gravity / abs(height)) if self.bandwidth is None else self.bandwidth
+        reach = np.column_stack([b, A @ b, A @ A @ b, A @ A @ A @ b])
+        last = np.linalg.solve(reach.T, np.array([0.0, 0.0, 0.0, 1.0]))
+        shifted = A + pole * np.eye(4)
+        return np.asarray(last @ shifted @ shifted @ shifted @ shifted)
+
+    def _pitch_rate(self, kinematics: Kinematics) -> tuple[float, float]:
+        """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot."""
+        foot = kinematics.frame_jacobian(kinematics.frame_id(self.contact))[[0, 2]]
+        rows = np.vstack(
+            [
+                foot,
+                kinematics.center_of_mass_jacobian()[[0, 2]],
+                kinematics.momentum_matrix()[4:5],
+            ]
+        )
+        pitch = kinematics.frame_jacobian(kinematics.frame_id(self.frame))[4]
+        weights = np.linalg.lstsq(rows.T, pitch, rcond=None)[0]
+        return float(weights[2]), float(weights[4])
