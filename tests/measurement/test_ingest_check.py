@@ -185,6 +185,8 @@ def test_resolution_constant_joints_gaps_and_unrelated_velocities(swing: Log) ->
     time = swing.time + 0.5 * (np.arange(2000) >= 1200)
     gap = check_log(Log(time, swing.columns)).of_kind("gap")[0]
     assert "2.3980 s" in gap.text
+    copied = swing.with_columns({"hip.velocity": swing.column("hip.position")})
+    assert "velocity_unrelated" in _kinds(copied)
     noise = np.random.default_rng(0).normal(size=2000)
     assert "velocity_unrelated" in _kinds(swing.with_columns({"hip.velocity": noise}))
     jittery = np.sort(np.random.default_rng(1).uniform(0.0, 4.0, 2000))

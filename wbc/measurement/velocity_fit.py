@@ -12,6 +12,7 @@ from wbc.arrays import FloatArray
 _BLOCKS = 8
 _BLOCK_ROWS = 40
 _FILTER_SAMPLES = 2.0
+_LONGEST_DELAY = 0.2
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class VelocityFit:
         delay: of the velocity behind the position [s], negative if it leads; the time constant of
             a low-pass is its delay at low frequency.
         delay_error: standard error of the delay [s], from the scatter between blocks of the log.
-        correlation: between the position and the integral of the velocity, trends removed.
+        correlation: between the position and the integral of the velocity, delay and trends taken
+            out; its sign is that of the scale.
         filtered: whether a first-order low-pass explains the velocity better than a pure delay.
         moves: whether anything moves, so that the rest means something.
     """
@@ -100,8 +102,9 @@ def _regress(
     if np.linalg.det(gram) <= 1e-10 * gram[0, 0] * gram[1, 1]:
         return None
     a, b = np.linalg.solve(gram, np.array([s @ q, v @ q]))
-    if a == 0.0:
-        return None
-    correlation = float((s @ q) / np.sqrt((s @ s) * (q @ q)))
-    residual = float(np.sqrt(np.mean((q - a * s - b * v) ** 2)))
-    return float(a), float(b / a), correlation, residual
+    rest = q - a * s - b * v
+    correlation = np.sign(a) * np.sqrt(max(0.0, 1.0 - (rest @ rest) / (q @ q)))
+    if abs(b) > _LONGEST_DELAY * (time[-1] - time[0]) * abs(a):
+        # No delay, but a channel that resembles the position itself.
+        return 1.0, 0.0, float((s @ q) / np.sqrt((s @ s) * (q @ q))), 0.0
+    return float(a), float(b / a), float(correlation), float(np.sqrt(np.mean(rest**2)))
