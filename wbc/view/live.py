@@ -47,7 +47,13 @@ class LiveView:
         names = [contact.name for contact in robot.contacts]
         self._size = add_robot_scene(self._root, robot, tuple(ground), names)
         self._space = Workspace(robot)
+        for part in ("Grid", "Axes"):
+            self.viewer[f"/{part}"].set_property("visible", False)
+        self.viewer["/Background"].set_property("top_color", [0.98, 0.985, 0.99])
+        self.viewer["/Background"].set_property("bottom_color", [0.86, 0.88, 0.91])
+        self._framed = True
         self.show(robot.neutral())
+        self._framed = False
 
     def show(
         self,
@@ -75,6 +81,23 @@ class LiveView:
             self._root["com"][part].set_property("visible", False)
         if directions is not None:
             self._show_directions(np.asarray(directions))
+        if not self._framed:
+            self.frame(center)
+
+    def frame(self, target: FloatArray) -> None:
+        """Bring a point (3,) [m] before the camera, at a distance that shows the whole robot.
+
+        meshcat's camera turns around its own origin only, so it is the scene that is shifted. The
+        first `show` does it; call it again after the robot has walked away.
+        """
+        self._framed = True
+        offsets = np.array([place.translation for place in self.robot.model.jointPlacements])
+        flat = not np.any(np.abs(offsets[:, 1]) > 1e-9)
+        direction = np.array([0.3, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
+        x, y, z = (float(part) for part in 1.3 * self._size.reach * direction)
+        self._root.set_transform(_moved(-np.asarray(target)))
+        # The camera's own frame has y up.
+        self.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
 
     def play(self, log: Log, speed: float = 1.0) -> None:
         """Show a log from its start to its end, `speed` times as fast as it was.
