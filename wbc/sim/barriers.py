@@ -37,7 +37,7 @@ class Barriers:
     def __init__(self, robot: Robot, terrain: Terrain, space: Workspace) -> None:
         """Collect the finite limits and prepare the contacts."""
         model = robot.model
-        low, high = np.asarray(model.lowerPositionLimit), np.asarray(model.upperPositionLimit)
+        low, high = _finite(model.lowerPositionLimit), _finite(model.upperPositionLimit)
         single = [
             joint
             for joint in list(model.joints)[1:]
@@ -105,3 +105,9 @@ class Barriers:
             rows, contacts.normals, contacts.tangents, self._friction[which], target[closed]
         )
         return unilateral, contacts, limits
+
+
+def _finite(limits: FloatArray) -> FloatArray:
+    """Return limits with pinocchio's way of saying "none" (the largest double) as infinity."""
+    values = np.array(limits)
+    return np.where(np.abs(values) > 1e18, np.copysign(np.inf, values), values)

@@ -1,0 +1,94 @@
+"""The time step and the event-exact motion against Dymola's LossyGear demos."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.reference.lossygear import DATA, demo, reference
+from wbc.sim import Plant
+from wbc.sim.exact import integrate_exactly
+
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason=f"the Dymola results are not at {DATA} (they are outside data)"
+)
+
+
+def _stepped(number: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    case = demo(number)
+    plant = Plant(case.robot)
+    state = plant.state([0.0], [case.speed])
+    rows = [(0.0, 0.0, case.speed)]
+    end = 1.0 if number == 3 else 0.5
+    for i in range(round(end / step)):
+        middle = (i + 0.5) * step
+        state = plant.step(state, case.rotor_torque(middle), step, case.external(middle)).state
+        rows.append(((i + 1) * step, float(state.position[0]), float(state.velocity[0])))
+    time, phi, speed = np.array(rows).T
+    return time, phi, speed
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_time_stepping_reaches_dymola(number: int) -> None:
+    truth = reference(number)
+    time, phi, speed = _stepped(number, 1e-4)
+    rows = np.round(truth[:, 0] / 1e-4, 6) % 1.0 == 0.0  # event rows lie between the steps
+    assert rows.sum() > 900
+    at = np.round(truth[rows, 0] / 1e-4).astype(int)
+    assert np.abs(time[at] - truth[rows, 0]).max() < 1e-9
+    assert np.abs(speed[at] - truth[rows, 2]).max() <= 2e-5
+    assert np.abs(phi[at] - truth[rows, 1]).max() <= 1e-7
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_time_stepping_converges(number: int) -> None:
+    truth = reference(number)
+    grid = np.round(truth[:, 0] / 5e-4, 6) % 1.0 == 0.0
+    errors = []
+    for step in (5e-4, 1.25e-4):
+        time, _, speed = _stepped(number, step)
+        at = np.round(truth[grid, 0] / step).astype(int)
+        errors.append(np.abs(speed[at] - truth[grid, 2]).max())
+    assert errors[1] < 0.3 * errors[0]  # a quarter at first order
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_event_exact_motion_reaches_dymola(number: int) -> None:
+    truth = reference(number)
+    case = demo(number)
+    times, rows = np.unique(truth[:, 0], return_index=True)
+    motion = integrate_exactly(
+        case.robot,
+        case.rotor_torque,
+        np.zeros(1),
+        np.array([case.speed]),
+        times,
+        case.external,
+        breaks=[0.5],
+    )
+    assert np.abs(motion.velocity[:, 0] - truth[rows, 2]).max() < 1e-7
+    assert np.abs(motion.position[:, 0] - truth[rows, 1]).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("number", "times", "signs"),
+    [
+        (1, [0.0, 0.0804771, 0.1995199, 0.3713428, 0.4645395], [-1, 0, 1, 0, -1]),
+        (2, [0.0, 0.0635911, 0.2303740, 0.3083068, 0.4727383], [-1, 0, 1, 0, -1]),
+        (3, [0.0, 0.02], [1, 0]),
+    ],
+)
+def test_events_happen_when_dymola_says(number: int, times: list[float], signs: list[int]) -> None:
+    case = demo(number)
+    end = 1.0 if number == 3 else 0.5
+    motion = integrate_exactly(
+        case.robot,
+        case.rotor_torque,
+        np.zeros(1),
+        np.array([case.speed]),
+        np.array([0.0, end]),
+        case.external,
+        breaks=[0.5],
+    )
+    assert motion.event_sign[:, 0].tolist() == signs
+    assert np.abs(motion.event_time - times).max() < 2e-7
