@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import coal
@@ -9,12 +10,12 @@ import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 
 # three.js runs cylinders along y, everybody else along z. meshcat sends this matrix row by row
 # and three.js reads it column by column, so that what is written here is the transpose.
 _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-_MAX_TRIANGLES = 20000
+_MAX_TRIANGLES = 4000
 
 
 class UprightCylinder(mg.Cylinder):  # type: ignore[misc]
@@ -44,12 +45,10 @@ def capsule(length: float, radius: float) -> mg.TriangularMeshGeometry:
     return mg.TriangularMeshGeometry(vertices, np.array(faces, dtype=np.uint32))
 
 
-def meshcat_geometry(shape: Any, scale: FloatArray) -> Any | None:
-    """Return what meshcat draws for a coal shape, None for one that has no surface to draw.
+def meshcat_geometry(shape: Any) -> Any | None:
+    """Return what meshcat draws for a coal shape (pinocchio's GeometryObject.geometry).
 
-    Args:
-        shape: a coal collision geometry (pinocchio's GeometryObject.geometry).
-        scale: (3,), applied to meshes only.
+    None for one that has no surface to draw. Meshes come with their scale applied.
     """
     match shape:
         case coal.Box():
@@ -67,38 +66,44 @@ def meshcat_geometry(shape: Any, scale: FloatArray) -> Any | None:
         case coal.Capsule():
             return capsule(float(2.0 * shape.halfLength), float(shape.radius))
         case coal.BVHModelBase():
-            faces = np.array([list(shape.tri_indices(i)) for i in range(shape.num_tris)])
-            return _mesh(np.asarray(shape.vertices()), faces, scale)
+            return _mesh(np.asarray(shape.vertices()), _corners(shape.tri_indices, shape.num_tris))
         case coal.Convex():
-            faces = np.array([list(shape.polygons(i)) for i in range(shape.num_polygons)])
-            return _mesh(np.asarray(shape.points()), faces, scale)
+            return _mesh(np.asarray(shape.points()), _corners(shape.polygons, shape.num_polygons))
     return None
 
 
-def _mesh(vertices: FloatArray, faces: FloatArray, scale: FloatArray) -> Any | None:
+def _corners(triangle: Callable[[int], Any], count: int) -> IntArray:
+    """Return the vertex numbers (count, 3) of coal's triangles, which do not iterate."""
+    triangles = (triangle(i) for i in range(count))
+    return np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64).reshape(-1, 3)
+
+
+def _mesh(vertices: FloatArray, faces: IntArray) -> Any | None:
     if len(faces) == 0:
         return None
     # A playback travels by mail; what one cannot see at a robot's size is left out.
-    if len(faces) > _MAX_TRIANGLES:
-        vertices, faces = _clustered(vertices, faces)
+    cells = 96.0
+    coarse, kept = vertices, faces
+    while len(kept) > _MAX_TRIANGLES:
+        coarse, kept = _clustered(vertices, faces, cells)
+        cells *= 0.75
     return mg.TriangularMeshGeometry(
-        np.asarray(vertices, dtype=np.float32), np.asarray(faces, dtype=np.uint32)
+        np.asarray(coarse, dtype=np.float32), np.asarray(kept, dtype=np.uint32)
     )
 
 
-def _clustered(vertices: FloatArray, faces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Merge the vertices of each cell of a grid and drop the triangles that collapse."""
+def _clustered(vertices: FloatArray, faces: IntArray, cells: float) -> tuple[FloatArray, IntArray]:
+    """Merge the vertices in each cell of a grid and drop the triangles that collapse."""
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
-    cells = np.round((vertices - low) / (span / 96.0)).astype(np.int64)
-    _, inverse = np.unique(cells, axis=0, return_inverse=True)
+    keys = np.round((vertices - low) * (cells / span)).astype(np.int64)
+    _, inverse = np.unique(keys, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     count = np.bincount(inverse)[:, None]
     merged = np.stack([np.bincount(inverse, weights=vertices[:, i]) for i in range(3)], axis=1)
     small = inverse[faces]
-    kept = (
-        (small[:, 0] != small[:, 1]) & (small[:, 1] != small[:, 2]) & (small[:, 0] != small[:, 2])
-    )
-    return merged / count, np.unique(small[kept], axis=0)
+    a, b, c = small.T
+    kept = small[(a != b) & (b != c) & (a != c)]
+    return merged / count, np.unique(kept, axis=0)
 
 
 def along(direction: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ ORANGE = "#E69F00"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
 GREY = "#8A8F98"
+GHOST = "#7E57C2"
 
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Line colours in order (Okabe and Ito, Color Universal Design, 2008)."""

@@ -15,7 +15,7 @@ from wbc.robot import Robot
 from wbc.transmission import Direction
 from wbc.view.ghost_track import GhostTrack
 from wbc.view.ground import GroundSlab, surface_under
-from wbc.view.palette import BLUE, DIRECTION_COLOURS, GREEN, VERMILION, YELLOW
+from wbc.view.palette import BLUE, DIRECTION_COLOURS, GHOST, GREEN, VERMILION, YELLOW
 from wbc.view.scene import SceneSize
 from wbc.view.track import ContactTrack, GearTrack, Track
 
@@ -58,6 +58,7 @@ def playback_payload(
             "under": BLUE,
             "cone": YELLOW,
             "force": GREEN,
+            "ghost": GHOST,
         },
         "commands": list(commands),
     }

@@ -19,8 +19,7 @@ from wbc.view.ghost_track import track_ghost
 from wbc.view.ground import GroundSlab, flat_ground, surface_under
 from wbc.view.payload import playback_payload
 from wbc.view.recorder import CommandRecorder
-from wbc.view.scene import add_ghost, add_robot_scene
-from wbc.view.shapes import robot_shapes
+from wbc.view.scene import add_robot_scene
 from wbc.view.terrain import terrain_slabs
 from wbc.view.track import Track, make_track
 
@@ -82,10 +81,7 @@ def playback_page(
     slabs = _slabs(track, ground)
     contacts = [contact.name for contact in track.contacts]
     size = add_robot_scene(root, robot, slabs, contacts, _ground_opacity(track, slabs))
-    shadow = None
-    if ghost is not None:
-        add_ghost(root["ghost"], robot_shapes(robot))
-        shadow = track_ghost(robot, ghost, track.time)
+    shadow = None if ghost is None else track_ghost(robot, ghost, track.time)
     scene = playback_payload(
         robot, track, size, slabs, recorder.encoded(), marks or {}, shadow, autoplay
     )

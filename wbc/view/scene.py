@@ -18,9 +18,6 @@ from wbc.view.ground import GroundSlab
 from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW, rgb
 from wbc.view.shapes import LinkShape, robot_shapes
 
-GHOST_OPACITY = 0.35
-_GHOST = "#7E57C2"
-
 
 @dataclass(frozen=True)
 class SceneSize:
@@ -38,6 +35,11 @@ class SceneSize:
     def metres_per_newton(self) -> float:
         """Length of a force arrow per newton."""
         return 0.45 * self.reach / max(self.weight, 1e-9)
+
+    @property
+    def hub(self) -> float:
+        """Half the length of the longest disc on a joint [m]."""
+        return 0.06 * self.reach
 
     @property
     def arrow_radius(self) -> float:
@@ -65,20 +67,9 @@ def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> SceneSize:
 def add_robot(root: Any, shapes: tuple[LinkShape, ...]) -> None:
     """Add one group per joint with the bodies it moves, at `root/j<number>`."""
     for shape in shapes:
-        _add_shape(root, shape, material(shape.colour, 1.0))
-
-
-def add_ghost(root: Any, shapes: tuple[LinkShape, ...]) -> None:
-    """Add the moving bodies once more, transparent and of one colour."""
-    for shape in shapes:
-        if shape.joint > 0:
-            _add_shape(root, shape, material(rgb(_GHOST), GHOST_OPACITY))
-
-
-def _add_shape(root: Any, shape: LinkShape, surface: Any) -> None:
-    place = root[f"j{shape.joint}"][shape.name]
-    place.set_object(shape.geometry, surface)
-    place.set_transform(shape.placement.homogeneous)
+        place = root[f"j{shape.joint}"][shape.name]
+        place.set_object(shape.geometry, material(shape.colour, 1.0))
+        place.set_transform(shape.placement.homogeneous)
 
 
 def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: SceneSize) -> None:
@@ -87,7 +78,7 @@ def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: Scene
         number = robot.model.getJointId(joint)
         axis = joint_axis(robot, joint)
         turn = along(axis)
-        half = _half_width(robot, shapes, number, axis) + 0.012 * size.reach
+        half = min(_half_width(robot, shapes, number, axis) + 0.012 * size.reach, size.hub)
         hub = UprightCylinder(2.0 * half, 0.034 * size.reach)
         place = root[f"j{number}"]["hub"]
         place.set_object(hub, material(rgb(GREY), 1.0))

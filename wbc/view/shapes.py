@@ -88,7 +88,7 @@ def _visuals(robot: Robot) -> tuple[LinkShape, ...]:
         return ()
     shapes = []
     for item in geometries.geometryObjects:
-        geometry = meshcat_geometry(item.geometry, np.asarray(item.meshScale))
+        geometry = meshcat_geometry(item.geometry)
         frame = whole.frames[item.parentFrame]
         if geometry is None or not robot.model.existFrame(frame.name):
             continue
@@ -169,7 +169,7 @@ def _inertia_box(robot: Robot, joint: int, least: float) -> LinkShape:
         f"{robot.model.names[joint]}_box",
         joint,
         placement,
-        meshcat_geometry(shape, np.ones(3)),
+        meshcat_geometry(shape),
         rgb(_NEUTRALS[joint % len(_NEUTRALS)]),
         *_box(shape, placement),
     )

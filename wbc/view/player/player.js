@@ -52,11 +52,14 @@ for (const c of data.contacts) {
 }
 for (const g of data.gears) g.node = node("robot", "j" + g.number, "hub");
 if (data.ghost) {
-  noShadow(node("ghost"));
   // Where the two coincide the measurement is seen, without flicker.
-  node("ghost").traverse((o) => {
-    if (o.material) Object.assign(o.material, { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-  });
+  const veil = new MeshCat.THREE.MeshPhongMaterial({ color: data.colours.ghost, opacity: 0.35, transparent: true,
+    depthWrite: false, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
+  for (let k = 1; k < data.ghost.joints; k++) {
+    for (const part of node("robot", "j" + k).children) if (part.name !== "hub") node("ghost", "j" + k).add(part.clone());
+  }
+  node("ghost").traverse((o) => { if (o.material) o.material = veil; });
+  noShadow(node("ghost"));
 }
 node("ground").traverse((o) => { o.castShadow = false; });
 
@@ -191,7 +194,7 @@ function buildReadout() {
     (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
       entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} floors)` : "") + ghostNote;
   if (data.gears.length === 0) $("details").remove();
-  else if (window.innerWidth < 560 || data.gears.length > 8) $("details").open = false;
+  else if (window.innerWidth < 560 || window.innerHeight < 500 || data.gears.length > 8) $("details").open = false;
 }
 const signed = (x, digits) => Number.isNaN(x) ? "–" : (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
 function readout(i) {
@@ -212,8 +215,8 @@ const canvas = $("timeline"), backdrop = document.createElement("canvas");
 const LEFT = 66, AXIS = 16;
 function layout() {
   const strips = data.gears.filter((g) => g.residual || g.power.some((x) => !Number.isNaN(x)));
-  const strip = strips.length > 8 ? 6 : 11, graph = data.contacts.length ? 30 : 0;
-  return { strips, strip, graph, height: AXIS + graph + strips.length * (strip + 2) + 4 };
+  const strip = strips.length > 16 ? 4 : strips.length > 8 ? 6 : 11, gap = strip > 8 ? 2 : 1, graph = data.contacts.length ? 30 : 0;
+  return { strips, strip, gap, graph, height: AXIS + graph + strips.length * (strip + gap) + 4 };
 }
 function paintBackdrop() {
   const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, view = layout();
@@ -249,7 +252,7 @@ function paintBackdrop() {
       while (i < frames && shade(i) === fill) i++;
       if (fill) { g.fillStyle = fill; g.fillRect(x(time[from]), y, x(time[Math.min(i, frames - 1)]) - x(time[from]) + 0.6, view.strip); }
     }
-    y += view.strip + 2;
+    y += view.strip + view.gap;
   }
   const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600].find((s) => (span * s) / (stop - start) > 60) || 1200;
   g.textAlign = "center"; g.fillStyle = soft; g.strokeStyle = line;
