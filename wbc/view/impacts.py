@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.channels import contact_forces
 
-_QUIET = 0.05
+_QUIET = 0.02
+_MOMENT = 0.02
 
 
 @dataclass(frozen=True)
@@ -27,35 +32,40 @@ class Impact:
     force: float
 
 
-def find_impacts(time: FloatArray, forces: Mapping[str, FloatArray]) -> tuple[Impact, ...]:
+def find_impacts(
+    time: FloatArray, forces: Mapping[str, FloatArray], weight: float
+) -> tuple[Impact, ...]:
     """Return the instants at which a contact force rises out of the air.
 
-    A contact is in the air while its force stays below a twentieth of the largest median over
-    loaded samples; it has hit the ground when it was in the air for 20 ms and then bears more
-    than that median. Standing still from the first sample is no impact.
+    A contact that was in the air for 20 ms (force below a fiftieth of the weight) has hit the
+    ground when it bears its even share of the weight within another 20 ms.
 
     Args:
         time: (N,) [s].
         forces: contact name -> (N, 3) [N].
+        weight: [N] of the robot.
     """
     impacts = []
     for name, force in forces.items():
         size = np.linalg.norm(force, axis=1)
-        loaded = size[size > _QUIET * size.max()] if size.max() > 0.0 else size
-        typical = float(np.median(loaded))
-        if typical <= 0.0:
-            continue
-        free_since = time[0]
-        free = size[0] < _QUIET * typical
-        for row in range(1, len(time)):
-            if size[row] < _QUIET * typical:
-                free_since = free_since if free else time[row]
-                free = True
-            elif free:
-                free = False
-                if time[row] - free_since < 0.02:
-                    continue
-                soon = size[row : row + 1 + int(np.searchsorted(time[row:], time[row] + 0.02))]
-                if soon.max() > typical:
-                    impacts.append(Impact(float(time[row]), name, float(soon.max())))
+        free = size < _QUIET * weight
+        for row in np.flatnonzero(free[:-1] & ~free[1:]) + 1:
+            earlier = np.flatnonzero(~free[:row])
+            left = int(earlier[-1]) + 1 if earlier.size else 0
+            if time[row] - time[left] < _MOMENT:
+                continue
+            soon = size[row : int(np.searchsorted(time, time[row] + _MOMENT)) + 1]
+            if soon.max() >= weight / len(forces):
+                impacts.append(Impact(float(time[row]), name, float(soon.max())))
     return tuple(sorted(impacts, key=lambda impact: impact.time))
+
+
+def log_impacts(robot: Robot, log: Log) -> tuple[Impact, ...]:
+    """Return the impacts that the contact forces of a log show."""
+    return find_impacts(log.time, contact_forces(robot, log), robot_weight(robot))
+
+
+def robot_weight(robot: Robot) -> float:
+    """Return the weight of all moving bodies [N]."""
+    gravity = float(np.linalg.norm(robot.model.gravity.linear))
+    return float(pin.computeTotalMass(robot.model)) * gravity

@@ -15,6 +15,7 @@ from wbc.robot import Robot
 from wbc.view.axes import joint_axis
 from wbc.view.geometry import UprightCylinder, along
 from wbc.view.ground import GroundSlab
+from wbc.view.impacts import robot_weight
 from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW, rgb
 from wbc.view.shapes import LinkShape, robot_shapes
 
@@ -60,8 +61,7 @@ def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> SceneSize:
         data.oMi[shape.joint].act(corner) for shape in shapes for corner in (shape.low, shape.high)
     ]
     span = float(np.ptp(np.array(corners), axis=0).max()) if corners else 1.0
-    weight = float(pin.computeTotalMass(robot.model) * np.linalg.norm(robot.model.gravity.linear))
-    return SceneSize(max(span, 1e-3), weight)
+    return SceneSize(max(span, 1e-3), robot_weight(robot))
 
 
 def add_robot(root: Any, shapes: tuple[LinkShape, ...]) -> None:

@@ -13,7 +13,7 @@ from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import configuration, contact_forces
 from wbc.view.gear_flow import gear_flow
-from wbc.view.impacts import Impact, find_impacts
+from wbc.view.impacts import Impact, find_impacts, robot_weight
 
 _FRAME_RATE = 60.0
 _MAX_FRAMES = 3600
@@ -88,6 +88,7 @@ def make_track(robot: Robot, log: Log) -> Track:
     position = configuration(robot, log)[rows]
     poses, center, points = _kinematics(robot, position)
     forces = contact_forces(robot, log)
+    weight = robot_weight(robot)
     contacts = tuple(
         ContactTrack(
             contact.name, contact.friction, points[:, i], _largest(forces[contact.name], rows)
@@ -101,10 +102,8 @@ def make_track(robot: Robot, log: Log) -> Track:
         center_of_mass=center,
         contacts=contacts,
         gears=_gears(robot, log, rows),
-        impacts=find_impacts(log.time, forces),
-        weight=float(
-            pin.computeTotalMass(robot.model) * np.linalg.norm(robot.model.gravity.linear)
-        ),
+        impacts=find_impacts(log.time, forces, weight),
+        weight=weight,
     )
 
 

@@ -1,6 +1,6 @@
 """Plots for print and screen; every function returns a matplotlib figure."""
 
-from wbc.view.plots.energy import EnergyAudit, energy_audit, energy_figure
+from wbc.view.plots.energy import LogEnergy, energy_audit, energy_figure
 from wbc.view.plots.impact import impact_figure
 from wbc.view.plots.metrics import leg_figure, tradeoff_figure
 from wbc.view.plots.power import power_figure
@@ -9,7 +9,7 @@ from wbc.view.plots.standing import standing_figure
 from wbc.view.plots.style import write_figure
 
 __all__ = [
-    "EnergyAudit",
+    "LogEnergy",
     "energy_audit",
     "energy_figure",
     "impact_figure",

@@ -19,7 +19,7 @@ from wbc.view.plots.style import DASHES, drawing, new_figure
 
 
 @dataclass(frozen=True, eq=False)
-class EnergyAudit:
+class LogEnergy:
     """Energy along a log, all (N,) [J] and counted from its first sample.
 
     Attributes:
@@ -40,7 +40,7 @@ class EnergyAudit:
     unexplained: FloatArray
 
 
-def energy_audit(robot: Robot, log: Log) -> EnergyAudit:
+def energy_audit(robot: Robot, log: Log) -> LogEnergy:
     """Return where the energy of a log went according to the model.
 
     What the model lacks (friction, a payload, an impact too short for the sampling) ends up in
@@ -63,7 +63,7 @@ def energy_audit(robot: Robot, log: Log) -> EnergyAudit:
     potential = height - height[0]
     heat = _integral(log.time, np.nansum(flow.loss, axis=1))
     rest = motor + ground - kinetic - potential - heat
-    return EnergyAudit(motor, ground, kinetic, potential, heat, rest)
+    return LogEnergy(motor, ground, kinetic, potential, heat, rest)
 
 
 def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:

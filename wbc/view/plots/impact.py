@@ -13,7 +13,7 @@ from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import contact_forces
 from wbc.view.gear_flow import gear_flow
-from wbc.view.impacts import find_impacts
+from wbc.view.impacts import log_impacts
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
 
@@ -43,8 +43,7 @@ def impact_figure(
             1 + gears.size, 2, 8.0, 1.7 * (1 + gears.size) + 0.5, share_x=True
         )
         for i, (label, log) in enumerate(runs.items()):
-            forces = contact_forces(robot, log)
-            impacts = find_impacts(log.time, forces)
+            impacts = log_impacts(robot, log)
             if not impacts:
                 raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
             begin = impacts[0].time

@@ -20,6 +20,7 @@ from wbc.metrics import (
 )
 from wbc.robot import Robot
 from wbc.transmission import Direction
+from wbc.view.impacts import robot_weight
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import DASHES, drawing, new_figure
 
@@ -194,9 +195,7 @@ def _draw_force(
             Polygon(corners[order], fill=False, edgecolor=colour, linestyle=DASHES[i], label=label)
         )
     if robot.floating_size:
-        weight = float(
-            pin.computeTotalMass(robot.model) * np.linalg.norm(robot.model.gravity.linear)
-        )
+        weight = robot_weight(robot)
         ax.axhline(weight, color=theme.ink, linewidth=0.9, linestyle=":")
         place = ("axes fraction", "data")
         ax.annotate("weight", (0.98, weight), xycoords=place, ha="right", va="bottom", fontsize=8)

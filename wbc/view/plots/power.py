@@ -7,9 +7,8 @@ from matplotlib.figure import Figure
 
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.channels import contact_forces
 from wbc.view.gear_flow import gear_flow
-from wbc.view.impacts import find_impacts
+from wbc.view.impacts import log_impacts
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.shading import direction_patches, fill_power, mark_impacts
 from wbc.view.plots.style import drawing, new_figure
@@ -25,7 +24,7 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     """
     gears = robot.transmission
     flow = gear_flow(robot, log)
-    impacts = find_impacts(log.time, contact_forces(robot, log))
+    impacts = log_impacts(robot, log)
     with drawing(theme):
         figure, grid = new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
         for i, joint in enumerate(gears.joints):

@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import configuration, contact_forces, rotor_torque
-from wbc.view.impacts import find_impacts
+from wbc.view.impacts import log_impacts
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.shading import mark_impacts
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
@@ -52,7 +52,7 @@ def standing_figure(
             _plot_run(axes, robot, log, style)
         first = next(iter(runs.values()))
         for ax in axes:
-            mark_impacts(ax, find_impacts(first.time, contact_forces(robot, first)), theme.ink)
+            mark_impacts(ax, log_impacts(robot, first), theme.ink)
         titles = ["height of the centre of mass", "sway of the centre of mass", "pitch of the base"]
         units = ["m", "mm", "deg"]
         titles += [f"rotor torque, {joint}" for joint in gears.joints] + ["vertical ground force"]
