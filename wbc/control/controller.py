@@ -21,7 +21,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.plant import Plant
 from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPProblem, QPStatus
+from wbc.control.qp import QPProblem, QPStatus, check_solver
 from wbc.control.reference import Reference
 from wbc.control.safety import LastGood
 from wbc.control.settings import ControllerSettings
@@ -87,6 +87,7 @@ class Controller:
         self.settings = ControllerSettings() if settings is None else settings
         _check_names("task", [task.name for task in self.tasks])
         _check_names("contact", [contact.name for contact in contacts])
+        check_solver(self.settings.solver)
         if not self.tasks:
             raise ControlError("a controller without tasks has nothing to do.")
         limits = (RotorTorqueLimit(),) if limits is None else limits

@@ -7,10 +7,15 @@ from time import perf_counter
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.gears import Slopes
 from wbc.control.program import ContactForceProgram
 from wbc.control.qp import INFINITE, QPProblem, QPSolution, QPStatus, Solver, make_solver
+
+_ACTIVE = 1e-6
+_GUESSES = 3
+
+Limits = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -22,22 +27,30 @@ class Found:
         output: T (m,) [N m].
         rounds: programs solved.
         solve_time: [s] in the solver.
+        proven: whether no other choice of directions can cost less.
     """
 
     solution: QPSolution
     output: FloatArray
     rounds: int
     solve_time: float
+    proven: bool
 
 
 class DirectionSearch:
     """Solves the contact-force program with the directions of its own solution.
 
-    Only the torque limits (and torque costs) depend on the directions, and of those only the rows
-    that bind. A guess, from the last tick, is therefore right almost always; where it is not, the
-    gears that differ are turned over and the program is solved again. Should they turn back and
-    forth, the search goes on with the sign of every T held: at T = 0 both directions agree, so
-    turning over a gear whose sign row pushes never makes the cost worse, and the search ends.
+    Of all rows only the torque limits depend on the directions, and of those only the ones that
+    bind. A guess, from the last tick, is therefore right almost always; where it is not, the gears
+    that differ are turned over and the program is solved again.
+
+    With forward slope >= backward slope (eta_f eta_b <= 1), N tau_phi is a convex function of T
+    in a gear that turns one way and a concave one the other way. A limit on the convex side is
+    two linear rows, so a solution that agrees with its directions is the best of all 2^m choices
+    unless a limit binds on the other side (a motor that brakes with all it has). There the allowed
+    set is the union of two half-spaces, one per direction, and the search branches on them: every
+    node keeps the convex rows of all gears and one half-space of the gears decided so far, which
+    bounds the cost of all that lies below it.
     """
 
     def __init__(
@@ -48,13 +61,47 @@ class DirectionSearch:
         iterations: int,
         rounds: int,
     ) -> None:
-        """Make the solvers of one program."""
+        """Make the solver of one program.
+
+        Args:
+            program: the program; its torque rows are written by the search.
+            solver_name, tolerance, iterations: see `make_solver`.
+            rounds: programs solved at most in one tick.
+        """
         self.program = program
         self._solver_name, self._tolerance = solver_name, tolerance
         self._iterations, self._rounds = iterations, rounds
-        rows = len(program.row_labels)
-        self._solver = self._make(rows)
-        self._guarded: Solver | None = None
+        self._solver: Solver = self._make(len(program.row_labels))
+        self._branching: Solver | None = None
+        self._spent = 0.0
+        self._count = 0
+
+    def solve(self, positive: BoolArray, slopes: Slopes, limits: Limits) -> Found:
+        """Return the solution of the assembled program with directions that agree with it.
+
+        Args:
+            positive: (m,) guess of where T > 0.
+            slopes: of the mesh law for either sign of T.
+            limits: least and greatest N tau_phi (m,) [N m].
+        """
+        self._spent, self._count = 0.0, 0
+        program = self.program
+        for _ in range(min(_GUESSES, self._rounds)):
+            program.assemble_torque_limits(slopes.at(positive), *limits)
+            solution = self._run(self._solver, program.problem)
+            if solution.status is not QPStatus.SOLVED:
+                break
+            output = program.output_torque(solution.x)
+            turned = self._turned(positive, output, slopes, limits, solution)
+            if not turned.any():
+                contested = self._contested(positive, slopes, solution)
+                if not contested.size:
+                    return self._found(solution, True)
+                return self._branch(slopes, limits, solution, contested, positive)
+            positive = np.where(turned, ~positive, positive)
+        if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
+            return self._found(solution, False)
+        return self._branch(slopes, limits, None, np.zeros(0, dtype=np.int_), positive, solution)
 
     def _make(self, rows: int) -> Solver:
         return make_solver(
@@ -66,99 +113,129 @@ class DirectionSearch:
             max_iterations=self._iterations,
         )
 
-    def solve(
-        self,
-        positive: BoolArray,
-        slopes: Slopes,
-        limits: tuple[FloatArray, FloatArray],
-    ) -> Found:
-        """Return the solution of the assembled program with directions that agree with it.
+    def _run(self, solver: Solver, problem: QPProblem) -> QPSolution:
+        start = perf_counter()
+        solution = solver.solve(problem)
+        self._spent += perf_counter() - start
+        self._count += 1
+        return solution
 
-        Args:
-            positive: (m,) guess of where T > 0.
-            slopes: of the mesh law for either sign of T.
-            limits: least and greatest N tau_phi (m,) [N m].
-        """
-        spent, rounds = 0.0, 0
-        for rounds in range(1, self._rounds + 1):
-            self.program.assemble_torque_limits(slopes.at(positive), *limits)
-            start = perf_counter()
-            solution = self._solver.solve(self.program.problem)
-            spent += perf_counter() - start
-            if solution.status is QPStatus.INFEASIBLE and rounds == 1:
-                positive = slopes.positive < slopes.negative
-                continue
-            output = self.program.output_torque(solution.x)
-            if solution.status is not QPStatus.SOLVED:
-                return Found(solution, output, rounds, spent)
-            turned = self._turned(positive, output, slopes, limits, solution)
-            if not turned.any():
-                return Found(solution, output, rounds, spent)
-            positive = np.where(turned, ~positive, positive)
-        return self._descend(solution, positive, slopes, limits, rounds, spent)
+    def _found(self, solution: QPSolution, proven: bool) -> Found:
+        output = self.program.output_torque(solution.x)
+        return Found(solution, output, self._count, self._spent, proven)
+
+    def _torque(self, solution: QPSolution, slopes: Slopes) -> tuple[FloatArray, FloatArray]:
+        """Return T (m,) and N tau_phi (m,) at a solution by the mesh law."""
+        program = self.program
+        output = program.output_torque(solution.x)
+        share = program.plant.rotor @ solution.x[: program.nv] + program.plant.rotor_bias
+        return output, slopes.at(output > 0.0) * output + share
 
     def _turned(
         self,
         positive: BoolArray,
         output: FloatArray,
         slopes: Slopes,
-        limits: tuple[FloatArray, FloatArray],
+        limits: Limits,
         solution: QPSolution,
     ) -> BoolArray:
         """Return the gears (m,) whose guess was wrong in a way that changes the solution."""
-        wrong = (output > 0.0) != positive
-        wrong &= slopes.positive != slopes.negative
+        wrong = ((output > 0.0) != positive) & (slopes.positive != slopes.negative)
         if not wrong.any():
             return np.asarray(wrong)
         program = self.program
-        share = program.plant.rotor @ solution.x[: program.nv] + program.plant.rotor_bias
-        torque = slopes.at(~positive) * output + share
-        slack = 1e-6 * (1.0 + np.abs(torque))
-        beyond = (torque < limits[0] - slack) | (torque > limits[1] + slack)
+        beyond = self._beyond(solution, slopes, limits)
         pushing = np.zeros(len(output), dtype=bool)
-        pushing[program.gears] = np.abs(solution.z[program.torque_rows]) > 1e-6
+        pushing[program.gears] = np.abs(solution.z[program.torque_rows]) > _ACTIVE
         return np.asarray(wrong & (np.abs(output) > 1e-6) & (beyond | pushing))
 
-    def _descend(
-        self,
-        unguarded: QPSolution,
-        positive: BoolArray,
-        slopes: Slopes,
-        limits: tuple[FloatArray, FloatArray],
-        rounds: int,
-        spent: float,
-    ) -> Found:
+    def _beyond(self, solution: QPSolution, slopes: Slopes, limits: Limits) -> BoolArray:
+        """Return the gears (m,) whose torque by the mesh law is beyond their limits."""
+        _, torque = self._torque(solution, slopes)
+        slack = 1e-5 * (1.0 + np.abs(torque))
+        return np.asarray((torque < limits[0] - slack) | (torque > limits[1] + slack))
+
+    def _contested(self, positive: BoolArray, slopes: Slopes, solution: QPSolution) -> IntArray:
+        """Return the gears at a limit on the side where the allowed set is a union."""
         program = self.program
-        if self._guarded is None:
-            self._guarded = self._make(len(program.row_labels) + len(positive))
-        best = unguarded
-        lowest = np.inf
-        for _ in range(2 * len(positive) + 2):
-            program.assemble_torque_limits(slopes.at(positive), *limits)
-            start = perf_counter()
-            solution = self._guarded.solve(guarded_problem(program, positive))
-            spent += perf_counter() - start
-            rounds += 1
-            if solution.status is not QPStatus.SOLVED:
-                break
-            cost = 0.5 * solution.x @ program.H @ solution.x + program.g @ solution.x
-            if cost >= lowest - 1e-9 * (1.0 + abs(cost)):
-                break
-            best, lowest = solution, float(cost)
-            push = np.abs(solution.z[len(program.row_labels) :]) > 1e-5
-            if not push.any():
-                break
-            positive = np.where(push, ~positive, positive)
-        return Found(best, program.output_torque(best.x), rounds, spent)
+        push = solution.z[program.torque_rows]
+        gears = program.gears
+        convex = slopes.positive[gears] > slopes.negative[gears]
+        concave = slopes.positive[gears] < slopes.negative[gears]
+        return np.asarray(gears[(convex & (push < -_ACTIVE)) | (concave & (push > _ACTIVE))])
 
+    def _branch(
+        self,
+        slopes: Slopes,
+        limits: Limits,
+        incumbent: QPSolution | None,
+        contested: IntArray,
+        positive: BoolArray,
+        unsolved: QPSolution | None = None,
+    ) -> Found:
+        """Return the best solution over all directions, or the best within the rounds left."""
+        rows = len(self.program.row_labels) + len(self.program.gears)
+        if self._branching is None:
+            self._branching = self._make(rows)
+        nodes: list[dict[int, bool]] = []
+        decided: dict[int, bool] = {}
+        for gear in contested.tolist():
+            nodes.append(decided | {gear: not positive[gear]})
+            decided[gear] = bool(positive[gear])
+        if incumbent is None:
+            nodes.append({})
+        lowest = np.inf if incumbent is None else self._cost(incumbent)
+        while nodes and self._count < self._rounds:
+            node = nodes.pop()
+            solution = self._run(self._branching, self._node(node, slopes, limits))
+            if solution.status is not QPStatus.SOLVED or self._cost(solution) >= lowest:
+                continue
+            beyond = np.flatnonzero(self._beyond(solution, slopes, limits)).tolist()
+            open_gears = [gear for gear in beyond if gear not in node]
+            if not open_gears:
+                incumbent, lowest = solution, self._cost(solution)
+                continue
+            for choice in (True, False):
+                nodes.append(node | {open_gears[0]: choice})
+        if incumbent is not None:
+            return self._found(self._trimmed(incumbent), not nodes)
+        return self._found(unsolved if unsolved is not None else solution, not nodes)
 
-def guarded_problem(program: ContactForceProgram, positive: BoolArray) -> QPProblem:
-    """Return the assembled program with T >= 0 where `positive` (m,) and T <= 0 elsewhere."""
-    plain, plant = program.problem, program.plant
-    rows = np.hstack([plant.output, program.coupled_forces])
-    offset = plant.output_bias
-    return plain._replace(
-        C=np.vstack([plain.C, rows]),
-        lower=np.concatenate([plain.lower, np.where(positive, -offset, -INFINITE)]),
-        upper=np.concatenate([plain.upper, np.where(positive, INFINITE, -offset)]),
-    )
+    def _trimmed(self, solution: QPSolution) -> QPSolution:
+        """Return the solution with the multipliers of the plain program's rows alone."""
+        rows = len(self.program.row_labels)
+        if len(solution.z) == rows:
+            return solution
+        return QPSolution(
+            solution.x, solution.y, solution.z[:rows], solution.status, solution.iterations
+        )
+
+    def _cost(self, solution: QPSolution) -> float:
+        x, program = solution.x, self.program
+        return float(0.5 * x @ program.H @ x + program.g @ x)
+
+    def _node(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> QPProblem:
+        """Return the program with the convex rows of all gears and one half-space of some.
+
+        `decided` maps a gear to whether its half-space is that of T > 0.
+        """
+        program = self.program
+        convex = slopes.positive >= slopes.negative
+        bounds = []
+        for sign in (True, False):
+            low = np.where(convex, -INFINITE, limits[0])
+            high = np.where(convex, limits[1], INFINITE)
+            for gear, choice in decided.items():
+                if choice is sign:
+                    low[gear], high[gear] = limits[0][gear], limits[1][gear]
+            bounds.append((low, high))
+        program.assemble_torque_limits(slopes.negative, *bounds[1])
+        rows = program.torque_rows
+        more = (program.C[rows].copy(), program.lower[rows].copy(), program.upper[rows].copy())
+        program.assemble_torque_limits(slopes.positive, *bounds[0])
+        plain = program.problem
+        return plain._replace(
+            C=np.vstack([plain.C, more[0]]),
+            lower=np.concatenate([plain.lower, more[1]]),
+            upper=np.concatenate([plain.upper, more[2]]),
+        )

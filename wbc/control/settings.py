@@ -21,7 +21,7 @@ class ControllerSettings:
         solver: "proxqp" (native) or any qpsolvers backend.
         tolerance: absolute tolerance of the native solver on every residual.
         max_iterations: bound on its inner and its outer iterations.
-        max_rounds: programs solved at most while directions are revised.
+        max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per 100 N) towards a shared load.
         safety: what to command when a tick has no solution.
@@ -34,7 +34,7 @@ class ControllerSettings:
     solver: str = "proxqp"
     tolerance: float = 1e-7
     max_iterations: int = 200
-    max_rounds: int = 4
+    max_rounds: int = 8
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-5
     safety: SafetyPolicy = field(default_factory=Damped)

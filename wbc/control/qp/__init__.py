@@ -3,7 +3,7 @@
 from wbc.control.qp.foreign import ForeignSolver
 from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
 from wbc.control.qp.proxqp import ProxQPSolver
-from wbc.control.qp.solver import Solver, make_solver
+from wbc.control.qp.solver import Solver, check_solver, make_solver
 
 __all__ = [
     "INFINITE",
@@ -13,5 +13,6 @@ __all__ = [
     "QPSolution",
     "QPStatus",
     "Solver",
+    "check_solver",
     "make_solver",
 ]

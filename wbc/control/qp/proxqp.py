@@ -25,9 +25,11 @@ class ProxQPSolver:
 
     Each solve starts from the previous solution with the penalties reset
     (COLD_START_WITH_PREVIOUS_RESULT): the fully warm start calls feasible programs infeasible or
-    stalls on them. Iterations are bounded inside and outside, so that no tick can stall. The
-    caller makes sure that every number is finite and lower <= upper; ProxQP would not return
-    otherwise.
+    stalls on them. The duality gap is part of the stopping rule: without it a start that is
+    feasible and stationary, but pushes against a bound that has moved away, is returned as the
+    solution after no iteration at all. Iterations are bounded inside and outside, so that no tick
+    can stall. The caller makes sure that every number is finite and lower <= upper; ProxQP would
+    not return otherwise.
     """
 
     def __init__(
@@ -41,6 +43,9 @@ class ProxQPSolver:
         settings.initial_guess = proxqp.InitialGuess.COLD_START_WITH_PREVIOUS_RESULT
         settings.eps_abs = tolerance
         settings.eps_rel = 0.0
+        settings.check_duality_gap = True
+        settings.eps_duality_gap_abs = 10.0 * tolerance
+        settings.eps_duality_gap_rel = tolerance
         settings.eps_primal_inf = 1e-14
         settings.max_iter = max_iterations
         settings.max_iter_in = max_iterations

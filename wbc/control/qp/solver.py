@@ -16,6 +16,12 @@ class Solver(Protocol):
         """Return the solution of a program whose numbers are finite and bounds ordered."""
 
 
+def check_solver(name: str) -> None:
+    """Raise ControlError unless `name` is "proxqp" or an installed backend of qpsolvers."""
+    if name != "proxqp":
+        ForeignSolver(name)
+
+
 def make_solver(
     name: str, n: int, n_eq: int, n_in: int, *, tolerance: float, max_iterations: int
 ) -> Solver:

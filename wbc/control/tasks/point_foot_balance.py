@@ -7,6 +7,7 @@ from math import sqrt
 from typing import final
 
 import numpy as np
+from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
@@ -85,7 +86,11 @@ class PointFootBalanceTask(Task):
         return np.array([wanted])
 
     def gains(self, kinematics: Kinematics, height: float) -> FloatArray:
-        """Return the feedback (4,) on (x, xd, k, theta), by Ackermann's formula.
+        """Return the feedback (4,) on (x, xd, k, theta) with all poles at -p, p the bandwidth.
+
+        With u = xdd, G = m g and Z = m z the loop's polynomial is
+
+            s^4 + (k2 - Z k3) s^3 + (k1 + (a - c Z) k4) s^2 + G k3 s + c G k4 = (s + p)^4.
 
         Args:
             kinematics: of the present state.
@@ -94,27 +99,22 @@ class PointFootBalanceTask(Task):
         mass = float(kinematics.terms.data.mass[0])
         gravity = float(np.linalg.norm(kinematics.model.gravity.linear))
         from_speed, from_momentum = self._pitch_rate(kinematics)
-        A = np.zeros((4, 4))
-        A[0, 1] = 1.0
-        A[2, 0] = mass * gravity
-        A[3, 1], A[3, 2] = from_speed, from_momentum
-        b = np.array([0.0, 1.0, -mass * height, 0.0])
         pole = sqrt(gravity / abs(height)) if self.bandwidth is None else self.bandwidth
-        reach = np.column_stack([b, A @ b, A @ A @ b, A @ A @ A @ b])
-        last = np.linalg.solve(reach.T, np.array([0.0, 0.0, 0.0, 1.0]))
-        shifted = A + pole * np.eye(4)
-        return np.asarray(last @ shifted @ shifted @ shifted @ shifted)
+        on_pitch = pole**4 / (from_momentum * mass * gravity)
+        on_momentum = 4.0 * pole**3 / (mass * gravity)
+        on_speed = 4.0 * pole + mass * height * on_momentum
+        on_place = 6.0 * pole**2 - (from_speed - from_momentum * mass * height) * on_pitch
+        return np.array([on_place, on_speed, on_momentum, on_pitch])
 
     def _pitch_rate(self, kinematics: Kinematics) -> tuple[float, float]:
         """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot."""
         foot = kinematics.frame_jacobian(kinematics.frame_id(self.contact))[[0, 2]]
-        rows = np.vstack(
-            [
-                foot,
-                kinematics.center_of_mass_jacobian()[[0, 2]],
-                kinematics.momentum_matrix()[4:5],
-            ]
-        )
+        rows = np.empty((5, kinematics.model.nv))
+        rows[:2] = foot
+        rows[2:4] = kinematics.center_of_mass_jacobian()[[0, 2]]
+        rows[4] = kinematics.momentum_matrix()[4]
         pitch = kinematics.frame_jacobian(kinematics.frame_id(self.frame))[4]
-        weights = np.linalg.lstsq(rows.T, pitch, rcond=None)[0]
+        normal = rows @ rows.T
+        normal.reshape(-1)[::6] += 1e-12
+        _, weights, _ = lapack.dposv(normal, rows @ pitch)
         return float(weights[2]), float(weights[4])

@@ -1,0 +1,91 @@
+"""Robots, controllers and random states that several tests share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.control import (
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    PointContact,
+    PostureTask,
+    Reference,
+    SpeedBlend,
+)
+from wbc.effects import load_robot
+from wbc.robot import Robot
+from wbc.transmission import Transmission
+
+# The measured speed is believed and every direction is certain: what the paper's equation says.
+CERTAIN = SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
+
+
+def arm(m, generator, *, lossless=False):
+    """Return a fixed-base arm whose first m joints are left, with random lossy gears."""
+    model = pin.buildSampleModelManipulator()
+    names = list(model.names)[1:]
+    locked = [model.getJointId(name) for name in names[m:]]
+    model = pin.buildReducedModel(model, locked, pin.neutral(model))
+    model.armature = np.zeros(model.nv)
+    forward = np.ones(m) if lossless else generator.uniform(0.5, 0.95, m)
+    backward = np.ones(m) if lossless else generator.uniform(0.05, 0.95, m)
+    gears = Transmission(
+        joints=tuple(names[:m]),
+        gear_ratio=generator.uniform(5.0, 50.0, m),
+        rotor_inertia=generator.uniform(1e-5, 2e-3, m),
+        forward_efficiency=forward,
+        backward_efficiency=backward,
+        torque_limit=generator.uniform(0.02, 0.6, m),
+    )
+    return Robot("arm", model, gears)
+
+
+def legged(name):
+    """Return a robot by name, its named poses left out of account."""
+    return load_robot(name)
+
+
+def random_state(robot, generator, *, spread=0.5, speed=1.0):
+    """Return q and v around the neutral configuration."""
+    step = generator.uniform(-spread, spread, robot.model.nv)
+    q = pin.integrate(robot.model, robot.neutral(), step)
+    return q, speed * generator.normal(size=robot.model.nv)
+
+
+def leg_controller(robot, **changes):
+    """Return a controller of a planar leg on its foot with a CoM and a posture task."""
+    settings = replace(ControllerSettings(speed_blend=CERTAIN), **changes)
+    tasks = [
+        CenterOfMassTask(axes="xz", weight=10.0),
+        PostureTask.of(robot, weight=0.1, stiffness=50.0),
+    ]
+    return Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
+
+
+def leg_rows(robot, terms, com_target, posture_target):
+    """Return what `leg_controller`'s tasks ask, written down by hand: weighted rows and target."""
+    nv, v = robot.model.nv, terms.velocity
+    data = robot.model.createData()
+    jacobian = pin.jacobianCenterOfMass(robot.model, data, terms.position)[[0, 2]]
+    com = data.com[0][[0, 2]].copy()
+    pin.centerOfMass(robot.model, data, terms.position, v, np.zeros(nv))
+    drift = data.acom[0][[0, 2]]
+    wanted = 100.0 * (com_target - com) - 20.0 * (jacobian @ v) - drift
+    select = np.eye(nv)[robot.actuated]
+    gap = posture_target - terms.position[robot.actuated_position]
+    posture = 50.0 * gap - 2.0 * np.sqrt(50.0) * v[robot.actuated]
+    rows = np.vstack([np.sqrt(10.0) * jacobian, np.sqrt(0.1) * select])
+    target = np.concatenate([np.sqrt(10.0) * wanted, np.sqrt(0.1) * posture])
+    return rows, target
+
+
+def leg_references(com_target, posture_target):
+    """Return the references that go with `leg_rows`."""
+    return {
+        "center_of_mass": Reference(com_target),
+        "posture": Reference(posture_target),
+    }

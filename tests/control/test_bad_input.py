@@ -1,0 +1,170 @@
+"""What cannot work is a status with a name and a safe torque, never an exception in the loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import leg_controller
+
+from wbc.control import (
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    Damped,
+    FramePoseTask,
+    FramePositionTask,
+    Hold,
+    JointLimit,
+    PointContact,
+    PostureTask,
+    Reference,
+    RepeatLast,
+    RotorTorqueLimit,
+    SpeedBlend,
+    Status,
+)
+from wbc.effects import load_robot
+from wbc.errors import ControlError, RobotError
+from wbc.robot import Motion
+
+LEG = load_robot("planar_leg_strong")
+STAND = LEG.configuration(hip=-0.37, knee=0.7, base_z=0.75)
+REST = np.zeros(5)
+
+
+def safe(command):
+    assert not command.status.usable
+    assert command.message
+    assert np.isfinite(command.rotor_torque).all()
+    assert np.all(np.abs(command.rotor_torque) <= LEG.transmission.torque_limit)
+    return True
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_state_that_is_not_finite(bad):
+    controller = leg_controller(LEG)
+    for row in range(5):
+        q, v = STAND.copy(), REST.copy()
+        q[row] = bad
+        command = controller.step(Motion(q, v))
+        assert command.status is Status.NOT_FINITE
+        assert safe(command)
+        v[row] = bad
+        assert safe(controller.step(Motion(STAND, v)))
+    assert controller.step(Motion(STAND, REST)).status is Status.SOLVED
+
+
+def test_speed_that_overflows_the_dynamics():
+    with np.errstate(all="ignore"):
+        command = leg_controller(LEG).step(Motion(STAND, np.full(5, 1e200)))
+    assert safe(command)
+
+
+def test_wrong_shapes_and_names():
+    controller = leg_controller(LEG)
+    command = controller.step(Motion(STAND[:4], REST))
+    assert command.status is Status.BAD_INPUT
+    assert "shape (5,)" in command.message
+    command = controller.step(Motion(STAND, REST), {"center_of_mas": Reference(np.zeros(2))})
+    assert "center_of_mass" in command.message
+    command = controller.step(Motion(STAND, REST), {"center_of_mass": Reference(np.zeros(3))})
+    assert command.status is Status.BAD_INPUT
+    command = controller.step(Motion(STAND, REST), contacts={"feet": 1.0})
+    assert "foot" in command.message
+    command = controller.step(Motion(STAND, REST), contacts={"foot": -1.0})
+    assert command.status is Status.BAD_INPUT
+    command = controller.step(
+        Motion(STAND, REST), {"center_of_mass": Reference(np.array([0.0, np.nan]))}
+    )
+    assert command.status is Status.NOT_FINITE
+    assert "center_of_mass" in command.message
+
+
+def test_infeasible_contact_names_the_conflict():
+    """A foot that must be pressed down with more than the motors can hold."""
+    tasks = [CenterOfMassTask(axes="xz")]
+    contact = PointContact(name="foot", normal_minimum=5000.0)
+    controller = Controller(LEG, tasks, [contact])
+    command = controller.step(Motion(STAND, REST))
+    assert command.status is Status.INFEASIBLE
+    assert "rotor torque limit" in command.message or "normal force" in command.message
+    assert safe(command)
+
+
+@pytest.mark.parametrize("pose", [{"hip": 0.0, "knee": 0.0}, {"hip": 0.0, "knee": np.pi}])
+def test_singular_pose_is_solved_or_named(pose):
+    controller = leg_controller(LEG)
+    for speed in (0.0, 0.5):
+        v = np.array([0.0, 0.0, 0.0, speed, -speed])
+        command = controller.step(Motion(LEG.configuration(**pose), v))
+        assert command.status.usable or safe(command)
+        assert np.isfinite(command.rotor_torque).all()
+        assert np.all(np.abs(command.rotor_torque) <= LEG.transmission.torque_limit * (1 + 1e-9))
+
+
+def test_safety_policies():
+    blend = SpeedBlend()
+    v = np.array([0.0, 0.0, 0.0, 1.0, -2.0])
+    nan = np.full(5, np.nan)
+    last = {}
+    for policy in (RepeatLast(), Damped(gain=4.0), Hold(stiffness=100.0, gain=3.0)):
+        controller = leg_controller(LEG, safety=policy, speed_blend=blend)
+        good = controller.step(Motion(STAND, REST)).rotor_torque
+        moved = STAND.copy()
+        moved[3:] += [0.01, -0.01]
+        bad = controller.step(Motion(moved, v), contacts={"foot": np.nan})
+        last[type(policy)] = 20.0 * (bad.rotor_torque - good), 20.0 * bad.rotor_torque
+        blind = controller.step(Motion(nan, nan))
+        assert np.isfinite(blind.rotor_torque).all()
+    np.testing.assert_allclose(last[RepeatLast][0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(last[Damped][1], [-4.0, 8.0], atol=1e-12)
+    np.testing.assert_allclose(last[Hold][0], [-1.0 - 3.0, 1.0 + 6.0], atol=1e-9)
+
+
+def test_late_tick_keeps_its_command():
+    controller = leg_controller(LEG, deadline=1e-9)
+    command = controller.step(Motion(STAND, REST))
+    assert command.status is Status.LATE
+    assert command.status.usable
+    on_time = leg_controller(LEG).step(Motion(STAND, REST))
+    np.testing.assert_allclose(command.rotor_torque, on_time.rotor_torque)
+
+
+def test_setup_mistakes_are_errors():
+    posture = PostureTask.of(LEG)
+    with pytest.raises(ControlError, match="nothing to do"):
+        Controller(LEG, [])
+    with pytest.raises(ControlError, match="two tasks"):
+        Controller(LEG, [posture, posture])
+    with pytest.raises(RobotError, match="foot"):
+        Controller(LEG, [posture], [PointContact(name="toe")])
+    with pytest.raises(ControlError, match="shin"):
+        Controller(LEG, [FramePoseTask(name="pose", frame="shinn")])
+    with pytest.raises(ControlError, match="at most one"):
+        Controller(LEG, [posture], limits=[RotorTorqueLimit(), RotorTorqueLimit(0.5)])
+    with pytest.raises(RobotError, match="knee"):
+        PostureTask.of(LEG, ("kneee",))
+    with pytest.raises(ControlError, match="several degrees"):
+        PostureTask.of(load_robot("solo12"), ("root_joint",))
+    with pytest.raises(ControlError, match="another robot"):
+        Controller(load_robot("solo12"), [posture])
+    with pytest.raises(ControlError, match="axes"):
+        CenterOfMassTask(axes="xw")
+    with pytest.raises(ControlError, match="axes"):
+        FramePositionTask(name="foot", frame="foot", axes="")
+    with pytest.raises(ControlError, match="weight"):
+        CenterOfMassTask(weight=-1.0)
+    with pytest.raises(ControlError, match="stiffness"):
+        CenterOfMassTask(stiffness=np.inf)
+    with pytest.raises(ControlError, match="daqp"):
+        Controller(LEG, [posture], settings=ControllerSettings(solver="quadprogg"))
+    with pytest.raises(ControlError, match="full_speed"):
+        SpeedBlend(full_speed=0.0)
+    with pytest.raises(ControlError, match="time_step"):
+        ControllerSettings(time_step=0.0)
+    with pytest.raises(ControlError, match="normal_minimum"):
+        PointContact(name="foot", normal_minimum=2.0, normal_maximum=1.0)
+    with pytest.raises(ControlError, match="fraction"):
+        RotorTorqueLimit(0.0)
+    with pytest.raises(ControlError, match="positive"):
+        JointLimit.of(LEG, acceleration=0.0)
