@@ -43,6 +43,11 @@ class GravityDirection(Effect):
         """The whole robot."""
         return ("robot",)
 
+    @property
+    def freedom(self) -> int:
+        """The number of axes about which gravity leans."""
+        return max(1, sum(value != 0.0 for value in self.values.values()))
+
     def change(self, robot: Robot) -> Robot:
         """Return the robot in the tilted field."""
         field = np.asarray(robot.model.gravity.linear)

@@ -13,6 +13,7 @@ from wbc.identification.record import Record
 from wbc.identification.residual import raw_residual
 from wbc.robot import Effect, Evidence, Robot, Screen
 
+_ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
 
@@ -89,7 +90,8 @@ def make_atoms(
     atoms = []
     for (effect, where, screen), *columns in zip(offers, *parts, strict=True):
         stacked = np.concatenate(columns)
-        used = np.any(stacked != 0.0, axis=(0, 1))
+        size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
+        used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
             atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
     return atoms

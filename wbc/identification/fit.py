@@ -210,5 +210,8 @@ def _line_search(
 def _least_squares(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the least-squares solution with columns scaled and weak directions left alone."""
     norm = np.sqrt(np.sum(a**2, axis=0))
-    norm = np.where(norm > 0.0, norm, 1.0)
-    return np.asarray(np.linalg.lstsq(a / norm, b, rcond=1e-8)[0] / norm)
+    felt = norm > 1e-7 * norm.max(initial=0.0)
+    solution = np.zeros(norm.size)
+    scaled = a[:, felt] / norm[felt]
+    solution[felt] = np.linalg.lstsq(scaled, b, rcond=1e-8)[0] / norm[felt]
+    return solution

@@ -50,13 +50,6 @@ def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
     return np.asarray(total[count > 0] / count[count > 0])
 
 
-def paired_difference(one: FloatArray, other: FloatArray, blocks: IntArray) -> tuple[float, float]:
-    """Return mean and standard error of one - other, rows of a block taken as one observation."""
-    difference = block_means(one - other, blocks)
-    error = float(np.std(difference, ddof=1) / np.sqrt(difference.size))
-    return float(np.mean(one - other)), error
-
-
 def _groups(count: int, repeats: Sequence[tuple[int, int]]) -> list[int]:
     group = list(range(count))
     for first, second in repeats:

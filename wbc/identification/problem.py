@@ -10,12 +10,15 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.fit import Fit, refine
 from wbc.identification.floor import NoiseFloor, noise_floor
-from wbc.identification.folds import bootstrap_blocks, held_out_folds, paired_difference
+from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
 from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
+
+_STANDARD_ERRORS = 2.0
+_LIKELIHOOD_RATIO = 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,25 @@ class Problem:
         other = refine(self.robot, fit.effects, narrow, self.whitening, iterations=2)
         return np.abs(other.values - fit.values)
 
-    def gain(self, worse: FloatArray, better: FloatArray) -> tuple[float, float]:
-        """Return the fall of the held-out mean square and its standard error."""
-        return paired_difference(worse.mean(axis=1), better.mean(axis=1), self.blocks)
+    def significant(self, worse: FloatArray, better: FloatArray) -> bool:
+        """Whether the held-out error falls by more than chance, blocks being the observations.
+
+        Three ways to show it: the paired difference of squares or of their logarithms exceeds two
+        standard errors (the first hears the few blocks in which most happens, the second gives
+        each block a voice), or, for what happens rarely but violently, the likelihood ratio
+        of as many independent observations as there are blocks.
+        """
+        one = block_means(worse.mean(axis=1), self.blocks)
+        other = block_means(better.mean(axis=1), self.blocks)
+        ratio = one.size * float(np.log(np.mean(one) / np.mean(other)))
+        return (
+            _standard_errors(one - other) > _STANDARD_ERRORS
+            or _standard_errors(np.log(one / other)) > _STANDARD_ERRORS
+            or ratio > _LIKELIHOOD_RATIO
+        )
+
+
+def _standard_errors(differences: FloatArray) -> float:
+    """Return the mean of paired differences in units of its standard error."""
+    error = float(np.std(differences, ddof=1)) / np.sqrt(differences.size)
+    return float(np.mean(differences) / max(error, 1e-300))

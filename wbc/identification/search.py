@@ -90,7 +90,7 @@ class BeamSearch:
     def grow(self, starts: Sequence[Subset]) -> list[Subset]:
         """Return the best sets that have one cause more than one of `starts`.
 
-        A cause is an effect at one place, or the same effect at all of its places.
+        A cause is an effect at one place, or the same effect in all gears.
         """
         found: dict[tuple[int, ...], Subset] = {}
         for start in starts:
@@ -105,7 +105,23 @@ class BeamSearch:
 
     def _additions(self, chosen: Sequence[int]) -> list[tuple[int, ...]]:
         taken = {self.atoms[k].key for k in chosen}
-        single: list[tuple[int, ...]] = [
-            (k,) for k, atom in enumerate(self.atoms) if atom.key not in taken
-        ]
-        return single
+        single = [k for k, atom in enumerate(self.atoms) if atom.key not in taken]
+        return [*((k,) for k in single), *self._shared(single)]
+
+    def _shared(self, free: Sequence[int]) -> list[tuple[int, ...]]:
+        """Return every effect of the gears at all of its free joints, in its best shape at each.
+
+        One cause in all gears is a simpler story than two different ones.
+        """
+        joints = self.robot.transmission.joints
+        best: dict[tuple[str, int], dict[str, int]] = {}
+        for k in free:
+            atom = self.atoms[k]
+            if atom.where not in joints or not np.isfinite(self.error((k,))):
+                continue
+            places = best.setdefault((atom.effect.name, atom.columns.shape[-1]), {})
+            known = places.get(atom.where)
+            if known is None or self.error((k,)) < self.error((known,)):
+                places[atom.where] = k
+        groups = [sorted(places.values(), key=lambda k: self.error((k,))) for places in best.values()]
+        return [tuple(group) for group in groups if len(group) > 1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from wbc.identification.problem import Problem
 from wbc.identification.search import BeamSearch, Subset
 from wbc.robot import Effect
 
-_SIGNIFICANT = 2.0  # standard errors that a gain must exceed
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
 _MOST_CAUSES = 8
-_REFINED = 5
+_REFINED = 6
+_EXCHANGES = 3
+_SIMPLER = 0.05  # complexities closer than this are the same
+_LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
 
@@ -66,11 +68,15 @@ class Selector:
     problem: Problem
     candidates: tuple[type[Effect], ...]
     report: Callable[[str], None] = lambda line: None
+    _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
 
     def model(self, effects: Sequence[Effect]) -> Model:
         """Return the fitted model with these causes."""
-        fit = self.problem.fit(effects)
-        return Model(fit, self.problem.held_out(fit))
+        key = tuple(effects)
+        if key not in self._known:
+            fit = self.problem.fit(effects)
+            self._known[key] = Model(fit, self.problem.held_out(fit))
+        return self._known[key]
 
     def pays(self, small: Model, large: Model, first: Model) -> bool:
         """Whether `large` is better than `small` by more than chance and distortion.
@@ -78,8 +84,7 @@ class Selector:
         What filters and derivatives distort is a share of each output's first error; only what
         an output gains beyond that counts.
         """
-        gain, error = self.problem.gain(small.squares, large.squares)
-        if gain <= _SIGNIFICANT * error:
+        if not self.problem.significant(small.squares, large.squares):
             return False
         by_output = np.mean(small.squares - large.squares, axis=0)
         distorted = _SYSTEMATIC**2 * np.mean(first.squares, axis=0)
@@ -99,7 +104,12 @@ class Selector:
 
     def best_addition(self, model: Model, first: Model) -> Model | None:
         """Return the simplest of the models with one cause more that do best, or None."""
-        refined = [m for m in self.additions(model, _REFINED) if self.pays(model, m, first)]
+        least = _LEAST_SHARE * max(model.error - 1.0, 0.0)
+        refined = [
+            m
+            for m in self.additions(model, _REFINED)
+            if self.pays(model, m, first) and model.error - m.error > least
+        ]
         if not refined:
             return None
         lowest = min(refined, key=lambda m: m.error)
@@ -131,17 +141,16 @@ class Selector:
         doubt = _SCREEN_ERROR * (start.error - found[0].error) + _SCREEN_NOISE
         worst = max(found[0].error, enough) + doubt
         refined: list[Model] = []
-        seen: set[tuple[str, str]] = set()
+        seen: set[tuple[tuple[str, str], ...]] = set()
         for subset in found:
-            atom = atoms[subset.atoms[-1]]
-            if atom.key in seen or len(seen) >= count or subset.error > min(worst, start.error):
+            added = [atoms[k] for k in subset.atoms]
+            key = tuple(sorted(atom.key for atom in added))
+            if key in seen or len(seen) >= count or subset.error > min(worst, start.error):
                 continue
-            coefficients = search.coefficients(subset.atoms)[-1]
-            effect = atom.build(model.fit.robot, coefficients)
-            if effect is None:
-                continue
-            seen.add(atom.key)
-            refined.append(self.model((*model.effects, effect)))
+            pairs = zip(added, search.coefficients(subset.atoms), strict=True)
+            effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
+            seen.add(key)
+            refined.append(self.model((*model.effects, *(e for e in effects if e is not None))))
         return refined
 
     def screen(
@@ -159,21 +168,60 @@ class Selector:
         search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)
         return search, atoms
 
-    def alternatives(self, model: Model, k: int, first: Model) -> tuple[str, ...]:
-        """Return names of effects that could stand for cause number `k` just as well.
+    def settle(self, model: Model, first: Model) -> tuple[Model, list[tuple[str, ...]]]:
+        """Return the model after exchanges of single causes, and what could stand for each.
 
-        Another place of the same effect is named `effect at place`.
+        What was added early was chosen without the rest: a rival that does better, or as well while
+        it asks for less to be believed, takes its place. Rivals that do as well and are no more
+        complicated remain as alternatives; order of addition is no evidence.
         """
+        current = model
+        for _ in range(_EXCHANGES):
+            rivals = [self.rivals(current, k) for k in range(len(current.effects))]
+            better = self._better([m for group in rivals for m in group], current, first)
+            if better is None:
+                break
+            current = self.prune(better, first)
+        else:
+            rivals = [self.rivals(current, k) for k in range(len(current.effects))]
+        names = [
+            self._names([m for m in group if self._stands(m, current, first)], effect)
+            for group, effect in zip(rivals, current.effects, strict=True)
+        ]
+        return current, names
+
+    def rivals(self, model: Model, k: int) -> list[Model]:
+        """Return models in which another cause stands in the place of number `k`."""
         own = model.effects[k]
         rest = self.model(_without(model.effects, k))
-        # Order of additions is no evidence: any rival that does as well is an alternative.
+        return self.additions(rest, _REFINED, [(own.name, own.where)], model.error)
+
+    def _better(self, rivals: Sequence[Model], current: Model, first: Model) -> Model | None:
+        simpler = [
+            m
+            for m in rivals
+            if m.complexity < current.complexity - _SIMPLER and not self.pays(m, current, first)
+        ]
+        if simpler:
+            return min(simpler, key=lambda m: (round(m.complexity, 6), m.error))
+        stronger = [
+            m
+            for m in rivals
+            if m.complexity < current.complexity + _SIMPLER and self.pays(current, m, first)
+        ]
+        return min(stronger, key=lambda m: m.error) if stronger else None
+
+    def _stands(self, rival: Model, model: Model, first: Model) -> bool:
+        simple = rival.complexity < model.complexity + _SIMPLER
+        return simple and not self.pays(rival, model, first)
+
+    @staticmethod
+    def _names(rivals: Sequence[Model], own: Effect) -> tuple[str, ...]:
+        """Return effect names; the same effect elsewhere is named `effect at place`."""
         names: dict[str, None] = {}
-        for rival in self.additions(rest, _REFINED, [(own.name, own.where)], model.error):
-            simple = rival.complexity <= model.complexity + 1e-9
-            if simple and not self.pays(rival, model, first):
-                other = rival.effects[-1]
-                same = other.name == own.name
-                names[f"{other.name} at {other.where}" if same else other.name] = None
+        for rival in rivals:
+            other = rival.effects[-1]
+            names[f"{other.name} at {other.where}" if other.name == own.name else other.name] = None
         return tuple(names)
 
     def prune(self, model: Model, first: Model) -> Model:
