@@ -1,0 +1,70 @@
+"""The fit of a servo recovers what a plant of its own was made with."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from wbc.effects import CoulombFriction, load_robot
+from wbc.errors import IdentificationError
+from wbc.identification.servo_fit import Span, fit_servo
+from wbc.robot import Robot
+from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo_run import ServoRun
+
+STEP = 0.004
+
+
+def plant(resistance: float, coulomb: float, sag: float, amplitude: float) -> ServoRun:
+    """Simulate the servo in plain floats: semi-implicit steps, friction by clipping."""
+    fine = 10
+    time = np.arange(0.0, 4.0, STEP / fine)
+    goal = amplitude * np.sin(4.0 * time + 0.5 * time**2)
+    q, v, reached = 0.0, 0.0, []
+    inertia, kt = 0.49 * 0.1**2 + 0.00181, 0.387
+    for wanted in goal:
+        reached.append(q)
+        duty = min(max(1.5 * (wanted - q), -1.0), 1.0)
+        current = (7.4 * duty - kt * v) / (resistance + sag * abs(duty))
+        torque = kt * current - 0.49 * 9.81 * 0.1 * np.sin(q)
+        free = v + STEP / fine * torque / inertia
+        v = np.sign(free) * max(abs(free) - STEP / fine * coulomb / inertia, 0.0)
+        q += STEP / fine * v
+    return ServoRun(
+        "plant", 1.5, goal[::fine], np.ones(goal[::fine].size), np.array(reached)[::fine]
+    )
+
+
+def build(values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
+    base = load_robot("xl330_pendulum")
+    gears = base.transmission.with_value("resistance", "shaft", values["resistance"])
+    robot = base.with_transmission(gears).with_effect(CoulombFriction("shaft", values["coulomb"]))
+    return robot, DcDrive(7.4, values["sag"])
+
+
+SPANS = {
+    "resistance": Span(1.0, 3.0, 10.0),
+    "coulomb": Span(0.0, 0.005, 0.2),
+    "sag": Span(0.0, 0.3, 5.0),
+}
+
+
+def test_finds_resistance_friction_and_sag() -> None:
+    runs = [plant(4.0, 0.03, 1.5, amplitude) for amplitude in (0.4, 1.6)]
+    fit = fit_servo(build, SPANS, runs, STEP)
+    assert fit.values["resistance"] == pytest.approx(4.0, rel=0.05)
+    assert fit.values["coulomb"] == pytest.approx(0.03, rel=0.1)
+    assert fit.values["sag"] == pytest.approx(1.5, rel=0.15)
+    assert fit.error(runs, STEP).max() < 0.01
+    assert fit.at_bound == ()
+
+
+def test_says_that_a_number_ended_on_its_bound() -> None:
+    runs = [plant(4.0, 0.0, 0.0, 0.8)]
+    fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP, evaluations=30)
+    assert "sag" in fit.at_bound
+
+
+def test_refuses_an_empty_task() -> None:
+    with pytest.raises(IdentificationError, match="at least one"):
+        fit_servo(build, {}, [], STEP)

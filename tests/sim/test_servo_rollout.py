@@ -1,0 +1,103 @@
+"""Rollouts of one-joint servos against solutions that share no code with them."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from wbc.effects import CoulombFriction, LoadFriction, RotorInertia, ViscousFriction, load_robot
+from wbc.errors import RobotError
+from wbc.robot import Robot
+from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_run import ServoRun
+
+MASS, LEVER, ARMATURE, KT, RESISTANCE = 0.49, 0.1, 0.00181, 0.387, 4.02
+
+
+@pytest.fixture
+def pendulum() -> Robot:
+    return load_robot("xl330_pendulum")
+
+
+def run(goal: float, rows: int, first: float = 0.0, enabled: float = 1.0) -> ServoRun:
+    return ServoRun("run", 2.0, np.full(rows, goal), np.full(rows, enabled), np.full(rows, first))
+
+
+def test_powered_step_follows_the_differential_equation(pendulum: Robot) -> None:
+    step, duration = 1e-3, 0.8
+    robot = pendulum.with_effect(ViscousFriction("shaft", 0.01))
+    drive = DcDrive(7.4, source_resistance=0.5)
+    reached = servo_rollout([(robot, drive)], [run(0.4, int(duration / step))], step)[:, 0, 0]
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        duty = np.clip(2.0 * (0.4 - x[0]), -1.0, 1.0)
+        current = (duty * 7.4 - KT * x[1]) / (RESISTANCE + 0.5 * abs(duty))
+        torque = KT * current - MASS * 9.81 * LEVER * np.sin(x[0]) - 0.01 * x[1]
+        return [x[1], torque / (MASS * LEVER**2 + ARMATURE)]
+
+    time = np.arange(reached.size) * step
+    truth = solve_ivp(rate, (0.0, duration), [0.0, 0.0], rtol=1e-9, atol=1e-12, t_eval=time).y[0]
+    assert np.max(np.abs(reached - truth)) < 5e-4
+
+
+def test_released_frictionless_swing_keeps_its_energy(pendulum: Robot) -> None:
+    step = 2e-4
+    reached = servo_rollout(
+        [(pendulum, DcDrive(7.4))], [run(1.0, 10000, first=0.7, enabled=0.0)], step
+    )[:, 0, 0]
+    assert reached.max() == pytest.approx(0.7, abs=1e-3)
+    assert reached.min() == pytest.approx(-0.7, abs=1e-3)
+
+
+def test_dry_friction_holds_inside_its_cone_and_not_outside(pendulum: Robot) -> None:
+    angle = 0.2
+    weight = MASS * 9.81 * LEVER * np.sin(angle)
+    held, falling = (
+        servo_rollout(
+            [(pendulum.with_effect(CoulombFriction("shaft", share * weight)), DcDrive(7.4))],
+            [run(0.0, 400, first=angle, enabled=0.0)],
+            0.005,
+        )[:, 0, 0]
+        for share in (1.01, 0.99)
+    )
+    assert np.ptp(held) == 0.0
+    assert falling[-1] < angle - 1e-3
+
+
+def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other(pendulum: Robot) -> None:
+    # Slowly: t = T / (1 - c) on the way up, t = T / (1 + c) on the way down.
+    c, step = 0.3, 0.002
+    robot = pendulum.with_effect(LoadFriction("shaft", c))
+    ramp = np.concatenate([np.linspace(0.0, 1.5, 10000), np.linspace(1.5, 0.0, 10000)])
+    slow = ServoRun("slow", 2.0, ramp, np.ones(ramp.size), np.zeros(ramp.size))
+    reached = servo_rollout([(robot, DcDrive(7.4))], [slow], step)[:, 0, 0]
+    for row, share in ((9000, 1.0 - c), (17000, 1.0 + c)):
+        speed = (reached[row + 100] - reached[row - 100]) / (200 * step)
+        current = (2.0 * (ramp[row] - reached[row]) * 7.4 - KT * speed) / RESISTANCE
+        load = MASS * 9.81 * LEVER * np.sin(reached[row])
+        assert load / (KT * current) == pytest.approx(share, rel=0.01)
+
+
+def test_variants_side_by_side_equal_each_alone(pendulum: Robot) -> None:
+    robots = [
+        pendulum.with_effects(RotorInertia("shaft", inertia), CoulombFriction("shaft", level))
+        for inertia, level in ((0.001, 0.0), (0.004, 0.05))
+    ]
+    drives = [DcDrive(7.4), DcDrive(6.0, source_resistance=1.0, current_limit=0.8)]
+    runs = [run(0.4, 300), run(-0.8, 200, first=0.1)]
+    together = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004)
+    for v, pair in enumerate(zip(robots, drives, strict=True)):
+        for k, one in enumerate(runs):
+            alone = servo_rollout([pair], [one], 0.004)[:, 0, 0]
+            np.testing.assert_allclose(together[: alone.size, v, k], alone, atol=1e-12)
+
+
+def test_refuses_what_it_cannot_simulate(pendulum: Robot) -> None:
+    drive = DcDrive(7.4)
+    with pytest.raises(RobotError, match="2 joints"):
+        servo_rollout([(load_robot("double_pendulum"), drive)], [run(0.0, 3)], 0.01)
+    with pytest.raises(RobotError, match="torque_constant"):
+        servo_rollout([(load_robot("sts3250_pendulum"), drive)], [run(0.0, 3)], 0.01)
+    other = pendulum.with_effect(CoulombFriction("shaft", 0.1))
+    with pytest.raises(RobotError, match="same effects"):
+        servo_rollout([(pendulum, drive), (other, drive)], [run(0.0, 3)], 0.01)

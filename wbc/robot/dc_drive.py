@@ -1,0 +1,91 @@
+"""A position servo on a DC motor: duty, supply voltage, back-EMF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray
+from wbc.errors import RobotError
+
+
+@dataclass(frozen=True)
+class DcDrive:
+    """What feeds the winding of a servo's motor; torque constant and resistance are the gear's.
+
+    The position loop sets the share of the supply voltage on the winding, duty = clip(gain
+    (goal - position)). While the switch is closed the supply and its wires carry the current of
+    the winding, so that on average
+
+        duty (supply_voltage - source_resistance |i|) = resistance i + torque_constant * speed
+
+    (no capacitor that could hold the voltage over a switching period). The sag and a current
+    limit are the two ways in which a drive gives less than its duty says.
+
+    Attributes:
+        supply_voltage: without load [V].
+        source_resistance: of supply, wires and bridge while the switch is closed [ohm]; 0 is no
+            sag.
+        current_limit: largest current through the winding [A].
+        duty_limit: largest duty, at most 1.
+    """
+
+    supply_voltage: float
+    source_resistance: float = 0.0
+    current_limit: float = inf
+    duty_limit: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name, good in (
+            ("supply_voltage", self.supply_voltage > 0.0),
+            ("source_resistance", self.source_resistance >= 0.0),
+            ("current_limit", self.current_limit > 0.0),
+            ("duty_limit", 0.0 < self.duty_limit <= 1.0),
+        ):
+            if not good:
+                raise RobotError(f"DC drive: {name} = {getattr(self, name)} is out of range.")
+
+    def duty(self, gain: ArrayLike, error: ArrayLike) -> FloatArray:
+        """Return the duty (-1 to 1) for a position error [rad]; `gain` is in 1/rad."""
+        wanted = np.asarray(gain, dtype=np.float64) * np.asarray(error, dtype=np.float64)
+        return np.clip(wanted, -self.duty_limit, self.duty_limit)
+
+    def current(self, duty: ArrayLike, back_emf: ArrayLike, resistance: ArrayLike) -> FloatArray:
+        """Return the current through the winding [A].
+
+        Args:
+            duty: share of the supply voltage, any shape.
+            back_emf: torque constant times rotor speed [V], same shape.
+            resistance: of the winding [ohm], broadcast.
+        """
+        return winding_current(
+            duty,
+            back_emf,
+            resistance,
+            self.supply_voltage,
+            self.source_resistance,
+            self.current_limit,
+        )
+
+
+def winding_current(
+    duty: ArrayLike,
+    back_emf: ArrayLike,
+    resistance: ArrayLike,
+    supply_voltage: ArrayLike,
+    source_resistance: ArrayLike,
+    current_limit: ArrayLike,
+) -> FloatArray:
+    """Return (duty V - e) / (R + R_s |duty|), clipped to the limit [A]; arrays broadcast.
+
+    The law of `DcDrive` for many drives at once.
+    """
+    share = np.asarray(duty, dtype=np.float64)
+    total = np.asarray(resistance) + np.asarray(source_resistance) * np.abs(share)
+    wanted = (share * np.asarray(supply_voltage) - np.asarray(back_emf)) / total
+    limit = np.asarray(current_limit, dtype=np.float64)
+    return np.asarray(np.clip(wanted, -limit, limit))

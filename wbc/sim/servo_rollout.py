@@ -1,0 +1,194 @@
+"""Position servos simulated many at a time: variants of one robot, each over all runs at once."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.errors import RobotError
+from wbc.robot import Effect, Motion, Robot
+from wbc.robot.dc_drive import DcDrive, winding_current
+from wbc.sim.servo_run import ServoRun
+
+
+@dataclass(frozen=True, eq=False)
+class _Variants:
+    """Numbers of V robots with one joint, (V, 1) each, and their effects with (V, 1) parameters."""
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    numbers: dict[str, FloatArray]
+
+
+def servo_rollout(
+    variants: Sequence[tuple[Robot, DcDrive]], runs: Sequence[ServoRun], step: float
+) -> FloatArray:
+    """Return the positions (T, V, L) that V variants of a servo reach in L runs.
+
+    Each step solves the velocity-level law of the gear exactly (one joint: the convex step of the
+    simulator has a closed form): sticking, reversal and either direction of mesh power need no
+    special case. Runs shorter than the longest hold their last set point.
+
+    Args:
+        variants: robots with one driven joint and the same effects, in other sizes, with their
+            drives.
+        runs: what the servo was told.
+        step: time step [s] of the runs.
+
+    Raises:
+        RobotError: a robot with more than one joint, with a self-locking gear, without a torque
+            constant and resistance, or with other effects than the first.
+    """
+    stack = _stacked(variants)
+    length = max(run.goal.size for run in runs)
+    goal = np.stack([_held(run.goal, length) for run in runs], axis=1)
+    enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1)
+    gain = np.array([run.gain for run in runs])
+    shape = (len(variants), len(runs))
+    position = np.broadcast_to([run.position[0] for run in runs], shape).astype(np.float64)
+    velocity = np.zeros(shape)
+    result = np.empty((length, *shape))
+    for k in range(length):
+        result[k] = position
+        error = gain * (goal[k] - position)
+        # Velocities live half a step before the positions (leapfrog), which start at rest.
+        span = step if k else 0.5 * step
+        velocity = _next_velocity(stack, position, velocity, error, enabled[k] > 0.5, span)
+        position = position + step * velocity
+    return result
+
+
+def _held(values: FloatArray, length: int) -> FloatArray:
+    return np.concatenate([values, np.full(length - values.size, values[-1])])
+
+
+def _next_velocity(
+    stack: _Variants,
+    position: FloatArray,
+    velocity: FloatArray,
+    error: FloatArray,
+    on: Any,
+    step: float,
+) -> FloatArray:
+    """Return the velocity (V, L) after one step of the set-valued mesh law, solved exactly."""
+    n, motion = stack.numbers, Motion(position[..., None], velocity[..., None])
+    duty = np.clip(error, -n["duty_limit"], n["duty_limit"])
+    current = winding_current(
+        duty,
+        n["torque_constant"] * n["ratio"] * velocity,
+        n["resistance"],
+        n["supply_voltage"],
+        n["source_resistance"],
+        n["current_limit"],
+    )
+    rotor = np.where(on, n["torque_constant"] * current, 0.0)[..., None]
+    smooth = -(n["sine"] * np.sin(position) + n["cosine"] * np.cos(position) + n["constant"])
+    dry = np.zeros(velocity.shape)
+    for effect in stack.effects:
+        rotor = effect.drive(stack.robot, motion, rotor)
+    for effect in stack.effects:
+        added = effect.rotor_torque(stack.robot, motion)
+        rotor = rotor if added is None else rotor + added
+        torque = effect.joint_torque(stack.robot, motion)
+        smooth = smooth if torque is None else smooth + torque[..., 0]
+        level = effect.joint_friction(stack.robot, motion)
+        dry = dry if level is None else dry + level[..., 0]
+    drag = n["rotor_viscous"] * n["ratio"] * velocity
+    motor = n["ratio"] * (rotor[..., 0] - drag)
+    lost = np.abs(n["ratio"]) * n["rotor_coulomb"]
+    # Back-EMF at the middle of the step; at its start the winding would brake half a step late.
+    free = on & (np.abs(current) < n["current_limit"])
+    total = n["resistance"] + n["source_resistance"] * np.abs(duty)
+    brake = 0.5 * step * np.where(free, (n["torque_constant"] * n["ratio"]) ** 2 / total, 0.0)
+    # The motion is forward if it is so against full friction, backward likewise, else it sticks.
+    forward = _branch(n, velocity, smooth - dry, motor - lost, brake, step)
+    backward = _branch(n, velocity, smooth + dry, motor + lost, brake, step)
+    up, down = np.minimum(*forward), np.maximum(*backward)
+    return np.where(up > 0.0, up, np.where(down < 0.0, down, 0.0))
+
+
+def _branch(
+    n: dict[str, FloatArray],
+    velocity: FloatArray,
+    joint: FloatArray,
+    motor: FloatArray,
+    brake: FloatArray,
+    step: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the next velocity if the motor drives, and if the joint drives."""
+    result = []
+    for gain in (n["forward"], n["backward"]):
+        inertia = n["link_inertia"] + gain * (n["rotor_inertia"] + brake)
+        result.append(velocity + step * (joint + gain * motor) / inertia)
+    return result[0], result[1]
+
+
+def _stacked(variants: Sequence[tuple[Robot, DcDrive]]) -> _Variants:
+    robots = [robot for robot, _ in variants]
+    names = [(effect.name, effect.where) for effect in robots[0].effects]
+    for robot in robots:
+        if robot.model.nv != 1 or robot.transmission.size != 1:
+            raise RobotError(
+                f"'{robot.name}' has {robot.model.nv} joints; a servo's rollout is for one driven "
+                "joint."
+            )
+        if [(effect.name, effect.where) for effect in robot.effects] != names:
+            raise RobotError("the variants of a servo must have the same effects, in other sizes.")
+    rows = [_numbers(robot, drive) for robot, drive in variants]
+    numbers = {key: np.array([row[key] for row in rows])[:, None] for key in rows[0]}
+    effects = [_stacked_effect([r.effects[k] for r in robots]) for k in range(len(names))]
+    return _Variants(robots[0], tuple(effects), numbers)
+
+
+def _stacked_effect(effects: Sequence[Effect]) -> Effect:
+    """Return one effect whose parameters are (V, 1) arrays, for hooks with leading axes (V, L)."""
+    one = copy.copy(effects[0])
+    for parameter in one.parameters:
+        values = np.array([getattr(effect, parameter.name) for effect in effects])
+        object.__setattr__(one, parameter.name, values[:, None])
+    return one
+
+
+def _numbers(robot: Robot, drive: DcDrive) -> dict[str, float]:
+    gears = robot.transmission
+    motor = {
+        "torque_constant": float(gears.torque_constant[0]),
+        "resistance": float(gears.resistance[0]),
+    }
+    for key, value in motor.items():
+        if not value > 0.0:
+            raise RobotError(f"'{robot.name}' has no {key}; give it in robot.toml.")
+    if gears.self_locking[0]:
+        raise RobotError(f"the gear of '{robot.name}' is self-locking; use the simulator's step.")
+    zero, quarter, half = (_gravity(robot, q) for q in (0.0, np.pi / 2.0, np.pi))
+    constant = 0.5 * (zero + half)
+    return {
+        **motor,
+        "ratio": float(gears.gear_ratio[0]),
+        "rotor_inertia": float(gears.reflected_inertia[0]),
+        "forward": float(gears.forward_efficiency[0]),
+        "backward": 1.0 / float(gears.backward_efficiency[0]),
+        "rotor_coulomb": float(gears.rotor_coulomb_friction[0]),
+        "rotor_viscous": float(gears.rotor_viscous_friction[0]),
+        "link_inertia": float(pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]),
+        "constant": constant,
+        "cosine": zero - constant,
+        "sine": quarter - constant,
+        "supply_voltage": drive.supply_voltage,
+        "source_resistance": drive.source_resistance,
+        "current_limit": drive.current_limit,
+        "duty_limit": drive.duty_limit,
+    }
+
+
+def _gravity(robot: Robot, position: float) -> float:
+    """Return the gravity torque at a position: a harmonic of it (revolute) or constant."""
+    data = robot.model.createData()
+    torque = pin.computeGeneralizedGravity(robot.model, data, np.array([position]))
+    return float(torque[0])
