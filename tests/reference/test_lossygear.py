@@ -46,7 +46,7 @@ def test_time_stepping_converges(number: int) -> None:
     grid = np.round(truth[:, 0] / 5e-4, 6) % 1.0 == 0.0
     errors = []
     for step in (5e-4, 1.25e-4):
-        time, _, speed = _stepped(number, step)
+        _, _, speed = _stepped(number, step)
         at = np.round(truth[grid, 0] / step).astype(int)
         errors.append(np.abs(speed[at] - truth[grid, 2]).max())
     assert errors[1] < 0.3 * errors[0]  # a quarter at first order

@@ -62,11 +62,13 @@ def _collide(
     target = -setup.restitution * np.minimum(approach, 0.0)
     unilateral, contacts, limits = barriers.rows(closed, clearance.normal, target)
     solution = _solve(setup, state, unilateral)
-    motor = MotorMotion.of(drive, state).speed[~drive.loose]
-    mesh = impact_mesh_loss(drive, motor, solution.element_speed, solution.element_impulse)
     after = np.array(solution.velocity)
-    given = kinetic_energy(setup, state.position, state.velocity)
-    given -= kinetic_energy(setup, state.position, after)
+    motor = MotorMotion.of(drive, state).speed
+    following = np.where(drive.loose, motor, drive.rows @ after)
+    rigid = ~drive.loose
+    mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], solution.element_impulse)
+    given = kinetic_energy(setup, state.position, state.velocity, motor)
+    given -= kinetic_energy(setup, state.position, after, following)
     impulse = world_impulse(
         contacts,
         solution.normal_impulse[len(limits) :],

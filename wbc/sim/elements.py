@@ -102,7 +102,10 @@ def meeting_speed(elements: Elements, point: FloatArray, slope: FloatArray) -> F
     return np.asarray(np.where(moving, speed, 0.0))
 
 
-def self_locking(elements: Elements) -> BoolArray:
-    """Return which rows have a falling branch (eta_b < 0 and a rotor that brings impulse), (m,)."""
-    falling = (elements.up > 0.0) | (elements.down < 0.0)
-    return np.asarray((elements.backward < 0.0) & falling)
+def falling_rows(elements: Elements, slowest: float) -> BoolArray:
+    """Return which rows have a falling branch (eta_b < 0) that reaches beyond `slowest`, (m,).
+
+    The branch of a gear that brings the impulse up runs from w = up/M down to rest.
+    """
+    brought = np.maximum(elements.up, -elements.down)
+    return np.asarray((elements.backward < 0.0) & (brought > slowest * elements.inertia))

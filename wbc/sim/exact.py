@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -116,7 +117,7 @@ class _Mechanism:
         """
         drive, zero = self.drive, np.zeros(self.drive.size)
         inertia, force, forces, dry = self.terms(time, state)
-        free = np.linalg.solve(inertia, force)
+        free = np.asarray(np.linalg.solve(inertia, force), dtype=np.float64)
         torque = drive.ratio * forces.rotor - drive.viscous * (drive.rows @ state[self.nv :])
         scale = 1.0 + np.abs(free).max() + np.abs(torque).max() / drive.inertia.min(initial=1.0)
         shift = 1e3 * scale * moving
@@ -204,10 +205,11 @@ def integrate_exactly(
     state = np.concatenate((position, velocity))
     rows = np.empty((len(times), len(state)))
     rows[0] = state
-    event_time, event_sign = [], []
+    event_time: list[float] = []
+    event_sign: list[FloatArray] = []
     marks = np.unique(np.concatenate(([times[0], times[-1]], np.asarray(breaks, dtype=float))))
     marks = marks[(marks >= times[0]) & (marks <= times[-1])]
-    for begin, end in zip(marks[:-1], marks[1:], strict=True):
+    for begin, end in pairwise(marks):
         now, slope = float(begin), np.zeros(len(state))
         for _ in range(_MAX_PIECES):
             state, moving = _at_rest(mechanism, state)
@@ -251,7 +253,7 @@ def _advance(
     wanted: FloatArray,
     tolerance: float,
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Integrate one piece to its first event or to `end`; return when, where, and what was wanted."""
+    """Integrate one piece to its first event or `end`; return when, where, and the rows wanted."""
     count = 2 * mechanism.drive.size
     last: list[tuple[float, bytes, FloatArray]] = []
 

@@ -47,17 +47,47 @@ def flow_energy(
     mean = 0.5 * (velocity + solution.velocity)
     first = reduced.elements + reduced.limits
     pressed = solution.impulse * solution.speed
+    motor_work = 0.5 * step * drive.ratio * forces.rotor * (motor.speed + after)
+    rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
+    lost = (gain - 1.0) * mesh * after
+    damped = 0.0
+    if drive.any_loose:
+        lost, damped = _loose_losses(drive, (motor, following), mesh, motor_work - rotor_loss, lost)
     energy = EnergyFlow(
-        motor=float(0.5 * step * ((drive.ratio * forces.rotor) @ (motor.speed + after))),
+        motor=float(motor_work.sum()),
         external=0.0 if external is None else float(step * (external @ mean)),
         effects=float(step * (forces.joint @ mean)),
-        mesh=float(((gain - 1.0) * mesh) @ after),
-        rotor_friction=float(
-            step * (drive.coulomb + drive.viscous * np.abs(after)) @ np.abs(after)
-        ),
-        gear_damping=motor.damping_loss(drive, following, mesh),
+        mesh=float(lost.sum()),
+        rotor_friction=float(rotor_loss.sum()),
+        gear_damping=damped,
         joint_friction=float(rub.sum()),
         contact=-float(pressed[first:].sum()),
         limits=-float(pressed[reduced.elements : first].sum()),
     )
     return energy, mesh, following
+
+
+def _loose_losses(
+    drive: Drivetrain,
+    motors: tuple[MotorMotion, MotorMotion],
+    mesh: FloatArray,
+    work: FloatArray,
+    lost: FloatArray,
+) -> tuple[FloatArray, float]:
+    """Return the mesh losses (m,) and the loss between meshes and joints [J] where gears are loose.
+
+    A spring's loss is what it takes and does not store. A rotor that hits the rigid flank of its
+    play jumps within the step, for which impulse times final speed would be wrong by more than
+    O(h): there the loss of mesh and flank together is what the rotor gives and the joint does not
+    get, and the mesh has no more than that of it.
+    """
+    before, after = motors
+    damped = 0.5 * mesh * (before.relative + after.relative)
+    flanks = drive.loose & ~np.isfinite(drive.stiffness)
+    stored = 0.5 * drive.inertia * (after.speed**2 - before.speed**2)
+    balance = work - stored - 0.5 * mesh * (before.speed + after.speed)
+    together = balance + damped
+    own = np.minimum(np.maximum(balance, 0.0), np.maximum(together, 0.0))
+    springs = drive.spring_energy(after.deflection) - drive.spring_energy(before.deflection)
+    damped = np.where(flanks, together - own, damped)
+    return np.where(flanks, own, lost), float(damped.sum()) - springs

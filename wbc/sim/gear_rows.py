@@ -94,7 +94,8 @@ def _hold(
     """Put springs and play into the rows; leave out gears that hang in their play.
 
     A spring takes the mean deflection of the step (trapezoidal rule, which keeps its energy), its
-    damper the final speed; a rigid flank is closed like a contact.
+    damper the final speed. A rigid flank that is reached stops the relative motion; what it is
+    overrun by, at most one step, stays.
     """
     half = 0.5 * drive.play
     middle = deflection + 0.5 * step * relative
@@ -105,8 +106,7 @@ def _hold(
     gain = 0.25 * step**2 * stiffness + step * drive.damping
     stretch = deflection - side * half + 0.25 * step * relative
     compliance = np.where(soft, 1.0 / gain, 0.0)
-    offset = np.where(soft, -step * stiffness * stretch / gain, (side * half - middle) / step)
-    offset = np.where(drive.loose, offset, 0.0)
+    offset = np.where(soft, -step * stiffness * stretch / gain, 0.0)
     zero = np.zeros(drive.size)
     alone = meeting_speed(elements, zero, zero)
     engaged = np.flatnonzero(~free)

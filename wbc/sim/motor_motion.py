@@ -46,11 +46,3 @@ class MotorMotion:
         relative = np.where(drive.loose, speed - drive.rows @ velocity, 0.0)
         deflection = self.deflection + 0.5 * step * (self.relative + relative)
         return MotorMotion(speed, relative, deflection)
-
-    def damping_loss(self, drive: Drivetrain, following: MotorMotion, mesh: FloatArray) -> float:
-        """Return what springs and flanks between mesh and joint took and did not store [J]."""
-        if not drive.any_loose:
-            return 0.0
-        taken = 0.5 * float(mesh @ (self.relative + following.relative))
-        stored = drive.spring_energy(following.deflection) - drive.spring_energy(self.deflection)
-        return taken - stored

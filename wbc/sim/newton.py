@@ -25,6 +25,8 @@ def newton(
         the row impulses, the number of linear systems solved, and whether it converged.
     """
     impulse = start
+    if len(start) == 0:
+        return start, 0, True
     branches = branches_at(reduced, impulse, reduced.speeds(impulse))
     for iteration in range(1, _FULL_STEPS + 1):
         following = solve_branches(reduced, branches, impulse)

@@ -7,8 +7,11 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.sim.branches import branches_at
-from wbc.sim.elements import self_locking
+from wbc.sim.elements import falling_rows
 from wbc.sim.reduced import Reduced
+
+_SLOWEST = 1e-9
+"""[rad/s] below which two solutions count as one."""
 
 
 def check_uniqueness(reduced: Reduced, impulse: FloatArray) -> None:
@@ -22,7 +25,7 @@ def check_uniqueness(reduced: Reduced, impulse: FloatArray) -> None:
     Raises:
         SimulationError: the condition fails.
     """
-    rows = np.flatnonzero(self_locking(reduced.program.elements))
+    rows = np.flatnonzero(falling_rows(reduced.program.elements, _SLOWEST))
     if rows.size == 0:
         return
     elements = reduced.program.elements

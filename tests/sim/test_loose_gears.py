@@ -1,0 +1,96 @@
+"""Compliant gears, gears with play, and rotors that couple to their housings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc import Robot, load_robot
+from wbc.dynamics import evaluate, redundant_model
+from wbc.effects import CoulombFriction
+from wbc.sim import Plant
+
+
+def _arm(**changes) -> Robot:
+    robot = replace(load_robot("planar_leg_fixed").lossless(), contacts=())
+    gears = robot.transmission
+    return robot.with_transmission(
+        gears.replace(**{name: np.full(2, value) for name, value in changes.items()})
+    )
+
+
+def _weightless(robot: Robot) -> Robot:
+    model = robot.model.copy()
+    model.gravity.linear = np.zeros(3)
+    return replace(robot, model=model)
+
+
+def test_a_stiff_spring_is_a_rigid_gear() -> None:
+    rigid, stiff = _arm(), _arm(stiffness=1e6, damping=10.0)
+    ends = []
+    for robot in (rigid, stiff):
+        plant = Plant(robot)
+        state = plant.state([0.4, -0.8])
+        for _ in range(300):
+            state = plant.step(state, np.array([0.1, 0.05]), 1e-3).state
+        ends.append(state.position)
+    assert np.abs(ends[0] - ends[1]).max() < 1e-3
+
+
+def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
+    robot = _weightless(_arm(stiffness=80.0))
+    locked = robot.with_effects(CoulombFriction("knee", 1e4))
+    plant = Plant(locked)
+    q = np.array([0.0, 0.3])
+    state = replace(plant.state(q), deflection=np.array([0.05, 0.0]), motor_velocity=np.zeros(2))
+    link = evaluate(robot, q, np.zeros(2)).mass_matrix[0, 0]
+    rotor = robot.transmission.reflected_inertia[0]
+    pulse = np.sqrt(80.0 * (1.0 / link + 1.0 / rotor))
+    dt, rows = 2e-4, []
+    for _ in range(round(3 * 2 * np.pi / pulse / dt)):
+        state = plant.step(state, np.zeros(2), dt).state
+        rows.append((state.time, state.deflection[0]))
+    time, deflection = np.array(rows).T
+    assert np.abs(deflection - 0.05 * np.cos(pulse * time)).max() < 1e-3
+    assert np.abs(state.velocity[1]) < 1e-9
+
+
+def test_play_leaves_the_joint_alone_until_it_is_crossed() -> None:
+    play = 0.04
+    arm = _weightless(_arm())
+    gears = arm.transmission
+    robot = arm.with_transmission(gears.replace(backlash=np.array([play, 0.0])))
+    plant = Plant(robot)
+    state = plant.state([0.2, 0.3])
+    torque = np.array([0.05, 0.0])
+    acceleration = gears.gear_ratio[0] * torque[0] / gears.reflected_inertia[0]
+    crossing = np.sqrt(play / acceleration)
+    dt = 1e-4
+    while state.time < crossing - 3 * dt:
+        state = plant.step(state, torque, dt).state
+        assert np.abs(state.velocity).max() == 0.0
+    assert state.motor_velocity[0] == pytest.approx(acceleration * state.time, rel=1e-9)
+    for _ in range(200):
+        state = plant.step(state, torque, dt).state
+        assert np.abs(state.deflection).max() < play / 2 + 1.3 * dt
+    assert state.velocity[0] > 0.0
+    assert state.deflection[0] == pytest.approx(play / 2, abs=1.3 * dt)
+
+
+def test_coupled_rotors_move_as_the_redundant_model_says() -> None:
+    robot = replace(load_robot("planar_leg").lossless(), rotors_turn_with_links=True, contacts=())
+    plant = Plant(robot)
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        q = robot.configuration(hip=rng.uniform(-1, 1), knee=rng.uniform(-1, 1))
+        v, torque = rng.normal(size=5), rng.uniform(-0.9, 0.9, 2)
+        dt = 1e-7
+        terms = evaluate(robot, q, v)
+        model = redundant_model(robot, terms)
+        K = model.nullspace
+        drive = np.concatenate((np.zeros(robot.model.nv), torque))
+        expected = np.linalg.solve(K.T @ model.inertia @ K, K.T @ (drive - model.bias))
+        measured = (plant.step(plant.state(q, v), torque, dt).state.velocity - v) / dt
+        assert np.allclose(measured, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())

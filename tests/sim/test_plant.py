@@ -1,0 +1,260 @@
+"""The plant against conservation laws and textbook answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc import Robot, load_robot
+from wbc.errors import SimulationError
+from wbc.metrics import impact_mitigation
+from wbc.sim import Plane, Plant, Stairs, simulate
+
+
+def _with_gears(robot: Robot, **changes) -> Robot:
+    m = robot.transmission.size
+    arrays = {name: np.broadcast_to(value, (m,)) for name, value in changes.items()}
+    return robot.with_transmission(robot.transmission.replace(**arrays))
+
+
+def _slippery(robot: Robot, friction: float) -> Robot:
+    contacts = tuple(replace(contact, friction=friction) for contact in robot.contacts)
+    return replace(robot, contacts=contacts)
+
+
+def _fall(plant: Plant, state, dt: float, duration: float):
+    for _ in range(round(duration / dt)):
+        result = plant.step(state, np.zeros(plant.robot.transmission.size), dt)
+        state = result.state
+    return state, result
+
+
+def test_free_fall_is_exact() -> None:
+    robot = load_robot("planar_leg")
+    plant = Plant(robot)
+    start = plant.state(robot.configuration(hip=0.5, knee=-1.0, base_z=10.0))
+    state, _ = _fall(plant, start, 1e-3, 0.5)
+    assert state.position[1] == pytest.approx(10.0 - 0.5 * 9.81 * 0.5**2, abs=1e-9)
+    assert state.velocity[1] == pytest.approx(-9.81 * 0.5, abs=1e-9)
+    assert np.abs(state.velocity[2:]).max() < 1e-9
+
+
+def test_touchdown_is_found_within_a_step() -> None:
+    robot = load_robot("planar_leg")
+    plant = Plant(robot)
+    q = robot.configuration(hip=0.5, knee=-1.0)
+    drop = 0.1
+    q[1] = 0.8 * np.cos(0.5) + drop
+    state, impacts = plant.state(q), ()
+    while not impacts:
+        result = plant.step(state, np.zeros(2), 2e-3)
+        state, impacts = result.state, result.impacts
+    assert impacts[0].time == pytest.approx(np.sqrt(2 * drop / 9.81), abs=2e-6)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 5.0])
+def test_impact_balances_momentum_and_loses_energy(friction: float) -> None:
+    robot = _slippery(load_robot("planar_leg"), friction)
+    plant = Plant(robot)
+    rng = np.random.default_rng(3)
+    for _ in range(30):
+        q = robot.configuration(hip=rng.uniform(-1, 1), knee=rng.uniform(-1.5, 1.5))
+        q[1] -= plant.gaps(plant.state(q))[0]
+        v = rng.normal(size=5)
+        v[1] -= 2.0
+        state = plant.state(q, v)
+        before = plant.mechanical_energy(state)
+        result = plant.step(state, np.zeros(2), 1e-9)
+        assert len(result.impacts) <= 1
+        for impact in result.impacts:
+            change = impact.after - impact.before
+            # The whole robot's linear momentum changes by what the ground gives.
+            inertia = impact.solution.reduced.program.inertia
+            assert inertia[0] @ change == pytest.approx(impact.contact_impulse[0, 0], abs=1e-9)
+            assert inertia[1] @ change == pytest.approx(impact.contact_impulse[0, 2], abs=1e-9)
+            assert abs(impact.contact_impulse[0, 0]) <= (
+                friction * impact.contact_impulse[0, 2] + 1e-9
+            )
+            after = plant.mechanical_energy(state.replace(velocity=impact.after))
+            assert impact.mesh_loss >= -1e-12
+            assert impact.contact_loss >= -1e-12
+            lost = impact.mesh_loss + impact.contact_loss
+            assert before - after == pytest.approx(lost, abs=1e-9)
+
+
+def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
+    """One gear on one link: the impact's velocity path in closed form."""
+    robot = load_robot("planar_leg_fixed")
+    eta_f, eta_b = robot.transmission.forward_efficiency, robot.transmission.backward_efficiency
+    foot, rng = Plant(robot), np.random.default_rng(0)
+    reflected = robot.transmission.reflected_inertia
+    seen = set()
+    for _ in range(60):
+        q = robot.configuration(hip=rng.uniform(-1, 1), knee=rng.uniform(-2, 2))
+        plant = Plant(robot, terrain=Plane(height=float(foot.gaps(foot.state(q))[0])))
+        for impact in plant.step(plant.state(q, 3 * rng.normal(size=2)), np.zeros(2), 1e-9).impacts:
+            before, after = impact.before, impact.after
+            taken = np.where(np.abs(after) < np.abs(before), eta_f, 1.0 / eta_b)
+            through_rest = before * after < 0.0
+            path = -taken * reflected * (after - before)
+            bent = eta_f * reflected * before - reflected * after / eta_b
+            expected = np.where(through_rest, bent, path)
+            assert np.allclose(impact.solution.element_impulse, expected, atol=1e-9)
+            seen |= set(zip(through_rest.tolist(), (taken < 1.0).tolist(), strict=True))
+    assert seen == {(False, False), (False, True), (True, False), (True, True)}
+
+
+def test_restitution_returns_the_normal_speed() -> None:
+    robot = load_robot("planar_leg").lossless()
+    q = robot.configuration(hip=0.5, knee=-1.0)
+    plant = Plant(_slippery(robot, 0.0), restitution=0.6)
+    q[1] -= plant.gaps(plant.state(q))[0]
+    result = plant.step(plant.state(q, np.array([0.0, -1.0, 0.0, 0.0, 0.0])), np.zeros(2), 1e-9)
+    (impact,) = result.impacts
+    normal = impact.solution.speed[2]
+    assert normal == pytest.approx(0.6, abs=1e-12)
+
+
+@pytest.mark.parametrize("eta_f", [0.55, 0.6, 0.7, 0.8, 0.9, 1.0])
+def test_impact_mitigation_is_what_the_metric_predicts(eta_f: float) -> None:
+    robot = _with_gears(
+        _slippery(load_robot("planar_leg"), 0.0),
+        forward_efficiency=eta_f,
+        backward_efficiency=2.0 - 1.0 / eta_f,
+    )
+    blocked = _with_gears(robot, rotor_inertia=1e9)
+    q = robot.configuration(hip=np.pi / 6, knee=-np.pi / 3)
+    q[1] -= Plant(robot).gaps(Plant(robot).state(q))[0] - 0.05
+
+    def impulse(chosen: Robot) -> float:
+        plant = Plant(chosen)
+        state, impacts = plant.state(q), ()
+        while not impacts:
+            result = plant.step(state, np.zeros(2), 1e-3)
+            state, impacts = result.state, result.impacts
+        return float(impacts[0].contact_impulse[0, 2])
+
+    measured = 1.0 - impulse(robot) / impulse(blocked)
+    predicted = impact_mitigation(robot, q, "foot").along([0.0, 0.0, 1.0])
+    assert measured == pytest.approx(predicted, rel=1e-3)
+
+
+def test_a_passive_robot_on_self_locking_gears_stands_for_ever() -> None:
+    robot = load_robot("solo12")
+    robot = _with_gears(robot, forward_efficiency=0.45, backward_efficiency=2.0 - 1.0 / 0.45)
+    pose = next(iter(robot.poses.values()))
+    plant = Plant(robot)
+    state = plant.state(pose)
+    state, result = _fall(plant, state, 2e-3, 0.4)
+    assert np.abs(state.velocity).max() < 1e-8
+    assert np.abs(state.position - pose).max() < 1e-5
+    weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
+    assert result.contact_force[:, 2].sum() == pytest.approx(weight, rel=1e-4)
+
+
+@pytest.mark.parametrize(("share", "holds"), [(1.001, True), (0.999, False)])
+def test_holding_bound(share: float, holds: bool) -> None:
+    """Standing costs eta_b T: a little more holds for ever, a little less sinks."""
+    robot = replace(load_robot("planar_leg_fixed"), contacts=())
+    q = robot.configuration(hip=0.9, knee=0.4)
+    plant = Plant(robot)
+    held = -np.array(
+        plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].reduced.program.free_velocity
+    )
+    inertia = plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].reduced.program.inertia
+    load = inertia @ held / 1e-6
+    gears = robot.transmission
+    torque = share * gears.backward_efficiency * load / gears.gear_ratio
+    state, _ = _fall_with(plant, plant.state(q), torque, 1e-3, 0.3)
+    if holds:
+        assert np.array_equal(state.position, q)
+    else:
+        assert np.abs(state.position - q).min() > 1e-6
+
+
+def _fall_with(plant: Plant, state, torque, dt: float, duration: float):
+    for _ in range(round(duration / dt)):
+        result = plant.step(state, torque, dt)
+        state = result.state
+    return state, result
+
+
+def test_coulomb_friction_on_a_slope() -> None:
+    """A solo12 that is locked slides down a slope steeper than mu and stands on one less steep."""
+    robot = load_robot("solo12")
+    robot = _with_gears(robot, forward_efficiency=0.4, backward_efficiency=-0.2)
+    robot = _slippery(robot, 0.5)
+    pose = np.array(next(iter(robot.poses.values())))
+    for angle, slides in ((np.arctan(0.45), False), (np.arctan(0.55), True)):
+        plant = Plant(robot, terrain=Plane.slope(0.0))
+        model = robot.model.copy()
+        model.gravity.linear = 9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+        plant = Plant(replace(robot, model=model))
+        state, _ = _fall(plant, plant.state(pose), 1e-3, 0.1)
+        if slides:
+            acceleration = 9.81 * (np.sin(angle) - 0.5 * np.cos(angle))
+            assert state.velocity[0] == pytest.approx(0.1 * acceleration, rel=0.02)
+        else:
+            assert np.abs(state.velocity).max() < 1e-6
+
+
+def test_a_landing_on_a_step_happens_at_its_height() -> None:
+    robot = load_robot("planar_leg")
+    plant = Plant(robot, terrain=Stairs(np.array([-0.2, 0.2]), np.array([0.0, 0.15, 0.3])))
+    q = robot.configuration(hip=0.5, knee=-1.0, base_z=1.5)
+    height = plant.gaps(plant.state(q))[0]
+    flat = Plant(robot).gaps(plant.state(q))[0]
+    assert flat - height == pytest.approx(0.15)
+
+
+def test_a_joint_stops_at_its_limit() -> None:
+    robot = replace(load_robot("planar_leg_fixed"), contacts=())
+    model = robot.model.copy()
+    model.upperPositionLimit = np.array([3.2, 0.5])
+    plant = Plant(replace(robot, model=model))
+    state = plant.state([0.0, 0.4], [0.0, 3.0])
+    for _ in range(200):
+        state = plant.step(state, np.array([0.0, 0.2]), 1e-3).state
+        assert state.position[1] <= 0.5 + 2e-6
+    assert state.position[1] == pytest.approx(0.5, abs=2e-6)
+
+
+def test_same_run_same_bits() -> None:
+    robot = load_robot("planar_leg")
+
+    def final() -> np.ndarray:
+        plant = Plant(robot)
+        state = plant.state(robot.configuration(hip=0.5, knee=-1.0, base_z=0.8))
+        return simulate(plant, lambda s: np.array([0.1, -0.2]), state, 0.3).state.position
+
+    assert np.array_equal(final(), final())
+
+
+def test_a_used_plant_steps_like_a_new_one() -> None:
+    robot = load_robot("planar_leg")
+    plant = Plant(robot)
+    state = plant.state(robot.configuration(hip=0.5, knee=-1.0, base_z=0.8))
+    state, _ = _fall(plant, state, 1e-3, 0.2)
+    first = plant.step(state, np.zeros(2), 1e-3).state
+    second = Plant(robot).step(state, np.zeros(2), 1e-3).state
+    assert np.array_equal(first.velocity, second.velocity)
+
+
+def test_bad_input_is_refused() -> None:
+    robot = load_robot("planar_leg")
+    plant = Plant(robot)
+    state = plant.state(robot.neutral())
+    with pytest.raises(SimulationError, match="2 rotors: hip, knee"):
+        plant.step(state, np.zeros(3), 1e-3)
+    with pytest.raises(SimulationError, match="dt must be positive"):
+        plant.step(state, np.zeros(2), 0.0)
+    with pytest.raises(SimulationError, match="no number"):
+        plant.step(state, np.array([np.nan, 0.0]), 1e-3)
+    with pytest.raises(SimulationError, match="position q"):
+        plant.state(np.zeros(3))
+    with pytest.raises(SimulationError, match="restitution"):
+        Plant(robot, restitution=1.5)
+    with pytest.raises(SimulationError, match="two ticks"):
+        simulate(plant, lambda s: np.zeros(2), state, 1e-4)
