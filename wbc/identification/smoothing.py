@@ -37,21 +37,28 @@ def _sections(relative: float) -> FloatArray:
 def white_level(values: FloatArray, rate: float) -> FloatArray:
     """Return the one-sided power density of the white noise in each column, (n,) [unit^2/Hz].
 
-    It is read in the upper part of the band, where a moving robot has no motion left; a sensor
-    that filters its own noise makes it a lower bound.
+    The level is read in the upper part of the band, where a moving robot has no motion left; a
+    sensor that filters its own noise makes it a lower bound. A column that was not measured (NaN)
+    has the level NaN.
 
     Args:
         values: (N, n) samples.
         rate: [Hz].
     """
     length = min(len(values), 1024)
+    measured = np.isfinite(values).all(axis=0)
+    result = np.full(values.shape[1], np.nan)
+    if not measured.any():
+        return result
+    values = values[:, measured]
     frequency, power = welch(values, rate, window="hann", nperseg=length, detrend="linear", axis=0)
     upper = (frequency > 0.3 * rate) & (frequency < 0.48 * rate)
     # The median of a chi-square variable with few degrees of freedom lies below its mean.
     segments = max(1, 2 * len(values) // length - 1)
     degrees = 2.0 * max(1.0, 0.75 * segments)
     bias = (1.0 - 2.0 / (9.0 * degrees)) ** 3
-    return np.asarray(np.median(power[upper], axis=0) / bias)
+    result[measured] = np.median(power[upper], axis=0) / bias
+    return result
 
 
 def differentiate(positions: FloatArray, rate: float, model: pin.Model) -> FloatArray:
