@@ -20,6 +20,15 @@ from wbc.view.scene import SceneSize
 from wbc.view.track import ContactTrack, GearTrack, Track
 
 _LEAST_SPAN = 6.0
+_COLOURS = {
+    "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
+    "quiet": "#C9CED6",
+    "over": VERMILION,
+    "under": BLUE,
+    "cone": YELLOW,
+    "force": GREEN,
+    "ghost": GHOST,
+}
 
 
 def playback_payload(
@@ -30,7 +39,7 @@ def playback_payload(
     commands: Sequence[str],
     marks: Mapping[str, float],
     ghost: GhostTrack | None,
-    autoplay: bool,
+    at: float | None,
 ) -> str:
     """Return the JSON text that the player reads; arrays are base64 of float32."""
     document: dict[str, Any] = {
@@ -50,16 +59,9 @@ def playback_payload(
         "floating": robot.floating_size > 0,
         "follow": bool(np.ptp(track.center_of_mass[:, :2], axis=0).max() > 1.2 * size.reach),
         "residual_span": _residual_span(ghost),
-        "autoplay": autoplay,
-        "colours": {
-            "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
-            "quiet": "#C9CED6",
-            "over": VERMILION,
-            "under": BLUE,
-            "cone": YELLOW,
-            "force": GREEN,
-            "ghost": GHOST,
-        },
+        "autoplay": at is None,
+        "at": float(track.time[0]) if at is None else at,
+        "colours": _COLOURS,
         "commands": list(commands),
     }
     if ghost is not None:

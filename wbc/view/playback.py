@@ -24,6 +24,11 @@ from wbc.view.terrain import terrain_slabs
 from wbc.view.track import Track, make_track
 
 _PLAYER = Path(__file__).parent / "player"
+# One script for the page, in this order: each file uses what stands in those before it.
+_SCRIPTS = tuple(
+    f"{name}.js"
+    for name in ("data", "scene", "motion", "camera", "readout", "timeline", "control", "start")
+)
 
 
 def write_playback(
@@ -72,9 +77,9 @@ def playback_page(
     marks: Mapping[str, float] | None = None,
     title: str | None = None,
     theme: str = "",
-    autoplay: bool = True,
+    at: float | None = None,
 ) -> str:
-    """Return the HTML text of `write_playback`."""
+    """Return the HTML text of `write_playback`; it waits at `at` [s] instead of playing at once."""
     track = make_track(robot, log)
     recorder = CommandRecorder()
     root = recorder.visualizer()["/wbc"]
@@ -82,15 +87,13 @@ def playback_page(
     contacts = [contact.name for contact in track.contacts]
     size = add_robot_scene(root, robot, slabs, contacts, _ground_opacity(track, slabs))
     shadow = None if ghost is None else track_ghost(robot, ghost, track.time)
-    scene = playback_payload(
-        robot, track, size, slabs, recorder.encoded(), marks or {}, shadow, autoplay
-    )
+    scene = playback_payload(robot, track, size, slabs, recorder.encoded(), marks or {}, shadow, at)
     environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
     return environment.get_template("playback.html.j2").render(
         title=title or robot.name,
         theme=theme,
         css=(_PLAYER / "player.css").read_text(encoding="utf-8"),
-        script=(_PLAYER / "player.js").read_text(encoding="utf-8"),
+        script="\n".join((_PLAYER / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         meshcat=meshcat_script(),
         scene=scene.replace("<", "\\u003c"),
     )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wbc.errors import ViewError
@@ -39,45 +40,50 @@ def impact_figure(
     """
     gears = robot.transmission
     with drawing(theme):
-        figure, grid = new_figure(
-            1 + gears.size, 2, 8.0, 1.7 * (1 + gears.size) + 0.5, share_x=True
-        )
+        rows = 1 + gears.size
+        figure, grid = new_figure(rows, 2, 8.0, 1.7 * rows + 0.5, share_x=True)
         for i, (label, log) in enumerate(runs.items()):
             impacts = log_impacts(robot, log)
             if not impacts:
                 raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
             begin = impacts[0].time
-            part = log.between(begin - before, begin + after)
-            time = 1e3 * (part.time - begin)
             style: dict[str, Any] = {
                 "color": theme.series[i % len(theme.series)],
                 "linestyle": DASHES[i % len(DASHES)],
                 "label": label,
             }
-            parts = contact_forces(robot, part)
-            vertical = np.sum([force[:, 2] for force in parts.values()], axis=0)
-            impulse = np.concatenate(
-                [[0.0], np.cumsum(0.5 * (vertical[1:] + vertical[:-1]) * np.diff(part.time))]
-            )
-            grid[0][0].plot(time, vertical, **style)
-            grid[0][1].plot(time, impulse, **style)
-            flow = gear_flow(robot, part)
-            for k in range(gears.size):
-                grid[1 + k][0].plot(time, flow.speed[:, k], **style)
-                grid[1 + k][1].plot(time, flow.mesh_power[:, k], **style)
-        titles = [("vertical ground force", "N", "impulse of the ground", "N s")]
-        titles += [
-            (f"speed of the {joint} gear", "rad/s", f"mesh power, {joint}", "W")
-            for joint in gears.joints
-        ]
-        for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
-            for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
-                ax.set_title(title)
-                ax.set_ylabel(f"[{unit}]")
-                ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
+            _plot_run(grid, robot, log.between(begin - before, begin + after), begin, style)
+        _label(grid, gears.joints, theme)
         for ax in grid[-1]:
-            ax.set_xlabel("time after the impact [ms]")
             ax.set_xlim(-1e3 * before, 1e3 * after)
         if len(runs) > 1:
             legend_above(figure, grid[0][0], len(runs))
     return figure
+
+
+def _plot_run(
+    grid: list[list[Axes]], robot: Robot, log: Log, begin: float, style: dict[str, Any]
+) -> None:
+    time = 1e3 * (log.time - begin)
+    vertical = np.sum([force[:, 2] for force in contact_forces(robot, log).values()], axis=0)
+    means = 0.5 * (vertical[1:] + vertical[:-1])
+    grid[0][0].plot(time, vertical, **style)
+    grid[0][1].plot(time, np.concatenate([[0.0], np.cumsum(means * np.diff(log.time))]), **style)
+    flow = gear_flow(robot, log)
+    for k, (left, right) in enumerate(grid[1:]):
+        left.plot(time, flow.speed[:, k], **style)
+        right.plot(time, flow.mesh_power[:, k], **style)
+
+
+def _label(grid: list[list[Axes]], joints: tuple[str, ...], theme: Theme) -> None:
+    titles = [("vertical ground force", "N", "impulse of the ground", "N s")]
+    titles += [
+        (f"speed of the {joint} gear", "rad/s", f"mesh power, {joint}", "W") for joint in joints
+    ]
+    for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
+        for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
+            ax.set_title(title)
+            ax.set_ylabel(f"[{unit}]")
+            ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
+    for ax in grid[-1]:
+        ax.set_xlabel("time after the impact [ms]")

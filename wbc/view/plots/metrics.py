@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
 from wbc.metrics import (
+    Sweep,
     backward_generalized_inertia,
     efficiency_sweep,
     force_capability,
@@ -76,30 +77,11 @@ def tradeoff_figure(
     """
     eta = np.linspace(0.505, 1.0, 100)
     sweep = efficiency_sweep(robot, position, contact, direction, eta, axes=axes)
-    own = robot.transmission.forward_efficiency
     with drawing(theme):
         figure, grid = new_figure(1, 3, 10.0, 3.1)
         relation, capability, mitigation = grid[0]
-        relation.plot(eta, 2.0 - 1.0 / eta, color=theme.series[1])
-        relation.plot(eta, eta, color=theme.faint, linestyle="--", linewidth=1.0)
-        relation.scatter(own, robot.transmission.backward_efficiency, color=theme.ink, zorder=3)
-        for joint, f, b in zip(
-            robot.transmission.joints, own, robot.transmission.backward_efficiency, strict=True
-        ):
-            relation.annotate(
-                joint, (f, b), xytext=(5, -11), textcoords="offset points", fontsize=8
-            )
-        relation.set_title("backward efficiency of the wedge")
-        relation.set_ylabel("$\\eta_b$ [-]")
-        capability.plot(
-            eta, sweep.hold_ratio, color=theme.series[1], linestyle=DASHES[1], label="hold"
-        )
-        capability.plot(eta, sweep.lift_ratio, color=theme.series[0], label="lift")
-        capability.set_yscale("log")
-        capability.set_yticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
-        capability.set_title("force over force with perfect gears")
-        capability.set_ylabel("ratio [-]")
-        capability.legend()
+        _draw_relation(relation, robot, eta, theme)
+        _draw_ratios(capability, sweep, theme)
         mitigation.plot(eta, sweep.impact_mitigation, color=theme.series[2])
         mitigation.set_ylim(0.0, 1.0)
         mitigation.set_title("impact mitigation factor")
@@ -108,6 +90,30 @@ def tradeoff_figure(
             ax.set_xlabel("forward efficiency $\\eta_f$ [-]")
             ax.set_xlim(0.5, 1.0)
     return figure
+
+
+def _draw_relation(ax: Axes, robot: Robot, eta: FloatArray, theme: Theme) -> None:
+    gears = robot.transmission
+    forward, backward = gears.forward_efficiency, gears.backward_efficiency
+    ax.plot(eta, 2.0 - 1.0 / eta, color=theme.series[1])
+    ax.plot(eta, eta, color=theme.faint, linestyle="--", linewidth=1.0)
+    ax.scatter(forward, backward, color=theme.ink, zorder=3)
+    for joint, f, b in zip(gears.joints, forward, backward, strict=True):
+        ax.annotate(joint, (f, b), xytext=(5, -11), textcoords="offset points", fontsize=8)
+    ax.set_title("backward efficiency of the wedge")
+    ax.set_ylabel("$\\eta_b$ [-]")
+
+
+def _draw_ratios(ax: Axes, sweep: Sweep, theme: Theme) -> None:
+    ax.plot(
+        sweep.values, sweep.hold_ratio, color=theme.series[1], linestyle=DASHES[1], label="hold"
+    )
+    ax.plot(sweep.values, sweep.lift_ratio, color=theme.series[0], label="lift")
+    ax.set_yscale("log")
+    ax.set_yticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
+    ax.set_title("force over force with perfect gears")
+    ax.set_ylabel("ratio [-]")
+    ax.legend()
 
 
 def _draw_pose(

@@ -91,24 +91,19 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 def worth_rows(rows: Sequence[Worth]) -> list[dict[str, Any]]:
     """Return the ranked table."""
-    return [
-        {
-            "model": row.model,
-            "error": plain(row.error),
-            "difference": ""
-            if row.deviation == 0.0
-            else f"+{plain(row.difference)}".replace("+−", "−"),
-            "deviation": "" if row.deviation == 0.0 else f"± {plain(row.deviation, 2)}",
-            "verdict": ""
-            if row.deviation == 0.0
-            else "worse"
-            if row.distinguishable and row.difference > 0
-            else "better"
-            if row.distinguishable
-            else "not distinguishable",
-        }
-        for row in rows
-    ]
+    table = []
+    for row in rows:
+        sign = "+" if row.difference > 0.0 else ""
+        paired = f"{sign}{plain(row.difference)} ± {plain(row.deviation, 2)}" if row.verdict else ""
+        table.append(
+            {
+                "model": row.model,
+                "error": plain(row.error),
+                "difference": paired,
+                "verdict": row.verdict,
+            }
+        )
+    return table
 
 
 def quality_rows(qualities: Sequence[LogQuality]) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
@@ -125,7 +126,9 @@ def _diagnosis_part(problem: Problem, diagnosis: Diagnosis | None) -> dict[str, 
 def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:
     ghost = model_ghost(robot, log, comparison.floor.values, "the model as given")
     title = f"{Path(log.source.label).name} and the model as given"
-    return playback_page(robot, log, ghost=ghost, title=title, autoplay=False)
+    size = np.max(np.abs(np.array(list(ghost.residual.values()))), axis=0)
+    worst = float(ghost.residual_time[int(np.argmax(size))])
+    return playback_page(robot, log, ghost=ghost, title=title, at=worst)
 
 
 def _embedded(value: object) -> str:

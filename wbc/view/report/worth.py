@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.effects import EFFECTS
 from wbc.errors import WbcError
 from wbc.identification import Diagnosis
 from wbc.identification.fit import refine
+from wbc.identification.folds import block_means
 from wbc.identification.problem import Problem
 from wbc.robot import Effect
 from wbc.view.report.sentence import spoken
-
-_SIGNIFICANT = 2.0
 
 
 @dataclass(frozen=True)
@@ -27,17 +26,15 @@ class Worth:
         error: held-out root mean square in noise floors.
         difference: held-out mean square minus that of the model found [floors^2].
         deviation: standard error of the difference, blocks of a log taken as one observation.
+        verdict: "worse" or "better" than the model found, or "not distinguishable"; empty for
+            the model found itself.
     """
 
     model: str
     error: float
     difference: float
     deviation: float
-
-    @property
-    def distinguishable(self) -> bool:
-        """Whether the difference exceeds two standard errors."""
-        return abs(self.difference) > _SIGNIFICANT * self.deviation
+    verdict: str
 
 
 def worth_table(problem: Problem, diagnosis: Diagnosis) -> tuple[Worth, ...]:
@@ -46,7 +43,7 @@ def worth_table(problem: Problem, diagnosis: Diagnosis) -> tuple[Worth, ...]:
     # The parameters are fitted already; fitting again would compare with another model.
     as_found = refine(problem.robot, found, problem.records, problem.whitening, iterations=0)
     best = problem.held_out(as_found)
-    rows = [Worth("all effects found" if found else "robot as given", _rms(best), 0.0, 0.0)]
+    rows = [Worth("all effects found" if found else "robot as given", _rms(best), 0.0, 0.0, "")]
     if not found:
         return tuple(rows)
     variants: list[tuple[str, list[Effect]]] = []
@@ -62,10 +59,24 @@ def worth_table(problem: Problem, diagnosis: Diagnosis) -> tuple[Worth, ...]:
                 text = f"{spoken(name)} instead of {spoken(finding.effect.name)}"
                 variants.append((text, [*found[:k], rival, *found[k + 1 :]]))
     for label, effects in variants:
-        squares = problem.held_out(problem.fit(effects))
-        difference, deviation = problem.gain(squares, best)
-        rows.append(Worth(label, _rms(squares), difference, deviation))
+        rows.append(_beside(problem, label, problem.held_out(problem.fit(effects)), best))
     return tuple(sorted(rows, key=lambda row: row.difference))
+
+
+def _beside(problem: Problem, label: str, squares: FloatArray, best: FloatArray) -> Worth:
+    differences = block_means((squares - best).mean(axis=1), problem.blocks)
+    verdict = "not distinguishable"
+    if problem.significant(squares, best):
+        verdict = "worse"
+    elif problem.significant(best, squares):
+        verdict = "better"
+    return Worth(
+        label,
+        _rms(squares),
+        float(np.mean(squares - best)),
+        float(np.std(differences, ddof=1) / np.sqrt(differences.size)),
+        verdict,
+    )
 
 
 def _rival(name: str, effect: Effect, problem: Problem) -> Effect | None:
@@ -83,5 +94,5 @@ def _rival(name: str, effect: Effect, problem: Problem) -> Effect | None:
         return None
 
 
-def _rms(squares: Sequence[float] | np.ndarray) -> float:
+def _rms(squares: FloatArray) -> float:
     return float(np.sqrt(np.mean(squares)))

@@ -1,0 +1,34 @@
+const cells = [];
+function buildReadout() {
+  const table = $("gears"), withResidual = data.gears.some((g) => g.residual);
+  table.innerHTML = "<tr><th>joint</th><th>N m</th><th>W</th><th></th>" + (withResidual ? "<th>residual / floor</th>" : "") + "</tr>";
+  for (const g of data.gears) {
+    const row = table.insertRow();
+    const made = Array.from({ length: withResidual ? 5 : 4 }, () => row.insertCell());
+    made[0].textContent = g.name;
+    made[3].innerHTML = '<span class="chip"></span>';
+    cells.push(made);
+  }
+  const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
+  const ghostNote = data.ghost ? `<br>transparent: ${data.ghost.label}` : "";
+  $("legend").innerHTML = data.gears.length === 0 ? "" : "power through the teeth: " +
+    entry(data.colours.modes["1"], "motor drives") + entry(data.colours.modes["-1"], "joint drives") +
+    entry(data.colours.modes["0"], "stuck or idle") +
+    (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
+      entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} floors)` : "") + ghostNote;
+  if (data.gears.length === 0) $("details").remove();
+  else if (window.innerWidth < 560 || window.innerHeight < 500 || data.gears.length > 8) $("details").open = false;
+}
+const signed = (x, digits) => Number.isNaN(x) ? "–" : (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
+function readout(i) {
+  $("clock").textContent = `t = ${now.toFixed(3)} s · frame ${i + 1} of ${frames}`;
+  data.gears.forEach((g, k) => {
+    const [, torque, power, mode, residual] = cells[k];
+    torque.textContent = signed(g.torque[i], 1);
+    power.textContent = signed(g.power[i], 1);
+    const known = !Number.isNaN(g.power[i]), chip = mode.firstChild;
+    chip.textContent = known ? MODES[g.direction[i]] : "unknown";
+    chip.style.background = known ? data.colours.modes[g.direction[i]] : data.colours.modes["0"];
+    if (residual) residual.textContent = g.residual ? signed(g.residual[i], 1) : "–";
+  });
+}

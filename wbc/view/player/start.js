@@ -1,0 +1,17 @@
+const wish = new URLSearchParams(location.hash.slice(1));
+if (wish.has("bare")) document.body.classList.add("bare");
+buildReadout();
+buildControls();
+// Inside another page its theme counts.
+const host = window.frameElement && window.frameElement.dataset.theme;
+setTheme(host || document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+requestAnimationFrame(() => {
+  viewer.set_3d_pane_size();
+  frameCamera();
+  seek(wish.has("t") ? +wish.get("t") : data.at);
+  if (data.autoplay && !wish.has("t") && !wish.has("still")) setPlaying(true);
+  requestAnimationFrame(tick);
+  window.player = { seek, step, frameCamera, setTheme, setPlaying, layers, start, stop, frames,
+    get time() { return now; }, get playing() { return playing; },
+    picture() { drawFrame(); viewer.render(); } };
+});
