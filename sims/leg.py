@@ -1,0 +1,138 @@
+"""A planar leg that balances on its point foot, in the air and on the ground; used by studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import brentq
+
+from wbc.arrays import FloatArray
+from wbc.control import (
+    CenterOfMassTask,
+    Command,
+    Controller,
+    PointContact,
+    PointFootBalanceTask,
+    PostureTask,
+    Reference,
+)
+from wbc.dynamics import evaluate
+from wbc.robot import Robot
+from wbc.sim import SimState
+
+_CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
+
+HeightReference = Callable[[float], Reference]
+
+
+def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatArray:
+    """Return a pose with the centre of mass over the foot.
+
+    Args:
+        robot: a planar leg with joints `base_z`, `hip` and `knee`.
+        lift: height of the foot above the ground [m].
+        knee: its angle [rad].
+    """
+    q, rest = robot.configuration(knee=knee), np.zeros(robot.model.nv)
+    hip, height = robot.position_index("hip"), robot.position_index("base_z")
+
+    def overhang(angle: float) -> float:
+        q[hip] = angle
+        terms = evaluate(robot, q, rest)
+        return float(terms.data.com[0][0] - terms.contact_position[0, 0])
+
+    q[hip] = brentq(overhang, -knee, 0.5 * knee)
+    q[height] = lift - evaluate(robot, q, rest).contact_position[0, 2]
+    return q
+
+
+def squat(height: float, amplitude: float, frequency: float, start: float = 0.0) -> HeightReference:
+    """Return a height of the centre of mass that goes down and up as a cosine from `start` on."""
+
+    def at(time: float) -> Reference:
+        w, t = 2.0 * np.pi * frequency, max(time - start, 0.0)
+        moving = 1.0 if time > start else 0.0
+        return Reference(
+            np.array([height + amplitude * (np.cos(w * t) - 1.0)]),
+            np.array([-amplitude * w * np.sin(w * t)]) * moving,
+            np.array([-amplitude * w * w * np.cos(w * t)]) * moving,
+        )
+
+    return at
+
+
+@dataclass
+class LegControl:
+    """The loop's controller: posture in the air, height and balance once the foot has touched.
+
+    Attributes:
+        model: robot model that the controller obeys.
+        height: reference of the centre of mass over time since the foot touched.
+        noise: standard deviation of the measured velocities [m/s, rad/s].
+        commands: what every tick returned.
+        errors: rows of height [m], sway [m] and pitch [rad] error, one per tick in stance.
+    """
+
+    model: Robot
+    height: HeightReference
+    noise: float = 0.02
+    commands: list[Command] = field(default_factory=list)
+    errors: list[tuple[float, float, float]] = field(default_factory=list)
+    touched: float | None = None
+
+    def __post_init__(self) -> None:
+        """Make the two controllers."""
+        posture = PostureTask.of(self.model, weight=1e-3)
+        self._stance = Controller(
+            self.model,
+            [
+                CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
+                PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
+                posture,
+            ],
+            [PointContact(name="foot")],
+        )
+        self._air = Controller(self.model, [PostureTask.of(self.model, stiffness=900.0)])
+        self._random = np.random.default_rng(1)
+        self._landing = np.zeros(2)
+        self._frame = self.model.model.getFrameId("foot")
+        self._data = self.model.model.createData()
+
+    def _cushioned(self, time: float) -> Reference:
+        """Return the height reference plus the landing's own motion, critically damped away."""
+        wanted, w = self.height(time), _CUSHION
+        gap, speed = self._landing
+        slope = speed + w * gap
+        left = np.exp(-w * time) * np.array([gap + slope * time])
+        rate = np.exp(-w * time) * slope - w * left
+        return Reference(
+            wanted.position + left,
+            wanted.velocity + rate,
+            wanted.acceleration - w * (rate + np.exp(-w * time) * slope),
+        )
+
+    def __call__(self, state: SimState) -> FloatArray:
+        """Return the rotor torque for a state."""
+        model = self.model.model
+        com = pin.centerOfMass(model, self._data, state.position)
+        pin.framesForwardKinematics(model, self._data, state.position)
+        foot = self._data.oMf[self._frame].translation
+        if self.touched is None and foot[2] < 1e-5:
+            self.touched = state.time
+            speed = (pin.jacobianCenterOfMass(model, self._data, state.position) @ state.velocity)[2]
+            start = self.height(0.0)
+            self._landing[:] = com[2] - start.position[0], speed - start.velocity[0]
+        noise = self.noise * self._random.standard_normal(model.nv)
+        state = state.replace(velocity=state.velocity + noise)
+        if self.touched is None:
+            command = self._air.step(state)
+        else:
+            height = self._cushioned(state.time - self.touched)
+            command = self._stance.step(state, {"height": height, "balance": Reference(0.0)})
+            pitch = float(state.position[self.model.position_index("base_pitch")])
+            self.errors.append((com[2] - height.position[0], com[0] - foot[0], pitch))
+        self.commands.append(command)
+        return command.rotor_torque

@@ -1,0 +1,82 @@
+"""Balance, squat and land on lossy gears: does the controller's model of the losses matter?
+
+Three closed loops: the dissipative controller on the lossy plant, the conservative controller on
+the same plant, and the ideal, the conservative controller on a plant with perfect gears.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sims.leg import LegControl, balanced_pose, squat
+from wbc import Robot, load_robot
+from wbc.dynamics import evaluate
+from wbc.sim import Plant, Simulation, simulate
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One closed loop: what it did and the figures of the table."""
+
+    squat: Simulation
+    landing: Simulation
+    figures: dict[str, float]
+
+
+def rms(values: object) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values)))))
+
+
+def run_loop(plant: Robot, model: Robot, duration: float, title: str | None) -> Loop:
+    """Squat for `duration`, then land from 10 cm, and return the figures."""
+    q = balanced_pose(plant)
+    height = float(evaluate(plant, q, np.zeros(plant.model.nv)).data.com[0][2])
+    legs = (
+        LegControl(model, squat(height, 0.025, 0.5)),
+        LegControl(model, squat(height, 0.0, 0.5)),
+    )
+    runs = []
+    for control, lift, time in zip(legs, (0.0, 0.1), (duration, 0.15 + 0.5 * duration), strict=True):
+        ground = Plant(plant)
+        start = ground.state(balanced_pose(plant, lift))
+        runs.append(simulate(ground, control, start, time, progress=title))
+    gears, commands = plant.transmission, legs[0].commands
+    settle = len(legs[0].errors) // 4
+    error = np.array(legs[0].errors[settle:])
+    torque = np.array([c.rotor_torque for c in commands])
+    heat = gears.resistance * (torque / gears.torque_constant) ** 2
+    landing = runs[1].log.column("foot.force.z")
+    ticks = [1e3 * c.tick_time for leg in legs for c in leg.commands]
+    figures = {
+        "height error, rms [mm]": 1e3 * rms(error[:, 0]),
+        "sway, rms [mm]": 1e3 * rms(error[:, 1]),
+        "pitch, rms [deg]": np.rad2deg(rms(error[:, 2])),
+        "landing: height error, rms [mm]": 1e3 * rms(np.array(legs[1].errors)[:, 0]),
+        "rotor torque, rms [N m]": rms(torque),
+        "Joule heat [J]": float(heat.sum(axis=1).mean() * duration),
+        "mesh losses [J]": runs[0].audit.flow.mesh,
+        "landing: impact impulse [N s]": sum(float(i.contact_impulse[0, 2]) for i in runs[1].impacts),
+        "landing: peak force, 1 ms mean [N]": float(landing.max()),
+        "QP time per tick, median [ms]": 1e3 * float(np.median([c.solve_time for c in commands])),
+        "whole tick, median [ms]": float(np.median(ticks)),
+        "ticks without a solution": sum(not c.status.usable for leg in legs for c in leg.commands),
+    }
+    return Loop(runs[0], runs[1], figures)
+
+
+def main(duration: float = 4.0, progress: bool = False) -> dict[str, Loop]:
+    """Run the three loops for `duration` seconds of squatting each."""
+    lossy = load_robot("planar_leg_strong")
+    ideal = lossy.lossless()
+    loops = {
+        "dissipative": (lossy, lossy),
+        "conservative": (lossy, ideal),
+        "ideal": (ideal, ideal),
+    }
+    return {
+        name: run_loop(plant, model, duration, name if progress else None)
+        for name, (plant, model) in loops.items()
+    }

@@ -1,0 +1,107 @@
+"""`wbc compare`: how far the model is from the logs, and where."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from wbc.cli.inputs import (
+    add_log_options,
+    add_output_options,
+    logs_from,
+    robot_from,
+    table_console,
+    working,
+    write_json,
+)
+from wbc.identification import Comparison, compare
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "compare",
+        help="error of the model on logs: how much, and where",
+        epilog="example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
+    )
+    add_log_options(parser)
+    add_output_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Compare, print, write."""
+    shown = table_console(options, console)
+    robot = robot_from(options)
+    logs = logs_from(options, robot)
+    with working(shown, "comparing"):
+        comparison = compare(robot, logs)
+    shown.print(error_table(comparison))
+    shown.print(where_table(comparison))
+    shown.print(
+        f"error of the model: {comparison.error:.2f} noise floors"
+        f" (floor from {comparison.floor.source})",
+    )
+    write_json(options.json, comparison.to_json(), console)
+    if options.report:
+        from wbc.view import write_comparison_report
+
+        path = write_comparison_report(options.report, comparison, logs)
+        shown.print(f"wrote {path}")
+    return 0
+
+
+def error_table(comparison: Comparison) -> Table:
+    """Return the residual of every output against its floor."""
+    table = Table(
+        "output",
+        "unit",
+        "residual",
+        "floor",
+        "x floor",
+        "torque",
+        "rollout",
+        box=None,
+        title="error",
+    )
+    for column in table.columns[2:]:
+        column.justify = "right"
+    for o in comparison.outputs:
+        size = "" if o.size != o.size else f"{o.size:.3g}"
+        table.add_row(
+            o.output,
+            o.unit,
+            f"{o.rms:.3g}",
+            f"{o.floor:.2g}",
+            f"{o.ratio:.1f}",
+            size,
+            f"{o.rollout:.2g}",
+        )
+    table.caption = (
+        f"rms; torque: rms measured; rollout: rms position error after {comparison.horizon:g} s"
+    )
+    return table
+
+
+def where_table(comparison: Comparison, most: int = 8) -> Table:
+    """Return the strongest dependences of the residual."""
+    table = Table(
+        "output", "depends on", "unit", "share", "from", "to", box=None, title="where it fails"
+    )
+    for column in table.columns[3:]:
+        column.justify = "right"
+    for b in comparison.where[:most]:
+        low, high = int(b.mean.argmin()), int(b.mean.argmax())
+        table.add_row(
+            b.output,
+            b.variable,
+            b.unit,
+            f"{100.0 * b.share:.0f} %",
+            f"{b.mean[low]:+.2g} at {b.centre[low]:.2g}",
+            f"{b.mean[high]:+.2g} at {b.centre[high]:.2g}",
+        )
+    table.caption = "share of the residual's variance that its mean over this variable explains"
+    return table

@@ -1,0 +1,121 @@
+"""`wbc diagnose`: which physical effect the model lacks."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from wbc.cli.inputs import (
+    add_log_options,
+    add_output_options,
+    logs_from,
+    robot_from,
+    table_console,
+    working,
+    write_json,
+)
+from wbc.effects import EFFECTS, effect_class, save_robot
+from wbc.identification import Diagnosis, diagnose
+from wbc.robot import Effect
+
+_EPILOG = """example:
+  wbc diagnose run*.csv --robot planar_leg_fixed --lossless --add auto --save fitted.toml
+
+--add auto considers every effect there is (`wbc list effects`); --add NAME,NAME only these."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "diagnose",
+        help="which physical effect the model lacks; add it, save it",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_log_options(parser)
+    parser.add_argument(
+        "--add", default="auto", metavar="auto|NAME,...", help="effects to consider (default auto)"
+    )
+    parser.add_argument(
+        "--save", metavar="FILE.toml", help="write the robot with the effects found"
+    )
+    add_output_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
+    shown = table_console(options, console)
+    robot = robot_from(options)
+    candidates = _candidates(options.add)
+    logs = logs_from(options, robot)
+    with working(shown, "diagnosing") as progress:
+        diagnosis = diagnose(robot, logs, candidates, progress=progress)
+    print_diagnosis(shown, diagnosis)
+    write_json(options.json, diagnosis.to_json(), console)
+    if options.save:
+        provenance = {
+            "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
+            "command": " ".join(["wbc", *sys.argv[1:]]),
+        }
+        path = save_robot(diagnosis.robot, options.save, diagnosis.intervals(), provenance)
+        shown.print(f"wrote {path}")
+    if options.report:
+        from wbc.view import write_diagnosis_report
+
+        path = write_diagnosis_report(options.report, robot, diagnosis, logs)
+        shown.print(f"wrote {path}")
+    return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+
+
+def _candidates(choice: str) -> list[type[Effect]] | None:
+    if choice == "auto":
+        return None
+    return [effect_class(name.strip()) for name in choice.split(",") if name.strip()] or list(
+        EFFECTS.values()
+    )
+
+
+def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:
+    """Print verdict, effects, the staircase of held-out errors and what to do next."""
+    console.print(f"verdict: {diagnosis.verdict}", style="bold")
+    if diagnosis.findings:
+        console.print(_effects_table(diagnosis))
+    console.print(_steps_table(diagnosis))
+    error = diagnosis.error
+    console.print(
+        f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors"
+        f" (floor from {error.floor_source})",
+    )
+    for text in (diagnosis.remainder, *diagnosis.warnings):
+        if text:
+            console.print(text)
+    if diagnosis.next_experiment:
+        console.print(f"next: {diagnosis.next_experiment}")
+
+
+def _effects_table(diagnosis: Diagnosis) -> Table:
+    table = Table("effect", "where", "parameter", "value", "90 % interval", "unit", box=None)
+    for finding in diagnosis.findings:
+        name, where = finding.effect.name, finding.effect.where
+        for parameter, e in finding.parameters.items():
+            interval = f"{e.low:.4g} .. {e.high:.4g}"
+            table.add_row(name, where, parameter, f"{e.value:.4g}", interval, e.unit)
+            name = where = ""
+        if finding.alternatives:
+            table.add_row("", "", "or: " + ", ".join(finding.alternatives), "", "", "")
+        for warning in finding.warnings:
+            table.add_row("", "", f"warning: {warning}", "", "", "")
+    return table
+
+
+def _steps_table(diagnosis: Diagnosis) -> Table:
+    table = Table("added", "where", "held-out error", box=None)
+    table.columns[2].justify = "right"
+    for step in diagnosis.steps:
+        table.add_row(step.added or "(the model as given)", step.where, f"{step.error:.2f}")
+    return table

@@ -1,0 +1,76 @@
+"""Options and loading that the commands on logs share."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from wbc.effects import load_robot
+from wbc.files import write_text
+from wbc.measurement import Log, load_logs
+from wbc.robot import Robot
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that name logs and robot."""
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="CSV, Parquet, NPZ, MCAP or bag")
+    parser.add_argument(
+        "--robot", required=True, metavar="NAME", help="shipped robot, robot.toml or fitted.toml"
+    )
+    parser.add_argument(
+        "--lossless", action="store_true", help="start from the robot with perfect gears"
+    )
+    parser.add_argument(
+        "--columns", metavar="MAP.toml", help="foreign column names, units, side of the gear"
+    )
+
+
+def add_output_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that write results to files."""
+    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
+    parser.add_argument("--report", metavar="FILE.html", help="the same to look at, one file")
+
+
+def robot_from(options: argparse.Namespace) -> Robot:
+    """Return the robot that the options name."""
+    robot = load_robot(options.robot)
+    return robot.lossless() if options.lossless else robot
+
+
+def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
+    """Return the logs that the options name, read with the robot's gear ratios."""
+    gears = robot.transmission
+    ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
+    return load_logs(options.logs, options.columns, gear_ratios=ratios)
+
+
+def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:
+    """Write `content` to a file, or print it when `target` is '-'."""
+    if target is None:
+        return
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        console.out(text, end="")
+    else:
+        console.print(f"wrote {write_text(Path(target), text)}")
+
+
+def table_console(options: argparse.Namespace, console: Console) -> Console:
+    """Return where tables go: nowhere when the JSON itself is printed."""
+    return Console(quiet=True) if options.json == "-" else console
+
+
+@contextmanager
+def working(console: Console, what: str) -> Iterator[Any]:
+    """Show a spinner with a changing line while work goes on; silent when piped."""
+    if not console.is_terminal:
+        yield lambda line: None
+        return
+    with console.status(what) as status:
+        yield lambda line: status.update(f"{what}: {line}")

@@ -1,0 +1,60 @@
+"""Entry point of the `wbc` command."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from rich.console import Console
+
+from wbc.cli import check, compare, diagnose, listing, metrics, play
+from wbc.errors import WbcError
+
+_COMMANDS = (compare, diagnose, check, play, metrics, listing)
+
+_EPILOG = """\
+examples:
+  wbc compare run*.csv --robot planar_leg_fixed
+  wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml --report report.html
+  wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
+  wbc metrics planar_leg --figures out
+
+exit codes: 0 done, 1 nothing could be concluded (diagnose), 2 bad input, 130 interrupted
+`wbc COMMAND --help` shows every option of a command with an example."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="wbc",
+        description="Compare a robot model with logs, learn which physics is missing, see it.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for command in _COMMANDS:
+        command.add_to(commands)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        arguments: command line without the program's name; the process's own when left out.
+    """
+    options = build_parser().parse_args(arguments)
+    try:
+        return int(options.run(options, Console(markup=False)))
+    except WbcError as error:
+        Console(stderr=True, markup=False, highlight=False).print(f"wbc: {error}", soft_wrap=True)
+        return 2
+    except BrokenPipeError:
+        # The reader of our output has left (wbc ... | head); there is nobody to complain to.
+        sys.stderr.close()
+        return 0
+    except KeyboardInterrupt:
+        return 130
