@@ -1,0 +1,152 @@
+"""The recorded data sets: what their robots, maps and published numbers say fits the logs.
+
+The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
+The comparisons are plain least squares on published equations, not the diagnosis.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import load_robot
+from wbc.measurement import Log, load_logs
+from wbc.robot import Motion, Robot
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT.parent / "shared" / "data"
+PENDULUM = DATA / "dfki_double_pendulum" / "double_pendulum.parquet"
+DESIGNS = {
+    "double_pendulum": (0.3, 0.05347, 0.5594 * 0.3, 0.02392, 0.6043, 0.1838, 7.66e-5),
+    "double_pendulum_c0": (0.2, 0.02671, 0.6417 * 0.2, 0.05388, 0.5639, 0.3213, 9.94e-5),
+    "double_pendulum_c1": (0.2, 0.03189, 0.5235 * 0.2, 0.05087, 0.6256, 0.2557, 6.29e-5),
+}
+
+
+def logs_of(robot: str, path: Path, part: str = "") -> tuple[Log, ...]:
+    if not path.exists():
+        pytest.skip(f"the recorded data '{path.name}' is not beside this repository")
+    name = f"{path}#{part}" if part else path
+    return load_logs([name], ROOT / "robots" / robot / "columns.toml")
+
+
+def low_pass(values: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
+    return sosfiltfilt(butter(4, cutoff / (0.5 * rate), output="sos"), values, axis=0)
+
+
+def channels(log: Log, robot: Robot, quantity: str, time: np.ndarray) -> np.ndarray:
+    names = [f"{joint}.{quantity}" for joint in robot.joints]
+    return np.stack([np.interp(time, log.time, log.columns[name]) for name in names], axis=1)
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_double_pendulum_has_the_published_mass_matrix_and_gravity(name: str) -> None:
+    l1, i1, mr1, i2, m2, r2, rotor = DESIGNS[name]
+    robot = load_robot(ROOT / "robots" / name / "published.toml")
+    q = np.array([0.4, -0.9])
+    c2 = np.cos(q[1])
+    m22 = i2 + 36 * rotor
+    m12 = i2 + l1 * m2 * r2 * c2 - 6 * rotor
+    m11 = i1 + i2 + m2 * l1**2 + 2 * l1 * m2 * r2 * c2 + 37 * rotor
+    g2 = 9.81 * m2 * r2 * np.sin(q.sum())
+    g1 = g2 + 9.81 * (mr1 + m2 * l1) * np.sin(q[0])
+    still = Motion(q[None], np.zeros((1, 2)), np.zeros((1, 2)))
+    gear = robot.transmission.gear_ratio
+
+    def motor(acceleration: list[float]) -> np.ndarray:
+        moving = still.replace(acceleration=np.array([acceleration]))
+        rotors, _ = rotor_torque(robot, moving, link_torque(robot, moving))
+        return rotors[0] * gear
+
+    np.testing.assert_allclose(motor([0.0, 0.0]), [g1, g2], rtol=2e-4, atol=1e-6)
+    for unit, column in (([1.0, 0.0], [m11, m12]), ([0.0, 1.0], [m12, m22])):
+        np.testing.assert_allclose(motor(unit) - motor([0.0, 0.0]), column, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "coulomb"),
+    [
+        ("double_pendulum", "A.0/trajectory*", (0.146, 0.123)),
+        ("double_pendulum_c1", "C.1/14*", (0.251, 0.188)),
+    ],
+)
+def test_double_pendulum_logs_hold_the_published_coulomb_friction(
+    name: str, part: str, coulomb: tuple[float, float]
+) -> None:
+    robot, rate, cutoff = load_robot(name), 500.0, 5.0
+    sides, targets = [], []
+    for log in logs_of(name, PENDULUM, part):
+        time = np.arange(log.time[0], log.time[-1], 1.0 / rate)
+        position = low_pass(channels(log, robot, "position", time), rate, cutoff)
+        measured = channels(log, robot, "velocity", time)
+        velocity = low_pass(measured, rate, cutoff)
+        motion = Motion(position, velocity, np.gradient(velocity, 1.0 / rate, axis=0))
+        torque = low_pass(channels(log, robot, "motor_torque", time), rate, cutoff)
+        sign = low_pass(np.tanh(measured / 0.05), rate, cutoff)
+        thin = slice(100, -100, 25)
+        targets.append((torque - link_torque(robot, motion))[thin])
+        sides.append(np.stack([sign, motion.acceleration], axis=2)[thin])
+    target, side = np.concatenate(targets), np.concatenate(sides)
+    for joint in range(2):
+        found, *_ = np.linalg.lstsq(side[:, joint], target[:, joint], rcond=None)
+        left = target[:, joint] - side[:, joint] @ found
+        assert found[0] == pytest.approx(coulomb[joint], rel=0.35)
+        assert np.sqrt(np.mean(left**2)) < 0.85 * np.sqrt(np.mean(target[:, joint] ** 2))
+
+
+def test_emps_log_holds_the_published_identification() -> None:
+    (log,) = logs_of("emps", DATA / "emps" / "emps_estimation.parquet")
+    rate = 1000.0
+    position = low_pass(log.columns["slide.position"], rate, 40.0)
+    velocity = np.gradient(position, log.time)
+    acceleration = np.gradient(velocity, log.time)
+    one = np.ones_like(velocity)
+    side = np.stack([acceleration, velocity, np.sign(velocity), one], axis=1)
+    side = low_pass(side, rate, 10.0)[200:-200:20]
+    force = low_pass(log.columns["slide.motor_torque"], rate, 10.0)[200:-200:20]
+    found, *_ = np.linalg.lstsq(side, force, rcond=None)
+    assert found == pytest.approx([95.1089, 203.5034, 20.3935, -3.1648], rel=0.02)
+    # Load-dependent loss is not there: its coefficient is within one percent of nothing.
+    load = low_pass(95.1089 * np.abs(acceleration) * np.sign(velocity), rate, 10.0)[200:-200:20]
+    wider, *_ = np.linalg.lstsq(np.column_stack([side, load]), force, rcond=None)
+    assert abs(wider[-1]) < 0.015
+
+
+def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
+    (log,) = logs_of("staubli_tx40", DATA / "staubli_tx40" / "tx40.parquet")
+    robot = load_robot("staubli_tx40")
+    gears, rate = robot.transmission, 5000.0
+    position = low_pass(channels(log, robot, "position", log.time), rate, 50.0)
+    rotors = channels(log, robot, "rotor_position", log.time)
+    # Zero positions shift the motors by a constant only.
+    model = position @ gears.motor_from_joint.T * gears.gear_ratio
+    assert np.ptp(model - low_pass(rotors, rate, 50.0), axis=0).max() < 1e-3
+
+    thin = slice(250, -250, 50)
+    velocity = np.gradient(position, 1.0 / rate, axis=0)
+    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
+    motion = Motion(position[thin], velocity[thin], acceleration[thin])
+    needed, _ = rotor_torque(robot, motion, link_torque(robot, motion))
+    measured = low_pass(channels(log, robot, "rotor_torque", log.time), rate, 50.0)[thin]
+    residual = (measured - needed) * gears.gear_ratio
+    psi = motion.velocity @ gears.motor_from_joint.T
+    published = {0: (8.05, 7.14), 1: (5.53, 8.26), 2: (1.97, 6.34), 3: (1.11, 2.48)}
+    for joint, (viscous, coulomb) in published.items():
+        side = np.column_stack([psi[:, joint], np.tanh(psi[:, joint] / 0.02), np.ones(len(psi))])
+        found, *_ = np.linalg.lstsq(side, residual[:, joint], rcond=None)
+        assert found[0] == pytest.approx(viscous, rel=0.1)
+        assert found[1] == pytest.approx(coulomb, rel=0.15)
+    # Motor 6 rubs with its own speed q5' + q6', not with that of joint 6 (published 0.282 of 2.23).
+    side = np.column_stack(
+        [
+            psi[:, 5],
+            motion.velocity[:, 5],
+            np.tanh(psi[:, 5] / 0.02),
+            np.tanh(motion.velocity[:, 5] / 0.02),
+        ]
+    )
+    found, *_ = np.linalg.lstsq(side, residual[:, 5], rcond=None)
+    assert found[2] == pytest.approx(1.95, rel=0.2)
+    assert abs(found[3]) < 0.5
