@@ -1,6 +1,6 @@
 """The controller's problem written down a second time, as the paper states it.
 
-Variables are accelerations, contact forces and rotor torques; the dissipative equation of motion
+Variables are accelerations, contact forces and rotor torques (times the gear ratio); the dissipative equation of motion
 with given directions is the equality, each direction's sign of mesh power an inequality. Nothing
 of `wbc.control` assembles it.
 """
@@ -53,7 +53,7 @@ def solve_in_directions(
     b = np.zeros(nv + k)
     A[:nv, :nv] = equation.inertia
     A[:nv, nv : nv + k] = -J.T
-    A[:nv, nv + k :] = -equation.actuation
+    A[:nv, nv + k :] = -equation.actuation / gears.gear_ratio
     b[:nv] = -equation.bias
     A[nv:, :nv] = J
     b[nv:] = -terms.contact_drift[contact_rows] - damping * (J @ v)
@@ -66,13 +66,12 @@ def solve_in_directions(
         row = np.zeros(n)
         row[nv + k + i] = 1.0
         G.extend([row, -row])
-        h.extend([gears.torque_limit[i]] * 2)
+        h.extend([abs(gears.gear_ratio[i]) * gears.torque_limit[i]] * 2)
     if guarded:
         psi = gears.motor_from_joint @ v[robot.actuated]
-        ratio = gears.gear_ratio
         for i in range(m):
             mesh = np.zeros(n)
-            mesh[nv + k + i] = ratio[i]
+            mesh[nv + k + i] = 1.0
             mesh[robot.actuated] -= gears.reflected_inertia[i] * gears.motor_from_joint[i]
             G.append(-directions[i] * np.sign(psi[i]) * mesh)
             h.append(0.0)
@@ -87,7 +86,7 @@ def solve_in_directions(
     if problem.G.shape[0] and (problem.G @ x - problem.h).max() > 1e-6:
         return None
     cost = 0.5 * x @ H @ x + g @ x
-    return cost, x[:nv], x[nv : nv + k], x[nv + k :]
+    return cost, x[:nv], x[nv : nv + k], x[nv + k :] / gears.gear_ratio
 
 
 def _cone(k, start, friction):

@@ -1,7 +1,7 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
 from wbc.control.command import Command, Status
-from wbc.control.contacts import ConeApproximation, Contact, PointContact
+from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
 from wbc.control.controller import Controller, State
 from wbc.control.gears import RestPolicy
 from wbc.control.limits import JointLimit, RotorTorqueLimit
@@ -45,5 +45,6 @@ __all__ = [
     "SpeedBlend",
     "State",
     "Status",
+    "SurfaceContact",
     "Task",
 ]

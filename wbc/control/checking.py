@@ -74,9 +74,9 @@ def check_contact(
     step: float = 1e-5,
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
-    points = tuple(p for p in robot.contacts if p.name in contact.points())
+    points = tuple(robot.contact(name) for name in contact.points())
     lean = replace(robot, contacts=points)
-    bound, nv = contact.bind(lean), robot.model.nv
+    bound, nv = contact.bind(robot, contact.points()), robot.model.nv
     at = _along(lean, position, velocity, acceleration)
     here, ahead, behind = at(0.0), at(step), at(-step)
     jacobian, drift = np.zeros((bound.rows, nv)), np.zeros(bound.rows)

@@ -14,6 +14,7 @@ from wbc.control.qp import INFINITE, QPProblem, QPSolution, QPStatus, Solver, ma
 
 _ACTIVE = 1e-6
 _GUESSES = 3
+_NONE: IntArray = np.zeros(0, dtype=np.int_)
 
 Limits = tuple[FloatArray, FloatArray]
 
@@ -28,6 +29,7 @@ class Found:
         rounds: programs solved.
         solve_time: [s] in the solver.
         proven: whether no other choice of directions can cost less.
+        acceleration: qdd (nv,).
     """
 
     solution: QPSolution
@@ -35,6 +37,7 @@ class Found:
     rounds: int
     solve_time: float
     proven: bool
+    acceleration: FloatArray
 
 
 class DirectionSearch:
@@ -94,14 +97,14 @@ class DirectionSearch:
             output = program.output_torque(solution.x)
             turned = self._turned(positive, output, slopes, limits, solution)
             if not turned.any():
-                contested = self._contested(positive, slopes, solution)
+                contested = self._contested(slopes, solution)
                 if not contested.size:
                     return self._found(solution, True)
                 return self._branch(slopes, limits, solution, contested, positive)
             positive = np.where(turned, ~positive, positive)
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
             return self._found(solution, False)
-        return self._branch(slopes, limits, None, np.zeros(0, dtype=np.int_), positive, solution)
+        return self._branch(slopes, limits, None, _NONE, positive, solution)
 
     def _make(self, rows: int) -> Solver:
         return make_solver(
@@ -122,7 +125,8 @@ class DirectionSearch:
 
     def _found(self, solution: QPSolution, proven: bool) -> Found:
         output = self.program.output_torque(solution.x)
-        return Found(solution, output, self._count, self._spent, proven)
+        acceleration = solution.x[: self.program.nv].copy()
+        return Found(solution, output, self._count, self._spent, proven, acceleration)
 
     def _torque(self, solution: QPSolution, slopes: Slopes) -> tuple[FloatArray, FloatArray]:
         """Return T (m,) and N tau_phi (m,) at a solution by the mesh law."""
@@ -155,11 +159,12 @@ class DirectionSearch:
         slack = 1e-5 * (1.0 + np.abs(torque))
         return np.asarray((torque < limits[0] - slack) | (torque > limits[1] + slack))
 
-    def _contested(self, positive: BoolArray, slopes: Slopes, solution: QPSolution) -> IntArray:
+    def _contested(self, slopes: Slopes, solution: QPSolution) -> IntArray:
         """Return the gears at a limit on the side where the allowed set is a union."""
         program = self.program
-        push = solution.z[program.torque_rows]
-        gears = program.gears
+        push, gears = solution.z[program.torque_rows], program.gears
+        if not push.any():
+            return _NONE
         convex = slopes.positive[gears] > slopes.negative[gears]
         concave = slopes.positive[gears] < slopes.negative[gears]
         return np.asarray(gears[(convex & (push < -_ACTIVE)) | (concave & (push > _ACTIVE))])

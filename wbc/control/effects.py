@@ -23,6 +23,16 @@ class EffectTorques:
         self._drive = tuple(reversed(_overriding(robot.effects, "drive_inverse")))
         self._truth = tuple(reversed(_overriding(robot.effects, "true")))
 
+    @property
+    def act_on_joints(self) -> bool:
+        """Whether any effect puts torque on the coordinates."""
+        return bool(self._smooth or self._dry)
+
+    @property
+    def act_on_rotors(self) -> bool:
+        """Whether any effect adds torque on the rotors."""
+        return bool(self._rotor)
+
     def true_motion(self, motion: Motion) -> Motion:
         """Return the motion behind what the encoders report."""
         for effect in self._truth:

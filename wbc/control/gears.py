@@ -94,11 +94,9 @@ class GearLaw:
         FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all
         within 1e-6 of the largest torque.
         """
-        low, high = mesh_input_interval(
-            output, self._gears.forward_efficiency, self._gears.backward_efficiency
-        )
         forward, backward = self._forward * output, self._backward * output
-        low = np.where(directions > 0, forward, np.where(directions < 0, backward, low))
-        high = np.where(directions > 0, forward, np.where(directions < 0, backward, high))
+        ahead, astern = directions > 0.0, directions < 0.0
+        low = np.where(ahead, forward, np.where(astern, backward, np.minimum(forward, backward)))
+        high = np.where(ahead, forward, np.where(astern, backward, np.maximum(forward, backward)))
         slack = 1e-6 * (1.0 + float(np.abs(output).max(initial=0.0)))
-        return bool(np.all(mesh_input >= low - slack) and np.all(mesh_input <= high + slack))
+        return bool((mesh_input >= low - slack).all() and (mesh_input <= high + slack).all())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pinocchio as pin
 
@@ -92,6 +94,7 @@ class ContactForceProgram:
             self.C[np.arange(m + faces + normals, total), self.joint_limit.rows] = 1.0
             labels += [f"joint limit of '{joint}'" for joint in self.joint_limit.joints]
         self.row_labels = tuple(labels)
+        self._write_normal_bounds(None)
 
     @property
     def problem(self) -> QPProblem:
@@ -147,17 +150,34 @@ class ContactForceProgram:
             self.upper[rows] = (upper - offset)[self.gears]
 
     def assemble_limits(
-        self, position: FloatArray, velocity: FloatArray, step: float, normal_limit: FloatArray
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        step: float,
+        ceilings: Mapping[str, float] | None,
     ) -> None:
-        """Write the bounds of normal forces (c,) [N] and of joint accelerations."""
-        set_ = self.contacts
-        top = np.minimum(set_.normal_maximum, normal_limit)
-        self.lower[self.normal_rows] = np.minimum(set_.normal_minimum, top) / FORCE_SCALE
-        self.upper[self.normal_rows] = np.minimum(top / FORCE_SCALE, INFINITE)
+        """Write the bounds of normal forces and of joint accelerations.
+
+        Args:
+            position, velocity: q (nq,) and v (nv,).
+            step: time until the next tick [s].
+            ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
+        """
+        if ceilings is not None or self._ramped:
+            self._write_normal_bounds(ceilings)
         if self.joint_limit is not None:
             low, high = self.joint_limit.bounds(position, velocity, step)
             self.lower[self.joint_rows] = low
             self.upper[self.joint_rows] = high
+
+    def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
+        set_ = self.contacts
+        top = set_.normal_maximum
+        if ceilings is not None:
+            top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
+        self.lower[self.normal_rows] = np.minimum(set_.normal_minimum, top) / FORCE_SCALE
+        self.upper[self.normal_rows] = np.minimum(top / FORCE_SCALE, INFINITE)
+        self._ramped = ceilings is not None
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""

@@ -37,7 +37,8 @@ class TaskStack:
             np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
             for task, size in zip(self.tasks, sizes, strict=True)
         ]
-        self._roots = [np.sqrt(weight)[:, None] for weight in self._weights]
+        self._roots = [np.sqrt(weight) for weight in self._weights]
+        self._columns = [root[:, None] for root in self._roots]
         self._slices: list[slice] = []
         total = 0
         for size, selection in zip(sizes, self._selections, strict=True):
@@ -73,16 +74,12 @@ class TaskStack:
                 wanted = task.command(kinematics, reference, velocity[selection])
                 self.pull[selection] += weight * wanted
                 continue
-            rows = self._slices[i]
-            block = self.matrix[rows]
-            np.multiply(task.jacobian(kinematics), self._roots[i], out=block)
-            jacobian_rate = block @ velocity
-            root = self._roots[i][:, 0]
-            rate = np.divide(jacobian_rate, root, out=np.zeros_like(root), where=root > 0.0)
-            wanted = task.command(kinematics, reference, rate)
+            rows, root = self._slices[i], self._roots[i]
+            jacobian = task.jacobian(kinematics)
+            wanted = task.command(kinematics, reference, jacobian @ velocity)
             wanted -= task.drift(kinematics)
-            wanted *= root
-            self.target[rows] = wanted
+            np.multiply(wanted, root, out=self.target[rows])
+            np.multiply(jacobian, self._columns[i], out=self.matrix[rows])
 
     def violation(self, acceleration: FloatArray) -> dict[str, float]:
         """Return how far each task is from what it wants, |J qdd - target| in its own units."""
@@ -95,7 +92,7 @@ class TaskStack:
             else:
                 rows = self._slices[i]
                 gap = np.abs(self.matrix[rows] @ acceleration - self.target[rows])
-                scale = self._roots[i][:, 0]
+                scale = self._roots[i]
             values = np.divide(gap, scale, out=np.zeros_like(gap), where=scale > 0.0)
             result[task.name] = float(values.max(initial=0.0))
         return result

@@ -58,11 +58,11 @@ class RotorTorqueStage:
         wanted = slopes.at(output > 0.0) * output
         torque = wanted + share
         lower, upper = limits
-        if np.all(torque >= lower) and np.all(torque <= upper):
+        clipped = np.minimum(np.maximum(torque, lower), upper)
+        if (clipped == torque).all():
             return torque, wanted
         if self._serial:
-            torque = np.minimum(np.maximum(torque, lower), upper)
-            return torque, torque - share
+            return clipped, clipped - share
         return self._coupled(output, wanted, share, sigma, slopes, limits)
 
     def _coupled(

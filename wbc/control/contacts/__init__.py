@@ -3,5 +3,6 @@
 from wbc.control.contacts.contact import BoundContact, Cone, Contact
 from wbc.control.contacts.friction import ConeApproximation
 from wbc.control.contacts.point import PointContact
+from wbc.control.contacts.surface import SurfaceContact
 
-__all__ = ["BoundContact", "Cone", "ConeApproximation", "Contact", "PointContact"]
+__all__ = ["BoundContact", "Cone", "ConeApproximation", "Contact", "PointContact", "SurfaceContact"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -43,7 +44,7 @@ class PointContact(Contact):
         """Return its own name."""
         return (self.name,)
 
-    def bind(self, robot: Robot) -> BoundPoint:
+    def bind(self, robot: Robot, read: Sequence[str]) -> BoundPoint:
         """Return the contact with its movable axes and its cone.
 
         Raises:
@@ -70,7 +71,7 @@ class PointContact(Contact):
             rows=len(axes),
             cone=cone,
             axes=frozen(axes, np.int_),
-            select=frozen([3 * index + axis for axis in axes], np.int_),
+            select=frozen([3 * read.index(self.name) + axis for axis in axes], np.int_),
         )
 
 
