@@ -71,7 +71,8 @@ def best_contacts(
 ) -> FloatArray:
     """Return the `count` rows of `contacts` whose deflection explains a torque best.
 
-    All contacts on all logs are integrated side by side, over the seconds of each log in which
+    None is returned for a link without inertia about the joint (modelled as a point on its axis):
+    nothing would swing behind the gear. All contacts on all logs are integrated side by side, over the seconds of each log in which
     most is unexplained.
 
     Args:
@@ -82,6 +83,8 @@ def best_contacts(
         duration: [s] of each log to use.
     """
     row, step = responses[0].row, responses[0].step
+    if min(float(np.min(response.inertia[:, row])) for response in responses) <= 0.0:
+        return contacts[:0]
     length = min(int(duration / step), *(len(torque) for torque in torques))
     starts = [_busiest(torque[:, row], length) for torque in torques]
     parts = [slice(start, start + length) for start in starts]
