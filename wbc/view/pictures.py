@@ -19,6 +19,7 @@ from wbc.files import atomic_write
 from wbc.view.browser import HeadlessBrowser
 
 _READY = "window.player"
+_PALETTE_FRAMES = 8
 
 
 def write_picture(
@@ -115,23 +116,38 @@ def _pictures(browser: HeadlessBrowser, instants: FloatArray) -> Iterator[Image.
 
 
 def _write_gif(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
-    first = next(pictures)
-    # One palette for all frames: no flicker, and unchanged pixels compress away.
-    palette = first.quantize(colors=128, method=Image.Quantize.MEDIANCUT)
-    frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    films = list(pictures)
+    # One palette for all frames: no flicker, and pixels that stay compress away. It is made from
+    # frames all over the film, so that a colour that comes late is in it.
+    sample = films[:: max(1, len(films) // _PALETTE_FRAMES)]
+    width, height = films[0].size
+    mosaic = Image.new("RGB", (width, height * len(sample)))
+    for i, picture in enumerate(sample):
+        mosaic.paste(picture, (0, i * height))
+    palette = _palette(mosaic)
+    frames = [film.quantize(palette=palette, dither=Image.Dither.NONE) for film in films]
 
     def write(file: BinaryIO) -> None:
-        palette.save(
+        frames[0].save(
             file,
             format="GIF",
             save_all=True,
-            append_images=frames,
+            append_images=frames[1:],
             duration=round(1000.0 / frame_rate),
             loop=0,
             optimize=False,
         )
 
     return atomic_write(path, write)
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """Return 256 colours: most for the shades that fill a picture, some for small marks."""
+    shades = picture.quantize(colors=200, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    marks = picture.quantize(colors=56, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(shades[:600] + marks[:168])
+    return palette
 
 
 def _write_mp4(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
