@@ -72,8 +72,8 @@ def best_contacts(
     """Return the `count` rows of `contacts` whose deflection explains a torque best.
 
     None is returned for a link without inertia about the joint (modelled as a point on its axis):
-    nothing would swing behind the gear. All contacts on all logs are integrated side by side, over the seconds of each log in which
-    most is unexplained.
+    nothing would swing behind the gear. All contacts on all logs are integrated side by side, over
+    the seconds of each log in which most is unexplained.
 
     Args:
         responses: of the joint, one per log.
