@@ -11,25 +11,28 @@ from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
+_LEAST = 0.05  # share of the torque that is always left
+
 
 @final
 @dataclass(frozen=True)
 class ThermalDrift(JointEffect):
-    """The delivered torque falls by `drop` as the motor warms up: 1 - drop (1 - exp(-t/tau)).
+    """The delivered torque falls as the motor warms up: 1 - rate tau (1 - exp(-t/tau)).
 
-    t counts from the start of the log. A negative drop is a motor that grows stronger.
+    t counts from the start of the log. A negative rate is a motor that grows stronger; a time
+    constant much longer than the log is a steady drift.
 
     Attributes:
-        drop: share of the torque lost when warm.
+        rate: share of the torque lost per second at the start [1/s].
         time_constant: tau [s].
     """
 
-    drop: float
+    rate: float
     time_constant: float
 
     name: ClassVar[str] = "thermal_drift"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("drop", "1", 0.0, -0.9, 0.9, 0.05),
+        Parameter("rate", "1/s", 0.0, -10.0, 10.0, 0.005),
         Parameter("time_constant", "s", 60.0, 0.1, 1e5, 10.0, shape=True),
     )
     explanation: ClassVar[str] = (
@@ -50,8 +53,8 @@ class ThermalDrift(JointEffect):
         length = max(float(time[-1] - time[0]) for time in times)
 
         def screen(tau: float) -> Screen:
-            unit = {"drop": 0.001, "time_constant": tau}
-            return Screen((unit,), lambda c: {"drop": 0.001 * float(c[0]), "time_constant": tau})
+            unit = {"rate": 1e-5, "time_constant": tau}
+            return Screen((unit,), lambda c: {"rate": 1e-5 * float(c[0]), "time_constant": tau})
 
         return tuple(screen(float(np.clip(s * length, 0.1, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
 
@@ -65,7 +68,9 @@ class ThermalDrift(JointEffect):
 
     def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
         time = np.zeros(motion.velocity.shape[:-1]) if motion.time is None else motion.time
-        warm = -np.expm1(-np.asarray(time) / self.time_constant)
+        warm = -self.time_constant * np.expm1(-np.asarray(time) / self.time_constant)
         factor = np.ones((*np.shape(time), robot.transmission.size))
-        factor[..., robot.transmission.index(self.where)] = 1.0 - self.drop * warm
+        factor[..., robot.transmission.index(self.where)] = np.maximum(
+            1.0 - self.rate * warm, _LEAST
+        )
         return factor

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 
 _RIDGE = 1e-10
+_RIDGE_HELD_OUT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,10 @@ class DesignMatrix:
             return total / float(self.count.sum())
         gram = self.gram[:, index[:, None], index[None, :]]
         moment = self.moment[:, index]
-        rest = _solve(gram.sum(axis=0) - gram, moment.sum(axis=0) - moment)
+        whole = gram.sum(axis=0)
+        # A column that only the held-out fold knows must not be extrapolated from nothing.
+        shrink = _RIDGE_HELD_OUT * np.diag(np.diag(whole))
+        rest = _solve(whole - gram + shrink, moment.sum(axis=0) - moment)
         explained = 2.0 * np.einsum("ki,ki->", rest, moment)
         model = np.einsum("ki,kij,kj->", rest, gram, rest)
         return float((total - explained + model) / self.count.sum())

@@ -17,11 +17,13 @@ from wbc.identification.diagnosis import (
 )
 from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
+from wbc.identification.remainder import describe_remainder
 from wbc.identification.selection import Model, Selector
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
+_DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 # A link that bounces in its play is chaotic: no simulation follows it for long.
 _UNEXPLAINED_SHARE_SIMULATED = 0.3
 _UNEXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
@@ -54,7 +56,7 @@ def diagnose(
     alternatives: Sequence[tuple[str, ...]] = [() for _ in final.effects]
     if not unexplained(before, final):
         final, alternatives = selector.settle(final, path[0])
-    verdict = judge(before, final, alternatives)
+    verdict = judge(problem, before, final, alternatives)
     findings = _findings(problem, final, alternatives)
     return Diagnosis(
         verdict=verdict,
@@ -67,7 +69,7 @@ def diagnose(
             floor_source=problem.floor.source,
         ),
         steps=_steps(selector, final, path),
-        remainder="",
+        remainder=describe_remainder(problem, final.fit) if verdict == "unknown" else "",
         robot=final.fit.robot,
     )
 
@@ -103,12 +105,14 @@ def unexplained(before: float, final: Model) -> bool:
     return bool(left > max(_UNEXPLAINED_FLOOR, share * first))
 
 
-def judge(before: float, final: Model, alternatives: Sequence[Sequence[str]]) -> Verdict:
+def judge(
+    problem: Problem, before: float, final: Model, alternatives: Sequence[Sequence[str]]
+) -> Verdict:
     """Return the verdict from held-out errors (mean squares in floors)."""
     if unexplained(before, final):
         return "unknown"
     if not final.effects:
-        return "none"
+        return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
     return "ambiguous" if any(alternatives) else "named"
 
 
@@ -150,6 +154,11 @@ def _same(one: Sequence[Effect], other: Sequence[Effect]) -> bool:
 def _next_experiment(verdict: Verdict, findings: Sequence[Finding]) -> str:
     if verdict == "none":
         return "Nothing is missing on these logs; record faster or loaded motions to look further."
+    if verdict == "not_repeatable":
+        return (
+            "Runs that should repeat one another do not: check what changed between them "
+            "(temperature, mounting, payload, supply) and record one motion several times."
+        )
     if verdict == "unknown":
         return (
             "No known effect explains what is left. Repeat one run exactly, then move one joint "

@@ -15,6 +15,7 @@ from wbc.robot import Effect, Parameter, Robot
 
 _ITERATIONS = 12
 _CONVERGED = 1e-4
+_KNOWS_NOTHING = 1e-2  # share of the information of all rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +74,17 @@ class Fit:
         return squares
 
     def step(self, rows: FloatArray | IntArray) -> FloatArray:
-        """Return the Gauss-Newton step (p,) on a choice of rows."""
-        a = self.jacobian[rows].reshape(-1, len(self.parameters))
-        return _least_squares(a, -self.residual[rows].ravel())
+        """Return the Gauss-Newton step (p,) on a choice of rows.
+
+        Directions about which those rows know next to nothing compared with all rows stay put;
+        else a clipping limit that only one block reached would fly away on the others.
+        """
+        p = len(self.parameters)
+        norm = np.sqrt(np.sum(self.jacobian**2, axis=(0, 1)))
+        norm = np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
+        a = self.jacobian[rows].reshape(-1, p) / norm
+        gram = a.T @ a + _KNOWS_NOTHING * np.eye(p)
+        return np.asarray(np.linalg.solve(gram, -(a.T @ self.residual[rows].ravel())) / norm)
 
 
 def refine(

@@ -36,6 +36,11 @@ class NoiseFloor:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
+    def excess(self) -> float:
+        """How many times the floor exceeds what the sensors explain, at the worst output."""
+        return float(np.sqrt(np.max(np.diag(self.covariance) / np.diag(self.sensors))))
+
+    @property
     def whitening(self) -> FloatArray:
         """W (m + b, m + b): residual @ W has unit covariance where there is only noise.
 

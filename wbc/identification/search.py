@@ -123,5 +123,7 @@ class BeamSearch:
             known = places.get(atom.where)
             if known is None or self.error((k,)) < self.error((known,)):
                 places[atom.where] = k
-        groups = [sorted(places.values(), key=lambda k: self.error((k,))) for places in best.values()]
+        groups = [
+            sorted(places.values(), key=lambda k: self.error((k,))) for places in best.values()
+        ]
         return [tuple(group) for group in groups if len(group) > 1]

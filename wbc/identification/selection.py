@@ -16,6 +16,7 @@ from wbc.robot import Effect
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
+_SYSTEMATIC_SIMULATED = 0.1  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
 _REFINED = 6
 _EXCHANGES = 3
@@ -87,7 +88,9 @@ class Selector:
         if not self.problem.significant(small.squares, large.squares):
             return False
         by_output = np.mean(small.squares - large.squares, axis=0)
-        distorted = _SYSTEMATIC**2 * np.mean(first.squares, axis=0)
+        simulated = any(type(e).deflection is not Effect.deflection for e in small.effects)
+        share = _SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
+        distorted = share**2 * np.mean(first.squares, axis=0)
         return float(np.mean(np.maximum(by_output - distorted, 0.0))) > _LEAST_GAIN
 
     def run(self) -> list[Model]:
