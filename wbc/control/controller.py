@@ -195,9 +195,14 @@ class Controller:
         if not status.usable:
             return self._safe(motion, status, message, start, found)
         share = self._plant.rotor @ found.acceleration + self._plant.rotor_bias
-        torque, mesh = self._stage.solve(found.output, share, sigma, slopes, limits)
+        torque, mesh, exact = self._stage.solve(found.output, share, sigma, slopes, limits)
         self._remember(motion, found, torque)
-        return self._command(motion, program, found, torque, mesh, sigma, expected, start)
+        directions = self._law.directions(found.output, sigma)
+        consistent = exact or self._law.consistent(directions, found.output, mesh)
+        outcome = (status, message, directions, consistent)
+        return self._command(
+            motion, program, found, torque, mesh * expected, expected, outcome, start
+        )
 
     def _judge_speeds(
         self, terms: Terms, motion: Motion
@@ -225,15 +230,14 @@ class Controller:
         program: ContactForceProgram,
         found: Found,
         torque: FloatArray,
-        mesh: FloatArray,
-        sigma: FloatArray,
+        power: FloatArray,
         expected: FloatArray,
+        outcome: tuple[Status, str, FloatArray, bool],
         start: float,
     ) -> Command:
         forces = found.solution.x[program.nv :] * FORCE_SCALE
         set_ = program.contacts
-        directions = self._law.directions(found.output, sigma)
-        status, message = _judged(found, program)
+        status, message, directions, consistent = outcome
         elapsed = perf_counter() - start
         deadline = self.settings.deadline
         if deadline is not None and elapsed > deadline:
@@ -246,9 +250,9 @@ class Controller:
                 for contact, rows in zip(set_.contacts, set_.slices, strict=True)
             },
             directions=directions,
-            consistent=self._law.consistent(directions, found.output, mesh),
+            consistent=consistent,
             output_torque=found.output,
-            mesh_power=mesh * expected,
+            mesh_power=power,
             expected_speed=expected,
             status=status,
             message=message,

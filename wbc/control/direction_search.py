@@ -99,7 +99,7 @@ class DirectionSearch:
             if not turned.any():
                 contested = self._contested(slopes, solution)
                 if not contested.size:
-                    return self._found(solution, True)
+                    return self._found(solution, True, output)
                 return self._branch(slopes, limits, solution, contested, positive)
             positive = np.where(turned, ~positive, positive)
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
@@ -123,8 +123,9 @@ class DirectionSearch:
         self._count += 1
         return solution
 
-    def _found(self, solution: QPSolution, proven: bool) -> Found:
-        output = self.program.output_torque(solution.x)
+    def _found(self, solution: QPSolution, proven: bool, output: FloatArray | None = None) -> Found:
+        if output is None:
+            output = self.program.output_torque(solution.x)
         acceleration = solution.x[: self.program.nv].copy()
         return Found(solution, output, self._count, self._spent, proven, acceleration)
 
@@ -144,9 +145,10 @@ class DirectionSearch:
         solution: QPSolution,
     ) -> BoolArray:
         """Return the gears (m,) whose guess was wrong in a way that changes the solution."""
-        wrong = ((output > 0.0) != positive) & (slopes.positive != slopes.negative)
+        wrong = (output > 0.0) != positive
         if not wrong.any():
             return np.asarray(wrong)
+        wrong &= slopes.positive != slopes.negative
         program = self.program
         beyond = self._beyond(solution, slopes, limits)
         pushing = np.zeros(len(output), dtype=bool)

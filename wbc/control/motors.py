@@ -7,6 +7,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.effects import EffectTorques
 from wbc.control.limits import RotorTorqueLimit
+from wbc.control.selection import as_rows
 from wbc.robot import Motion, Robot
 
 TorqueBounds = tuple[FloatArray, FloatArray]
@@ -27,6 +28,7 @@ class Motors:
         gears = robot.transmission
         self._robot, self._limit, self._effects = robot, limit, effects
         self._ratio = gears.gear_ratio
+        self._rows = as_rows(robot.actuated_position)
         self._inverse_ratio = 1.0 / gears.gear_ratio
         direct = bool(np.array_equal(gears.topology, np.eye(gears.size)))
         self._from_joints = None if direct else gears.motor_from_joint
@@ -41,8 +43,8 @@ class Motors:
 
     def position(self, motion: Motion) -> FloatArray:
         """Return psi (m,) [rad]."""
-        driven = motion.position[self._robot.actuated_position]
-        return driven if self._from_joints is None else self._from_joints @ driven
+        driven = motion.position[self._rows]
+        return driven.copy() if self._from_joints is None else self._from_joints @ driven
 
     def bounds(self, motion: Motion, speed: FloatArray) -> TorqueBounds:
         """Return what the motors may give to the gears at motor speeds dpsi (m,) [rad/s]."""

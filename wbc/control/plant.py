@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
+from wbc.control.selection import as_rows
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot
 
@@ -34,8 +35,8 @@ class Plant:
         """Precompute what does not change with the state."""
         gears = robot.transmission
         self.robot = robot
-        self.driven = _as_slice(robot.actuated)
-        self.undriven = _as_slice(robot.unactuated)
+        self.driven = as_rows(robot.actuated)
+        self.undriven = as_rows(robot.unactuated)
         self.topology = None if _is_identity(gears.topology) else gears.topology
         self.motor_from_joint = None if self.topology is None else gears.motor_from_joint
         self.rotor = np.zeros((gears.size, robot.model.nv))
@@ -90,13 +91,6 @@ class Plant:
         self.rotor = self._rotor_own + ratio[:, None] * coupling.inertia
         own = ratio * coupling.rotor_bias
         self.rotor_bias = self.rotor_bias + own if self._rotors_rub else own
-
-
-def _as_slice(rows: IntArray) -> slice | IntArray:
-    """Return the rows as a slice where they are consecutive: views instead of copies."""
-    if rows.size and np.array_equal(rows, np.arange(rows[0], rows[0] + rows.size)):
-        return slice(int(rows[0]), int(rows[0]) + int(rows.size))
-    return rows
 
 
 def _is_identity(matrix: FloatArray) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class TaskStack:
         self.diagonal = np.zeros(nv)
         for selection, weight in zip(self._selections, self._weights, strict=True):
             if selection is not None:
-                np.add.at(self.diagonal, selection, weight)
+                self.diagonal[selection] += weight
         self.pull = np.zeros(nv)
         self._last: dict[str, Reference] = {}
 
@@ -105,7 +106,7 @@ class TaskStack:
             reference = self._last.get(task.name, _NOTHING)
         if reference.position is None:
             held = self._last.get(task.name)
-            position = task.value(kinematics) if held is None else held.position
+            position = copy(task.value(kinematics)) if held is None else held.position
             reference = Reference(position, reference.velocity, reference.acceleration)
         self._last[task.name] = reference
         return reference

@@ -45,8 +45,8 @@ class RotorTorqueStage:
         sigma: FloatArray,
         slopes: Slopes,
         limits: tuple[FloatArray, FloatArray],
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return N tau_phi (m,) and the mesh input t (m,) [N m].
+    ) -> tuple[FloatArray, FloatArray, bool]:
+        """Return N tau_phi (m,), the mesh input t (m,) [N m], and whether no limit bent them.
 
         Args:
             output: T wanted (m,) [N m].
@@ -60,10 +60,10 @@ class RotorTorqueStage:
         lower, upper = limits
         clipped = np.minimum(np.maximum(torque, lower), upper)
         if (clipped == torque).all():
-            return torque, wanted
+            return torque, wanted, True
         if self._serial:
-            return clipped, clipped - share
-        return self._coupled(output, wanted, share, sigma, slopes, limits)
+            return clipped, clipped - share, False
+        return *self._coupled(output, wanted, share, sigma, slopes, limits), False
 
     def _coupled(
         self,

@@ -5,14 +5,16 @@ from __future__ import annotations
 from wbc.errors import ControlError
 
 
-def axis_rows(axes: str, task: str) -> list[int]:
-    """Return the rows that the letters of `axes` name.
+def axis_rows(axes: str, task: str) -> slice:
+    """Return the rows that the letters of `axes` name, as a slice: views instead of copies.
 
     Raises:
-        ControlError: no letter, a letter other than x, y, z, or one twice.
+        ControlError: no letter, one other than x, y, z, one twice, or not in this order.
     """
-    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set("xyz"):
+    rows = ["xyz".find(letter) for letter in axes]
+    if not rows or min(rows) < 0 or any(a >= b for a, b in zip(rows, rows[1:], strict=False)):
         raise ControlError(
-            f"task '{task}': axes must be some of 'x', 'y', 'z', each once, got '{axes}'."
+            f"task '{task}': axes must be some of 'x', 'y', 'z' in this order, got '{axes}'."
         )
-    return ["xyz".index(letter) for letter in axes]
+    step = rows[1] - rows[0] if len(rows) > 1 else 1
+    return slice(rows[0], rows[-1] + 1, step)

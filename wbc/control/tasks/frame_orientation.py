@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
 from wbc.control.tasks.axes import axis_rows
@@ -32,12 +32,12 @@ class FrameOrientationTask(Task):
 
     frame: str
     axes: str = "xyz"
-    _rows: IntArray = field(init=False, repr=False)
+    _rows: slice = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the axes."""
         super().__post_init__()
-        object.__setattr__(self, "_rows", frozen(axis_rows(self.axes, self.name), np.int_))
+        object.__setattr__(self, "_rows", axis_rows(self.axes, self.name))
 
     def check(self, robot: Robot) -> int:
         """Return the number of axes."""

@@ -7,9 +7,10 @@ from typing import final
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, frozen
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
+from wbc.control.selection import Rows, as_rows
 from wbc.control.tasks.task import Task
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -28,8 +29,8 @@ class PostureTask(Task):
 
     name: str = "posture"
     joints: tuple[str, ...]
-    _positions: IntArray = field(repr=False)
-    _velocities: IntArray = field(repr=False)
+    _positions: Rows = field(repr=False)
+    _velocities: Rows = field(repr=False)
     _jacobian: FloatArray = field(repr=False)
     _drift: FloatArray = field(repr=False)
 
@@ -68,8 +69,8 @@ class PostureTask(Task):
             damping=damping,
             level=level,
             joints=names,
-            _positions=frozen([robot.position_index(joint) for joint in names], np.int_),
-            _velocities=frozen(rows, np.int_),
+            _positions=as_rows(frozen([robot.position_index(j) for j in names], np.int_)),
+            _velocities=as_rows(frozen(rows, np.int_)),
             _jacobian=frozen(jacobian),
             _drift=frozen(np.zeros(len(rows))),
         )
@@ -96,6 +97,6 @@ class PostureTask(Task):
         """Return zeros, (k,)."""
         return self._drift
 
-    def selection(self, robot: Robot) -> IntArray:
+    def selection(self, robot: Robot) -> Rows:
         """Return the joints' velocity rows."""
         return self._velocities

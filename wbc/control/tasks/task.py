@@ -8,9 +8,10 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Reference, Target
+from wbc.control.selection import Rows
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
@@ -76,7 +77,7 @@ class Task(ABC):
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return dJ/dt v (k,)."""
 
-    def selection(self, robot: Robot) -> IntArray | None:
+    def selection(self, robot: Robot) -> Rows | None:
         """Return the velocity rows that J selects, where it is a selection; None otherwise.
 
         The assembly then adds to a diagonal instead of multiplying matrices.
