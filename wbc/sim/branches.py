@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.sim.elements import Modes, modes_at
+from wbc.sim.elements import Modes, meeting_speed, modes_at
 from wbc.sim.reduced import Reduced
 
 
@@ -22,6 +22,11 @@ class Branches:
         sliding: (k,) which closed contacts slide.
         direction: (k, d) in which the friction of each contact pushes.
         turning: (k,) mu p_n / |p_t - slope u_t| <= 1, how far the direction may turn (d = 2).
+        distance: natural residual (r,) of every row at the point the branches were looked up for,
+            as a speed; zero exactly at a solution. The line of slope `reduced.slope` through
+            (speed, impulse) meets a monotone law in one point, and this is how far away it is; for
+            contacts it is Alart and Curnier's map, the normal projected onto the half line, the
+            tangents onto the disc of radius mu p_n.
     """
 
     modes: Modes
@@ -29,30 +34,42 @@ class Branches:
     sliding: BoolArray
     direction: FloatArray
     turning: FloatArray
+    distance: FloatArray
 
-    def key(self) -> bytes:
-        """Return what tells one set of linear pieces from another."""
-        d = self.direction
-        signs = d if d.shape[1] == 1 else np.zeros(0)
-        parts = (self.modes.sign, self.modes.gain, self.closed, self.sliding, signs)
-        return b"".join(part.tobytes() for part in parts)
+    @property
+    def worst(self) -> float:
+        """Largest distance of a row from its law."""
+        return float(np.abs(self.distance).max(initial=0.0))
 
 
 def branches_at(reduced: Reduced, impulse: FloatArray, speed: FloatArray) -> Branches:
-    """Return the branches met by the lines impulse - slope speed through a point."""
-    program, m = reduced.program, reduced.elements
-    point = impulse - reduced.slope * speed
-    modes = modes_at(program.elements, point[:m], reduced.slope[:m])
-    normal = reduced.normal_rows
-    push = point[normal] + reduced.slope[normal] * program.unilateral.target
-    closed = push > 0.0
+    """Return the branches met by the lines of slope `reduced.slope` through (speed, impulse)."""
+    elements, slope, m = reduced.program.elements, reduced.slope, reduced.elements
+    point = impulse - slope * speed
+    modes = modes_at(elements, point[:m], slope[:m])
+    distance = np.empty(len(point))
+    distance[:m] = meeting_speed(elements, modes, point[:m], slope[:m]) - speed[:m]
     k, d = reduced.contacts, reduced.tangents
-    friction = point[reduced.tangent_rows].reshape(k, d)
+    if len(point) == m:
+        none = np.zeros(0, dtype=bool)
+        return Branches(modes, none, none, np.zeros((k, d)), np.zeros(k), distance)
+    unilateral, normal = reduced.program.unilateral, reduced.normal_rows
+    push = point[normal] + slope[normal] * unilateral.target
+    closed = push > 0.0
+    pressed = np.maximum(push, 0.0)
+    distance[normal] = (pressed - impulse[normal]) / slope[normal]
+    if k == 0:
+        return Branches(modes, closed, closed[:0], np.zeros((k, d)), np.zeros(k), distance)
+    tangent = reduced.tangent_rows
+    friction = point[tangent].reshape(k, d)
     size = np.sqrt((friction * friction).sum(axis=1))
-    bound = program.unilateral.friction * np.maximum(push[reduced.limits :], 0.0)
+    bound = unilateral.friction * pressed[reduced.limits :]
     sliding = closed[reduced.limits :] & (size >= bound)
     safe = np.where(size > 0.0, size, 1.0)
-    return Branches(modes, closed, sliding, friction / safe[:, None], bound / safe)
+    share = bound / safe
+    kept = friction * np.where(size > bound, share, 1.0)[:, None]
+    distance[tangent] = (kept.ravel() - impulse[tangent]) / slope[tangent]
+    return Branches(modes, closed, sliding, friction / safe[:, None], share, distance)
 
 
 def solve_branches(reduced: Reduced, branches: Branches, anchor: FloatArray) -> FloatArray | None:
@@ -63,13 +80,13 @@ def solve_branches(reduced: Reduced, branches: Branches, anchor: FloatArray) -> 
     term whose effect on the rest a second solve with the same factors removes. None where the
     pieces contradict each other.
     """
-    matrix, constant = _system(reduced, branches)
-    on_speed, offset = matrix
-    total = on_speed @ reduced.delassus
-    total += offset
-    spring = np.abs(on_speed.diagonal()) * reduced.diagonal * 1e-9
-    total.ravel()[:: len(total) + 1] += spring
-    right = constant - on_speed @ reduced.free
+    on_speed, on_impulse, constant = _scalar_rows(reduced, branches)
+    spring = 1e-9 * reduced.diagonal * on_speed
+    total = np.asfortranarray(on_speed[:, None] * reduced.delassus)
+    total.T.ravel()[:: len(total) + 1] += on_impulse + spring
+    right = constant - on_speed * reduced.free
+    if branches.sliding.any():
+        _add_sliding(reduced, branches, total, right)
     factor, pivots, info = lapack.dgetrf(total, overwrite_a=1)
     if info != 0:
         return None
@@ -78,35 +95,39 @@ def solve_branches(reduced: Reduced, branches: Branches, anchor: FloatArray) -> 
     return np.asarray(solution + correction)
 
 
-def _system(
-    reduced: Reduced, branches: Branches
-) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return (S, B) and c of S w + B impulse = c."""
-    elements, u = reduced.program.elements, reduced.program.unilateral
-    m, limits, k, d = reduced.elements, reduced.limits, reduced.contacts, reduced.tangents
-    size = len(reduced.free)
-    on_speed, on_impulse = np.zeros(size), np.zeros(size)
-    constant = np.zeros(size)
-    modes = branches.modes
-    moving = modes.sign * modes.sign
-    on_speed[:m] = 1.0 - moving + moving * (elements.inertia + modes.gain * elements.damping)
-    on_impulse[:m] = moving * modes.gain
+def _scalar_rows(reduced: Reduced, branches: Branches) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return s, b, c (r,) of the rows s w + b impulse = c, sliding contacts left to add."""
+    elements, modes, m = reduced.program.elements, branches.modes, reduced.elements
+    on_speed, on_impulse, constant = np.zeros((3, len(reduced.free)))
+    moving = modes.sign != 0.0
+    on_speed[:m] = np.where(moving, elements.inertia + modes.gain * elements.damping, 1.0)
+    on_impulse[:m] = np.where(moving, modes.gain, 0.0)
     constant[:m] = modes.bring - modes.sign * modes.gain * elements.friction
-    normal = reduced.normal_rows
-    on_speed[normal] = branches.closed
-    on_impulse[normal] = ~branches.closed
-    constant[normal] = branches.closed * u.target
-    sticking = branches.closed[limits:] & ~branches.sliding
-    tangent = reduced.tangent_rows
-    on_speed[tangent] = np.repeat(sticking, d)
-    on_impulse[tangent] = 1.0 - on_speed[tangent]
-    speed_matrix, impulse_matrix = np.diag(on_speed), np.diag(on_impulse)
+    if len(constant) > m:
+        normal = reduced.normal_rows
+        on_speed[normal] = branches.closed
+        on_impulse[normal] = ~branches.closed
+        constant[normal] = branches.closed * reduced.program.unilateral.target
+        sticking = branches.closed[reduced.limits :] & ~branches.sliding
+        tangent = reduced.tangent_rows
+        on_speed[tangent] = np.repeat(sticking, reduced.tangents)
+        on_impulse[tangent] = 1.0 - on_speed[tangent]
+    return on_speed, on_impulse, constant
+
+
+def _add_sliding(
+    reduced: Reduced, branches: Branches, total: FloatArray, right: FloatArray
+) -> None:
+    """Add p_t = mu p_n direction, and how the direction turns with the slip, in place."""
+    d, first = reduced.tangents, reduced.tangent_rows.start
+    normals = reduced.elements + reduced.limits
     for i in np.flatnonzero(branches.sliding):
-        rows = slice(m + limits + k + i * d, m + limits + k + (i + 1) * d)
+        rows = slice(first + i * d, first + (i + 1) * d)
         direction = branches.direction[i]
-        impulse_matrix[rows, m + limits + i] = -u.friction[i] * direction
+        total[rows, normals + i] -= reduced.program.unilateral.friction[i] * direction
         if d == 2:
-            turn = branches.turning[i] * (np.eye(2) - np.outer(direction, direction))
-            impulse_matrix[rows, rows] -= turn
-            speed_matrix[rows, rows] += reduced.slope[rows.start] * turn
-    return (speed_matrix, impulse_matrix), constant
+            turn = branches.turning[i] * (np.eye(2) - direction[:, None] * direction)
+            total[rows, rows] -= turn
+            turn *= reduced.slope[rows.start]
+            total[rows] += turn @ reduced.delassus[rows]
+            right[rows] -= turn @ reduced.free[rows]

@@ -92,9 +92,10 @@ def modes_at(elements: Elements, point: FloatArray, slope: FloatArray) -> Modes:
     return Modes(sign, np.where(drive > 0.0, inverse, elements.backward), bring)
 
 
-def meeting_speed(elements: Elements, point: FloatArray, slope: FloatArray) -> FloatArray:
-    """Return w (m,) at which the law meets the line T - slope w = point."""
-    modes = modes_at(elements, point, slope)
+def meeting_speed(
+    elements: Elements, modes: Modes, point: FloatArray, slope: FloatArray
+) -> FloatArray:
+    """Return w (m,) at which the branches of `modes` meet the line T - slope w = point."""
     load = point + modes.sign * elements.friction
     total = elements.inertia + modes.gain * (elements.damping + slope)
     moving = modes.sign != 0.0

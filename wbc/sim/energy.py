@@ -11,7 +11,8 @@ class EnergyFlow:
 
     Motor and external work are exact for the impulses and displacements of the step; each loss is
     impulse times the speed at the end of the step, which makes it non-negative, and differs from
-    the exact one by O(h^2) per step: the audit's residual.
+    the exact one by O(h^2) per step. That, and the work of normal impulses that bring a drifted
+    contact back onto the ground, is the audit's residual.
 
     Attributes:
         motor: work of the rotor torques.
@@ -22,9 +23,8 @@ class EnergyFlow:
         gear_damping: lost between mesh and joint, where gears are compliant or have play.
         joint_friction: lost in joint friction.
         contact: lost in sliding contacts.
-        limits: lost at joint limits.
         impact_mesh: lost in the meshes during impacts.
-        impact: lost in contacts during impacts.
+        impact: lost in contacts and joint limits during impacts.
     """
 
     motor: float = 0.0
@@ -35,7 +35,6 @@ class EnergyFlow:
     gear_damping: float = 0.0
     joint_friction: float = 0.0
     contact: float = 0.0
-    limits: float = 0.0
     impact_mesh: float = 0.0
     impact: float = 0.0
 

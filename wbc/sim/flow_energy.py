@@ -45,8 +45,7 @@ def flow_energy(
     following = motor.after(drive, solution.velocity, after, step)
     gain = np.where(after * mesh > 0.0, 1.0 / drive.forward, drive.backward)
     mean = 0.5 * (velocity + solution.velocity)
-    first = reduced.elements + reduced.limits
-    pressed = solution.impulse * solution.speed
+    tangent = reduced.tangent_rows
     motor_work = 0.5 * step * drive.ratio * forces.rotor * (motor.speed + after)
     rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
     lost = (gain - 1.0) * mesh * after
@@ -61,8 +60,7 @@ def flow_energy(
         rotor_friction=float(rotor_loss.sum()),
         gear_damping=damped,
         joint_friction=float(rub.sum()),
-        contact=-float(pressed[first:].sum()),
-        limits=-float(pressed[reduced.elements : first].sum()),
+        contact=-float(solution.impulse[tangent] @ solution.speed[tangent]),
     )
     return energy, mesh, following
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.sim.drivetrain import Drivetrain
-from wbc.sim.elements import Elements, meeting_speed
+from wbc.sim.elements import Elements, meeting_speed, modes_at
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -108,7 +108,7 @@ def _hold(
     compliance = np.where(soft, 1.0 / gain, 0.0)
     offset = np.where(soft, -step * stiffness * stretch / gain, 0.0)
     zero = np.zeros(drive.size)
-    alone = meeting_speed(elements, zero, zero)
+    alone = meeting_speed(elements, modes_at(elements, zero, zero), zero, zero)
     engaged = np.flatnonzero(~free)
     names = Elements.__slots__
     fields = {name: getattr(elements, name)[engaged] for name in names}

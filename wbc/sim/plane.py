@@ -43,4 +43,4 @@ class Plane(Terrain):
         """See `Terrain.gap`."""
         distance = points @ self.normal
         distance -= self.height * self.normal[2]
-        return distance, np.broadcast_to(self.normal, points.shape)
+        return distance, self.normal[None].repeat(len(points), axis=0)

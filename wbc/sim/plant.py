@@ -100,7 +100,9 @@ class Plant:
         setup, command = self._setup, self._command(rotor_torque, dt)
         parts: list[Flow] = []
         impacts: list[Impact] = []
-        state, impact = settle(setup, state)
+        impact = None
+        if len(state.closed) != setup.barriers.size:
+            state, impact = settle(setup, state)
         left = dt
         while True:
             if impact is not None:

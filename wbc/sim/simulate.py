@@ -33,7 +33,7 @@ class Simulation:
         impacts: all that happened.
         audit: where the energy went.
         residuals: the worst of every step.
-        fallbacks: how many step programs the fast path did not solve.
+        fallbacks: how many step programs neither Newton nor proximal rounds solved.
     """
 
     log: Log
@@ -91,7 +91,7 @@ def simulate(
             flow = flow + result.energy
             impacts.extend(result.impacts)
             residuals = worst(residuals, *(s.residuals for s in result.solutions))
-            fallbacks += sum(s.method != "newton" for s in result.solutions)
+            fallbacks += sum(s.method in ("sweeps", "qp") for s in result.solutions)
             if tick % 100 == 99:
                 bar.advance(task, 100)
     audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.sim.branches import branches_at
 from wbc.sim.reduced import Reduced
-from wbc.sim.residual import row_residual
 from wbc.sim.residuals import Residuals
 
 
@@ -22,7 +22,7 @@ class StepSolution:
         impulse: (r,) of every row, in the order of `StepProgram.rows`.
         speed: (r,) of every row.
         iterations: linear systems solved.
-        method: "newton", "sweeps" or "qp", whichever found it.
+        method: "newton", "proximal", "sweeps" or "qp", whichever found it.
         reduced: the program, as the solvers saw it.
     """
 
@@ -60,7 +60,7 @@ class StepSolution:
         program, reduced = self.reduced.program, self.reduced
         dynamics = program.inertia @ (self.velocity - program.free_velocity)
         dynamics -= program.rows().T @ self.impulse
-        rows = np.abs(row_residual(reduced, self.impulse, self.speed))
+        rows = np.abs(branches_at(reduced, self.impulse, self.speed).distance)
         pushed = self.normal_impulse[reduced.limits :] * program.unilateral.friction
         outside = np.linalg.norm(self.tangent_impulse, axis=1) - pushed
         return Residuals(

@@ -1,4 +1,4 @@
-"""Solving one step: Newton, then sweeps that start Newton better, then a quadratic program."""
+"""Solving one step: Newton, then in proximal rounds, then after sweeps, then as a QP."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
+from wbc.sim.branches import branches_at
 from wbc.sim.newton import newton
 from wbc.sim.program import StepProgram
+from wbc.sim.proximal import proximal
 from wbc.sim.qp import solve_qp
 from wbc.sim.reduced import Reduced, reduce_program
-from wbc.sim.residual import row_residual
 from wbc.sim.solution import StepSolution
 from wbc.sim.sweeps import sweep
 from wbc.sim.uniqueness import check_uniqueness
@@ -33,8 +34,12 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     reduced = reduce_program(program)
     start = np.zeros(len(reduced.free)) if guess is None else guess
     tolerance = TOLERANCE * (1.0 + float(np.abs(reduced.free).max(initial=0.0)))
-    impulse, used, done = newton(reduced, start, tolerance, 12)
-    method = "newton"
+    if len(reduced.free) > len(program.free_velocity):
+        impulse, used, done = proximal(reduced, start, tolerance)
+        method = "proximal"
+    else:
+        impulse, used, done = newton(reduced, start, tolerance, 12)
+        method = "newton"
     if not done:
         impulse, used, method = _fall_back(reduced, start, tolerance, used)
     if reduced.elements and program.elements.backward.min() < 0.0:
@@ -47,6 +52,11 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
 def _fall_back(
     reduced: Reduced, start: FloatArray, tolerance: float, used: int
 ) -> tuple[FloatArray, int, str]:
+    for origin in (start, np.zeros_like(start)):
+        impulse, count, done = proximal(reduced, origin, tolerance)
+        used += count
+        if done:
+            return impulse, used, "proximal"
     impulse = np.zeros_like(start)
     for sweeps in (5, 10, 20, 40, 80, 160):
         impulse = sweep(reduced, impulse, sweeps)
@@ -72,4 +82,4 @@ def _fall_back(
 
 
 def _distance(reduced: Reduced, impulse: FloatArray) -> float:
-    return float(np.abs(row_residual(reduced, impulse, reduced.speeds(impulse))).max(initial=0.0))
+    return branches_at(reduced, impulse, reduced.speeds(impulse)).worst

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.elements import Elements, meeting_speed
+from wbc.sim.elements import Elements, meeting_speed, modes_at
 from wbc.sim.reduced import Reduced
 
 
@@ -36,7 +36,8 @@ def _meet(element: Elements, rest: float, compliance: float, slope: FloatArray) 
     """Return T of one law in series with w = rest + compliance T."""
     line = np.array([1.0 / compliance]) if compliance > 0.0 else slope
     point = np.array([-rest]) * line
-    return float((point + line * meeting_speed(element, point, line))[0])
+    modes = modes_at(element, point, line)
+    return float((point + line * meeting_speed(element, modes, point, line))[0])
 
 
 def _contacts(reduced: Reduced, impulse: FloatArray) -> None:

@@ -1,0 +1,54 @@
+"""Proximal point iteration: the step with a little compliance in every row, taken out again.
+
+More rigid rows than freedoms (two flat feet, stuck gears) leave the split of internal forces open
+and Newton's systems singular. With a compliance eps Lambda_ii about the last iterate every system
+is regular; at the fixed point the compliance carries nothing and the step is solved as it stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wbc.arrays import FloatArray
+from wbc.sim.branches import branches_at
+from wbc.sim.newton import newton
+from wbc.sim.reduced import Reduced
+
+_COMPLIANCES = (1e-6, 1e-4, 1e-2, 1.0)
+_ROUNDS = 40
+_INNER = 30
+
+
+def proximal(reduced: Reduced, start: FloatArray, tolerance: float) -> tuple[FloatArray, int, bool]:
+    """Iterate from row impulses `start` (r,) until every row is on its law.
+
+    Returns:
+        the row impulses, the number of linear systems solved, and whether it converged.
+    """
+    used, impulse = 0, start
+    for compliance in _COMPLIANCES:
+        impulse = start
+        for _ in range(_ROUNDS):
+            impulse, count, inner = newton(
+                _softened(reduced, compliance, impulse), impulse, tolerance, _INNER
+            )
+            used += count
+            if branches_at(reduced, impulse, reduced.speeds(impulse)).worst <= tolerance:
+                return impulse, used, True
+            if not inner:
+                break
+    return impulse, used, False
+
+
+def _softened(reduced: Reduced, compliance: float, about: FloatArray) -> Reduced:
+    """Return the step with the compliance in series with every row, unloaded at `about`."""
+    own = compliance * reduced.diagonal
+    delassus = reduced.delassus.copy()
+    delassus.ravel()[:: len(own) + 1] += own
+    return replace(
+        reduced,
+        delassus=delassus,
+        free=reduced.free - own * about,
+        diagonal=(1.0 + compliance) * reduced.diagonal,
+        slope=reduced.slope / (1.0 + compliance),
+    )
