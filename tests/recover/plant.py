@@ -141,9 +141,7 @@ def simulate(
         after = _dry(free, inverse, up, down)
         # A rotor behind an elastic gear has its own speed and its own friction.
         spin = omega + step * (motor + smooth - touch) / rotor
-        spin = spin - np.clip(
-            spin, -level_down * step / rotor, level_up * step / rotor
-        )
+        spin = spin - np.clip(spin, -level_down * step / rotor, level_up * step / rotor)
         acceleration = np.where(elastic, spin - omega, after - v) / step
         mesh = motor - rotor * acceleration
         del slide
@@ -154,9 +152,7 @@ def simulate(
     return [_measure(lane, b, rows, rate) for b, lane in enumerate(lanes)]
 
 
-def _dry(
-    free: np.ndarray, inverse: np.ndarray, up: np.ndarray, down: np.ndarray
-) -> np.ndarray:
+def _dry(free: np.ndarray, inverse: np.ndarray, up: np.ndarray, down: np.ndarray) -> np.ndarray:
     """Return the velocity after friction impulses in [-down, up] that oppose it."""
     impulse = np.zeros_like(free)
     v = free.copy()
@@ -227,9 +223,7 @@ class _Flaws:
         centre = half + self.shin_shift
         m2 = MASS + self.shin_mass + self.foot_mass
         first2 = MASS * centre + self.shin_mass * half + self.foot_mass * LENGTH
-        second2 = (
-            ROD + MASS * centre**2 + self.shin_mass * half**2 + self.foot_mass * LENGTH**2
-        )
+        second2 = ROD + MASS * centre**2 + self.shin_mass * half**2 + self.foot_mass * LENGTH**2
         c, s = np.cos(q2), np.sin(q2)
         m11 = second1 + m2 * LENGTH**2 + second2 + 2.0 * LENGTH * first2 * c
         m12 = second2 + LENGTH * first2 * c

@@ -26,6 +26,7 @@ def describe_remainder(problem: Problem, fit: Fit) -> str:
     """
     records = problem.records
     parts = [condensed_residual(fit.robot, [record]) for record in records]
+    given = [condensed_residual(problem.robot, [record]) for record in records]
     found = breakdowns(records, parts)
     sentences = []
     for column, name in enumerate(output_names(records[0])):
@@ -44,8 +45,11 @@ def describe_remainder(problem: Problem, fit: Fit) -> str:
         growth = _growth(values)
         if growth > 1.5:
             text += f", grows {growth:.1f}-fold during a log"
-        memory = _memory(values, [_speed(record, column) for record in records])
-        sentences.append(text + memory + ".")
+        speeds = [_speed(record, column) for record in records]
+        # Partial explanations blur the trace of a memory: the robot as given shows it, too.
+        if _memory(values, speeds) or _memory([part[:, column] for part in given], speeds):
+            text += ", builds up after every reversal (memory)"
+        sentences.append(text + ".")
     return " ".join(sentences)
 
 
@@ -63,8 +67,8 @@ def _speed(record: Record, column: int) -> FloatArray:
     return record.thinned(record.motion.velocity[:, order[column]])
 
 
-def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> str:
-    """Return a clause if the residual changes gradually after reversals, as hysteresis does."""
+def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:
+    """Whether the residual changes gradually after reversals, as hysteresis does."""
     early, late = [], []
     for residual, speed in zip(values, speeds, strict=True):
         sign = np.sign(speed)
@@ -76,7 +80,7 @@ def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> str:
                 early.append(float(np.mean(toward[start : start + third])))
                 late.append(float(np.mean(toward[stop - third : stop])))
     if len(early) < 6:
-        return ""
+        return False
     difference = np.array(late) - np.array(early)
     score = float(np.mean(difference) / (np.std(difference) / np.sqrt(difference.size)))
-    return ", builds up after every reversal (memory)" if abs(score) > 4.0 else ""
+    return abs(score) > 4.0

@@ -1,0 +1,167 @@
+"""The pieces of the diagnosis against brute force, known noise and an ODE solver."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.recover.plant import Lane, simulate
+from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFriction, load_robot
+from wbc.effects.link_motion import link_deflection
+from wbc.effects.periodicity import strongest_orders
+from wbc.errors import IdentificationError
+from wbc.identification import compare, diagnose
+from wbc.identification.design_matrix import DesignMatrix
+from wbc.identification.floor import find_repeats, noise_floor
+from wbc.identification.preparation import prepare
+from wbc.identification.problem import Problem
+from wbc.identification.residual import condensed_residual
+from wbc.identification.smoothing import low_pass, white_level
+from wbc.measurement import Log
+from wbc.robot import LinkResponse
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    lanes = [Lane({}, 1, noise=0), Lane({}, 1, noise=1), Lane({}, 2, noise=2)]
+    result = []
+    for table in simulate(lanes, duration=5.0, step=5e-4):
+        columns = dict(table)
+        result.append(Log(columns.pop("time"), columns))
+    return result
+
+
+ROBOT = load_robot("planar_leg_fixed").lossless()
+
+
+def test_the_low_pass_has_no_phase_shift() -> None:
+    t = np.arange(2000) / 500.0
+    slow = np.sin(2 * np.pi * 1.0 * t)[:, None]
+    smooth = low_pass(slow + np.sin(2 * np.pi * 80.0 * t)[:, None], 8.0, 500.0)
+    assert np.abs(smooth - slow)[200:-200].max() < 2e-3
+
+
+def test_white_noise_is_measured_below_a_large_motion() -> None:
+    random = np.random.default_rng(0)
+    t = np.arange(5000) / 500.0
+    motion = np.sin(2 * np.pi * 0.7 * t) + 2e-3 * random.standard_normal(t.size)
+    level = white_level(motion[:, None], 500.0)[0]
+    assert level == pytest.approx(2e-3**2 / 250.0, rel=0.15)
+
+
+def test_held_out_errors_equal_those_of_separate_fits() -> None:
+    random = np.random.default_rng(1)
+    columns = random.standard_normal((60, 2, 3))
+    residual = random.standard_normal((60, 2)) + columns[:, :, 0]
+    folds = np.repeat([0, 1, 2], 20)
+    matrix = DesignMatrix.from_rows(columns, residual, folds)
+    squares = 0.0
+    for fold in range(3):
+        train, test = folds != fold, folds == fold
+        a, b = columns[train].reshape(-1, 3), residual[train].ravel()
+        x = np.linalg.lstsq(a, b, rcond=None)[0]
+        squares += np.sum((residual[test].ravel() - columns[test].reshape(-1, 3) @ x) ** 2)
+    assert matrix.held_out([0, 1, 2]) == pytest.approx(squares / residual.size, rel=1e-3)
+
+
+def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
+    records = prepare(ROBOT, logs)
+    assert find_repeats(records) == ((0, 1),)
+    residuals = [condensed_residual(ROBOT, [record]) for record in records]
+    floor = noise_floor(records, residuals)
+    assert floor.source == "repeats"
+    assert floor.values == pytest.approx(np.sqrt(np.diag(floor.sensors)), rel=0.25)
+    whitened = np.concatenate(residuals) @ floor.whitening
+    assert np.sqrt(np.mean(whitened**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_copy_of_a_log_is_no_repeat(logs: list[Log]) -> None:
+    assert find_repeats(prepare(ROBOT, [logs[0], logs[0]])) == ()
+
+
+def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> None:
+    heavy = ROBOT.with_effect(PayloadMass("foot", 0.4))
+    (record,) = prepare(ROBOT, logs[:1])
+    by_regressor = condensed_residual(heavy, [record])
+    by_model = condensed_residual(heavy, [replace(record, robot=heavy)])
+    assert by_regressor == pytest.approx(by_model, abs=1e-9)
+    assert np.abs(by_regressor - condensed_residual(ROBOT, [record])).max() > 0.5
+
+
+def test_a_factor_that_shrinks_everything_explains_nothing(logs: list[Log]) -> None:
+    problem = Problem.from_logs(ROBOT, logs)
+    base = np.mean((problem.residual @ problem.whitening) ** 2)
+    for factor in (0.5, 2.0):
+        changed = ROBOT.with_effect(TorqueConstant("hip", factor))
+        residual = condensed_residual(changed, problem.records) @ problem.whitening
+        assert np.mean(residual**2) > 100.0 * base
+
+
+def test_fitted_parameters_lie_in_their_intervals_when_the_model_is_the_plant() -> None:
+    lanes = [Lane({"viscous": 0.2, "coulomb": (0.4, 0.0)}, 4 + k, noise=k) for k in range(3)]
+    logs = []
+    for table in simulate(lanes, duration=5.0, step=5e-4):
+        columns = dict(table)
+        logs.append(Log(columns.pop("time"), columns))
+    diagnosis = diagnose(ROBOT, logs, [ViscousFriction, CoulombFriction])
+    found = {(f.effect.name, f.effect.where): f.parameters for f in diagnosis.findings}
+    assert len(found) == 3
+    for joint in ("hip", "knee"):
+        estimate = found["viscous_friction", joint]["coefficient"]
+        assert estimate.low < estimate.value < estimate.high
+        assert estimate.value == pytest.approx(0.2, rel=0.02)
+    assert found["coulomb_friction", "hip"]["level"].value == pytest.approx(0.4, rel=0.01)
+
+
+def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
+    table = simulate([Lane({"viscous": (0.0, 0.5)}, 3)], duration=5.0, step=5e-4)[0]
+    log = Log(table.pop("time"), table)
+    comparison = compare(ROBOT, [log])
+    ratios = {output.output: output.ratio for output in comparison.outputs}
+    assert ratios["knee"] > 10.0 * ratios["hip"]
+    assert (comparison.where[0].output, comparison.where[0].variable) == ("knee", "speed")
+    assert comparison.where[0].share > 0.95
+    assert json.loads(json.dumps(comparison.to_json()))["error"] == comparison.error
+
+
+def test_a_periodic_torque_shows_its_order() -> None:
+    position = np.cumsum(np.sin(np.linspace(0.0, 12.0, 4000))) * 1e-3
+    torque = 0.3 * np.sin(36.0 * position + 1.0)
+    assert strongest_orders([position], [torque])[0] == pytest.approx(36.0, rel=0.02)
+
+
+def test_the_link_behind_a_soft_gear_moves_as_an_ode_solver_says() -> None:
+    step, stiffness, damping, play = 0.004, 800.0, 6.0, 0.02
+    t = np.arange(500) * step
+    load = 2.0 * np.sin(2 * np.pi * 0.8 * t) + 0.3
+    one = np.ones((t.size, 1))
+    response = LinkResponse(step, 0, load[:, None], 0.12 * one, 0.05 * one, 0.7 * one)
+    found = link_deflection(response, stiffness, damping, play)
+
+    def rate(time: float, state: np.ndarray) -> list[float]:
+        d, v = state
+        stretch = d - np.clip(d, -0.5 * play, 0.5 * play)
+        contact = stiffness * stretch + (damping * v if stretch != 0.0 else 0.0)
+        return [v, -(np.interp(time, t, load) + 0.05 * v + 0.7 * d + contact) / 0.12]
+
+    start = [found[0, 0], 0.0]
+    truth = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, max_step=2e-4, rtol=1e-8)
+    assert found[:, 0] == pytest.approx(truth.y[0], abs=6e-4)
+
+
+def test_logs_that_say_nothing_are_refused(logs: list[Log]) -> None:
+    with pytest.raises(IdentificationError, match="no log"):
+        diagnose(ROBOT, [])
+    with pytest.raises(IdentificationError, match="too short"):
+        diagnose(ROBOT, [logs[0].between(0.0, 0.3)])
+    without = logs[0].select([n for n in logs[0].names if "torque" not in n])
+    with pytest.raises(IdentificationError, match="no torque of joint 'hip'"):
+        compare(ROBOT, [without])
+    free = load_robot("planar_leg").lossless()
+    base = {f"base_{axis}.position": np.zeros(len(logs[0])) for axis in ("x", "z", "pitch")}
+    with pytest.raises(IdentificationError, match="contact forces"):
+        compare(free, [logs[0].with_columns(base)])

@@ -1,0 +1,107 @@
+"""Flaws of a closed-form plant, alone, together and outside the list, found from short logs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.recover.plant import Lane, simulate
+from wbc.effects import load_robot
+from wbc.identification import Diagnosis, diagnose
+from wbc.measurement import Log
+
+WEDGE = 2.0 - 1.0 / 0.9
+CASES: dict[str, tuple[dict[str, Any], dict[tuple[str, str], dict[str, float]]]] = {
+    "payload and friction": (
+        {"foot_mass": 0.1, "coulomb": (0.0, 0.3)},
+        {
+            ("payload_mass", "foot"): {"mass": 0.1},
+            ("coulomb_friction", "knee"): {"level": 0.3},
+        },
+    ),
+    "efficiency and spring": (
+        {"eta_f": (0.9, 1.0), "eta_b": (WEDGE, 1.0), "spring": (0.0, 1.0), "rest": 0.2},
+        {
+            ("transmission_efficiency", "hip"): {"forward_efficiency": 0.9},
+            ("joint_spring", "knee"): {"stiffness": 1.0, "rest": 0.2},
+        },
+    ),
+    "both torque constants": (
+        {"torque_factor": 1.12},
+        {
+            ("torque_constant", "hip"): {"factor": 1.12},
+            ("torque_constant", "knee"): {"factor": 1.12},
+        },
+    ),
+    "delay": (
+        {"delay": 0.006},
+        {
+            ("actuation_delay", "hip"): {"delay": 0.006},
+            ("actuation_delay", "knee"): {"delay": 0.006},
+        },
+    ),
+    "centre of mass": ({"shin_shift": 0.02}, {("center_of_mass", "shin"): {"z": -0.02}}),
+    "current limit": ({"current_limit": (8.0, np.inf)}, {("current_limit", "hip"): {"limit": 8.0}}),
+    "nothing": ({}, {}),
+}
+UNKNOWN = {
+    "coupling": {"coupling": 0.4},
+    "hysteresis": {"hysteresis": (0.5, 0.0)},
+    "friction that grows with position": {"position_friction": (0.0, 0.8)},
+}
+RUNS = 2
+
+
+@pytest.fixture(scope="module")
+def diagnoses() -> dict[str, Diagnosis]:
+    flaws = {name: flaw for name, (flaw, _) in CASES.items()} | UNKNOWN
+    lanes = [
+        Lane(flaw, excitation=30 + run, noise=10 * k + run)
+        for k, flaw in enumerate(flaws.values())
+        for run in range(RUNS)
+    ]
+    tables = simulate(lanes, duration=6.0, step=4e-4)
+    robot = load_robot("planar_leg_fixed").lossless()
+    result = {}
+    for k, name in enumerate(flaws):
+        logs = []
+        for table in tables[RUNS * k : RUNS * (k + 1)]:
+            columns = dict(table)
+            logs.append(Log(columns.pop("time"), columns))
+        result[name] = diagnose(robot, logs)
+    return result
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_was_hidden_is_found_where_it_was_hidden(
+    diagnoses: dict[str, Diagnosis], name: str
+) -> None:
+    diagnosis, truth = diagnoses[name], CASES[name][1]
+    assert diagnosis.verdict == ("named" if truth else "none")
+    found = {(effect.name, effect.where): effect.values for effect in diagnosis.effects}
+    assert found.keys() == truth.keys()
+    for place, values in truth.items():
+        for parameter, value in values.items():
+            assert found[place][parameter] == pytest.approx(value, rel=0.03)
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_what_is_outside_the_list_is_called_unknown(
+    diagnoses: dict[str, Diagnosis], name: str
+) -> None:
+    diagnosis = diagnoses[name]
+    assert diagnosis.verdict == "unknown"
+    assert "times the floor" in diagnosis.remainder
+
+
+def test_hysteresis_is_seen_to_have_memory(diagnoses: dict[str, Diagnosis]) -> None:
+    assert "memory" in diagnoses["hysteresis"].remainder
+
+
+def test_the_error_falls_with_every_cause_added(diagnoses: dict[str, Diagnosis]) -> None:
+    for name in ("payload and friction", "efficiency and spring"):
+        errors = [step.error for step in diagnoses[name].steps]
+        assert errors == sorted(errors, reverse=True)
+        assert errors[-1] < 1.3
