@@ -1,0 +1,1 @@
+"""Runnable studies on the public API: `python -m sims.NAME`."""

@@ -20,10 +20,10 @@ from wbc.view.plots import (
     energy_figure,
     impact_figure,
     power_figure,
-    staircase_figure,
     standing_figure,
     write_figure,
 )
+from wbc.view.report import write_report
 
 OUT = Path("out")
 
@@ -61,8 +61,8 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     console.print(error_table(compare(diagnosis.robot, logs)))
     written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(logs)]
     written += [
-        save_robot(load_robot("planar_leg_fixed"), OUT / "believed.toml"),
-        write_figure(OUT / "staircase.png", staircase_figure(diagnosis)),
+        save_robot(diagnosis.robot, OUT / "fitted.toml", diagnosis.intervals()),
+        write_report(OUT / "report.html", leg, logs, diagnosis, command="make demo"),
     ]
     return diagnosis, written
 
@@ -76,7 +76,7 @@ def main(duration: float = 4.0, excitation: float = 6.0) -> Diagnosis:
     console.rule("3. Files")
     for path in [*files, *more]:
         console.print(f"  {path}")
-    console.print("open out/landing.html in a browser: it plays, offline")
+    console.print("open out/landing.html (playback) and out/report.html in a browser, offline")
     return diagnosis
 
 

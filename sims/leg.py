@@ -25,7 +25,8 @@ from wbc.sim import SimState
 
 _CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
 
-HeightReference = Callable[[float], Reference]
+HeightReference = Callable[[float], FloatArray]
+"""Time [s] -> height, its rate and its acceleration (3,) [m, m/s, m/s^2]."""
 
 
 def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatArray:
@@ -52,14 +53,12 @@ def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatAr
 def squat(height: float, amplitude: float, frequency: float, start: float = 0.0) -> HeightReference:
     """Return a height of the centre of mass that goes down and up as a cosine from `start` on."""
 
-    def at(time: float) -> Reference:
+    def at(time: float) -> FloatArray:
         w, t = 2.0 * np.pi * frequency, max(time - start, 0.0)
-        moving = 1.0 if time > start else 0.0
-        return Reference(
-            np.array([height + amplitude * (np.cos(w * t) - 1.0)]),
-            np.array([-amplitude * w * np.sin(w * t)]) * moving,
-            np.array([-amplitude * w * w * np.cos(w * t)]) * moving,
-        )
+        wave = np.array([np.cos(w * t) - 1.0, -w * np.sin(w * t), -w * w * np.cos(w * t)])
+        motion: FloatArray = amplitude * wave * float(time >= start)
+        motion[0] += height
+        return motion
 
     return at
 
@@ -101,18 +100,14 @@ class LegControl:
         self._frame = self.model.model.getFrameId("foot")
         self._data = self.model.model.createData()
 
-    def _cushioned(self, time: float) -> Reference:
+    def _cushioned(self, time: float) -> FloatArray:
         """Return the height reference plus the landing's own motion, critically damped away."""
-        wanted, w = self.height(time), _CUSHION
         gap, speed = self._landing
-        slope = speed + w * gap
-        left = np.exp(-w * time) * np.array([gap + slope * time])
-        rate = np.exp(-w * time) * slope - w * left
-        return Reference(
-            wanted.position + left,
-            wanted.velocity + rate,
-            wanted.acceleration - w * (rate + np.exp(-w * time) * slope),
-        )
+        w, slope = _CUSHION, speed + _CUSHION * gap
+        left = gap + slope * time
+        motion = np.array([left, slope - w * left, w * (w * left - 2.0 * slope)])
+        cushioned: FloatArray = self.height(time) + np.exp(-w * time) * motion
+        return cushioned
 
     def __call__(self, state: SimState) -> FloatArray:
         """Return the rotor torque for a state."""
@@ -122,17 +117,20 @@ class LegControl:
         foot = self._data.oMf[self._frame].translation
         if self.touched is None and foot[2] < 1e-5:
             self.touched = state.time
-            speed = (pin.jacobianCenterOfMass(model, self._data, state.position) @ state.velocity)[2]
+            speed = (pin.jacobianCenterOfMass(model, self._data, state.position) @ state.velocity)[
+                2
+            ]
             start = self.height(0.0)
-            self._landing[:] = com[2] - start.position[0], speed - start.velocity[0]
+            self._landing[:] = com[2] - start[0], speed - start[1]
         noise = self.noise * self._random.standard_normal(model.nv)
         state = state.replace(velocity=state.velocity + noise)
         if self.touched is None:
             command = self._air.step(state)
         else:
             height = self._cushioned(state.time - self.touched)
-            command = self._stance.step(state, {"height": height, "balance": Reference(0.0)})
+            wanted = Reference(height[:1], height[1:2], height[2:])
+            command = self._stance.step(state, {"height": wanted, "balance": Reference(0.0)})
             pitch = float(state.position[self.model.position_index("base_pitch")])
-            self.errors.append((com[2] - height.position[0], com[0] - foot[0], pitch))
+            self.errors.append((com[2] - height[0], com[0] - foot[0], pitch))
         self.commands.append(command)
         return command.rotor_torque

@@ -39,7 +39,9 @@ def run_loop(plant: Robot, model: Robot, duration: float, title: str | None) -> 
         LegControl(model, squat(height, 0.0, 0.5)),
     )
     runs = []
-    for control, lift, time in zip(legs, (0.0, 0.1), (duration, 0.15 + 0.5 * duration), strict=True):
+    for control, lift, time in zip(
+        legs, (0.0, 0.1), (duration, 0.15 + 0.5 * duration), strict=True
+    ):
         ground = Plant(plant)
         start = ground.state(balanced_pose(plant, lift))
         runs.append(simulate(ground, control, start, time, progress=title))
@@ -58,7 +60,9 @@ def run_loop(plant: Robot, model: Robot, duration: float, title: str | None) -> 
         "rotor torque, rms [N m]": rms(torque),
         "Joule heat [J]": float(heat.sum(axis=1).mean() * duration),
         "mesh losses [J]": runs[0].audit.flow.mesh,
-        "landing: impact impulse [N s]": sum(float(i.contact_impulse[0, 2]) for i in runs[1].impacts),
+        "landing: impact impulse [N s]": sum(
+            float(i.contact_impulse[0, 2]) for i in runs[1].impacts
+        ),
         "landing: peak force, 1 ms mean [N]": float(landing.max()),
         "QP time per tick, median [ms]": 1e3 * float(np.median([c.solve_time for c in commands])),
         "whole tick, median [ms]": float(np.median(ticks)),

@@ -16,6 +16,7 @@ from wbc.cli.inputs import (
     table_console,
     working,
     write_json,
+    write_report_file,
 )
 from wbc.identification import Comparison, compare
 
@@ -46,11 +47,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         f" (floor from {comparison.floor.source})",
     )
     write_json(options.json, comparison.to_json(), console)
-    if options.report:
-        from wbc.view import write_comparison_report
-
-        path = write_comparison_report(options.report, comparison, logs)
-        shown.print(f"wrote {path}")
+    write_report_file(options, robot, logs, shown)
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 from rich.console import Console
@@ -12,11 +11,13 @@ from rich.table import Table
 from wbc.cli.inputs import (
     add_log_options,
     add_output_options,
+    command_line,
     logs_from,
     robot_from,
     table_console,
     working,
     write_json,
+    write_report_file,
 )
 from wbc.effects import EFFECTS, effect_class, save_robot
 from wbc.identification import Diagnosis, diagnose
@@ -60,15 +61,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.save:
         provenance = {
             "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
-            "command": " ".join(["wbc", *sys.argv[1:]]),
+            "command": command_line(),
         }
         path = save_robot(diagnosis.robot, options.save, diagnosis.intervals(), provenance)
         shown.print(f"wrote {path}")
-    if options.report:
-        from wbc.view import write_diagnosis_report
-
-        path = write_diagnosis_report(options.report, robot, diagnosis, logs)
-        shown.print(f"wrote {path}")
+    write_report_file(options, robot, logs, shown, diagnosis)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
 
 
@@ -94,22 +91,23 @@ def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:
     for text in (diagnosis.remainder, *diagnosis.warnings):
         if text:
             console.print(text)
-    if diagnosis.next_experiment:
+    if diagnosis.next_experiment and diagnosis.verdict != "named":
         console.print(f"next: {diagnosis.next_experiment}")
 
 
 def _effects_table(diagnosis: Diagnosis) -> Table:
-    table = Table("effect", "where", "parameter", "value", "90 % interval", "unit", box=None)
+    table = Table("effect at place, parameter", "value", "90 % interval", "unit", box=None)
+    table.columns[0].overflow = "fold"
+    table.columns[1].justify = "right"
     for finding in diagnosis.findings:
-        name, where = finding.effect.name, finding.effect.where
+        table.add_row(f"{finding.effect.name} at {finding.effect.where}")
         for parameter, e in finding.parameters.items():
             interval = f"{e.low:.4g} .. {e.high:.4g}"
-            table.add_row(name, where, parameter, f"{e.value:.4g}", interval, e.unit)
-            name = where = ""
+            table.add_row(f"  {parameter}", f"{e.value:.4g}", interval, e.unit)
         if finding.alternatives:
-            table.add_row("", "", "or: " + ", ".join(finding.alternatives), "", "", "")
+            table.add_row("  or " + ", or ".join(finding.alternatives))
         for warning in finding.warnings:
-            table.add_row("", "", f"warning: {warning}", "", "", "")
+            table.add_row(f"  warning: {warning}")
     return table
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping
+import shlex
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from rich.console import Console
 
 from wbc.effects import load_robot
 from wbc.files import write_text
+from wbc.identification import Diagnosis
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 
@@ -74,3 +77,26 @@ def working(console: Console, what: str) -> Iterator[Any]:
         return
     with console.status(what) as status:
         yield lambda line: status.update(f"{what}: {line}")
+
+
+def command_line() -> str:
+    """Return the command as it was typed, for provenance."""
+    return shlex.join(["wbc", *sys.argv[1:]])
+
+
+def write_report_file(
+    options: argparse.Namespace,
+    robot: Robot,
+    logs: Sequence[Log],
+    console: Console,
+    diagnosis: Diagnosis | None = None,
+) -> None:
+    """Write the HTML report if one was asked for."""
+    if options.report is None:
+        return
+    # Plotly, matplotlib and meshcat take a second to import; only a report needs them.
+    from wbc.view.report import write_report
+
+    with working(console, "writing the report"):
+        path = write_report(options.report, robot, logs, diagnosis, command=command_line())
+    console.print(f"wrote {path}")
