@@ -25,6 +25,7 @@ class Drivetrain:
         damping: (m,) beside it.
         play: (m,) [rad] backlash.
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
+        any_loose: whether any of them may.
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row.
         actuated: (m,) rows of v.
@@ -41,6 +42,7 @@ class Drivetrain:
     damping: FloatArray
     play: FloatArray
     loose: BoolArray
+    any_loose: bool
     direct: bool
     actuated: IntArray
 
@@ -48,11 +50,6 @@ class Drivetrain:
     def size(self) -> int:
         """m, the number of gears."""
         return len(self.ratio)
-
-    @property
-    def any_loose(self) -> bool:
-        """Whether any gear is compliant or has backlash."""
-        return bool(self.loose.any())
 
     def spring_energy(self, deflection: FloatArray) -> float:
         """Return the energy stored in the compliant gears at deflections (m,) [J]."""
@@ -79,6 +76,7 @@ def drivetrain(robot: Robot) -> Drivetrain:
         damping=gears.damping,
         play=gears.backlash,
         loose=frozen(loose, np.bool_),
+        any_loose=bool(loose.any()),
         direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
         actuated=robot.actuated,
     )

@@ -34,7 +34,7 @@ from wbc.sim.setup import Setup
 from wbc.sim.solution import StepSolution
 from wbc.sim.solver import solve_program
 from wbc.sim.state import SimState
-from wbc.sim.warm_start import recall_impulse, store_impulse
+from wbc.sim.warm_start import recall_impulse, row_places, store_impulse
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,7 +109,7 @@ def flow(
         after,
         state.time + step,
         closed,
-        store_impulse(setup, solution, gears, contacts, limits),
+        store_impulse(setup, solution.impulse, row_places(setup, gears, contacts, limits)),
         motor_after.deflection,
         motor_after.speed,
     )
@@ -194,6 +194,7 @@ def _solve(
         (motor.speed, motor.relative, motor.deflection),
         released,
     )
-    guess = recall_impulse(setup, state.impulse, gears, problem.contacts, problem.limits)
+    places = row_places(setup, gears, problem.contacts, problem.limits)
+    guess = recall_impulse(setup, state.impulse, places)
     program = StepProgram(inertia, state.velocity + change, gears.elements, problem.unilateral)
     return gears, solve_program(program, guess)

@@ -37,8 +37,11 @@ def flow_energy(
     """
     elements, reduced = solution.reduced.program.elements, solution.reduced
     speed, impulse = solution.element_speed, solution.element_impulse
-    rub = (elements.friction + elements.damping * np.abs(speed)) * np.abs(speed)
-    own = impulse + np.sign(speed) * elements.friction + elements.damping * speed
+    own, rub = impulse, 0.0
+    if gears.rubbing:
+        size = np.abs(speed)
+        rub = float(((elements.friction + elements.damping * size) * size).sum())
+        own = impulse + np.sign(speed) * elements.friction + elements.damping * speed
     count = len(gears.engaged)
     mesh, after = np.zeros(drive.size), gears.free_speed.copy()
     mesh[gears.engaged], after[gears.engaged] = own[:count], speed[:count]
@@ -59,7 +62,7 @@ def flow_energy(
         mesh=float(lost.sum()),
         rotor_friction=float(rotor_loss.sum()),
         gear_damping=damped,
-        joint_friction=float(rub.sum()),
+        joint_friction=rub,
         contact=-float(solution.impulse[tangent] @ solution.speed[tangent]),
     )
     return energy, mesh, following

@@ -19,6 +19,7 @@ class GearRows:
         elements: engaged gears first, then coordinates with friction of their own.
         engaged: (e,) indices of the gears that hold on to their joints.
         side: (m,) flank on which a gear with play engages, +1 or -1; 0 without play.
+        rubbing: whether any row has friction at its output.
         alone: coordinates with a friction row of their own.
         free_speed: (m,) of the motor outputs of gears that hang in their play.
     """
@@ -26,6 +27,7 @@ class GearRows:
     elements: Elements
     engaged: IntArray
     side: FloatArray
+    rubbing: bool
     alone: IntArray
     free_speed: FloatArray
 
@@ -80,7 +82,7 @@ def gear_rows(
         )
     if alone.size:
         elements = _with_friction(elements, alone, step * friction[alone])  # type: ignore[index]
-    return GearRows(elements, engaged, side, alone, free_speed)
+    return GearRows(elements, engaged, side, friction is not None, alone, free_speed)
 
 
 def _hold(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import isfinite
 
 import numpy as np
 import pinocchio as pin
@@ -156,10 +157,10 @@ class Plant:
                 f"rotor_torque has shape {torque.shape}; '{self.robot.name}' has {gears.size} "
                 f"rotors: {', '.join(gears.joints)}."
             )
-        clipped = np.minimum(np.maximum(torque, -gears.torque_limit), gears.torque_limit)
-        if not np.isfinite(clipped).all():
+        if not isfinite(torque.sum()):
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
-        return clipped
+        limit = gears.torque_limit
+        return np.minimum(np.maximum(torque, -limit), limit)
 
     def _until_landing(
         self,
@@ -191,7 +192,7 @@ class Plant:
 
 
 def _lands(state: SimState, part: Flow) -> bool:
-    return bool(np.any(part.gap[~state.closed] < -TOUCH))
+    return bool((part.gap[~state.closed] < -TOUCH).any())
 
 
 def _first_crossing(early: FloatArray, late: FloatArray) -> float:

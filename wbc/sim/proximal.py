@@ -12,7 +12,7 @@ from dataclasses import replace
 from wbc.arrays import FloatArray
 from wbc.sim.branches import branches_at
 from wbc.sim.newton import newton
-from wbc.sim.reduced import Reduced
+from wbc.sim.reduced import Reduced, with_slope
 
 _COMPLIANCES = (1e-6, 1e-4, 1e-2, 1.0)
 _ROUNDS = 40
@@ -45,10 +45,10 @@ def _softened(reduced: Reduced, compliance: float, about: FloatArray) -> Reduced
     own = compliance * reduced.diagonal
     delassus = reduced.delassus.copy()
     delassus.ravel()[:: len(own) + 1] += own
-    return replace(
+    softened = replace(
         reduced,
         delassus=delassus,
         free=reduced.free - own * about,
         diagonal=(1.0 + compliance) * reduced.diagonal,
-        slope=reduced.slope / (1.0 + compliance),
     )
+    return with_slope(softened, reduced.slope / (1.0 + compliance))

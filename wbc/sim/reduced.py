@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
+from wbc.sim.elements import Elements
 from wbc.sim.program import StepProgram
 
 NOT_POSITIVE = (
@@ -28,6 +29,10 @@ class Reduced:
         free: (r,) row speeds without impulses.
         diagonal: (r,) of `delassus`, made positive where a row moves nothing.
         slope: (r,) [impulse/speed] of the line on which each row meets its law.
+        slopes: the same as plain floats, for the loops over rows.
+        laws: per element up, down, inertia, 1/eta_f, eta_b, friction, damping, slope.
+        targets: of limits and normals.
+        frictions: mu of the contacts.
         elements: m, number of dissipative rows.
         limits: l; rows m .. m + l.
         contacts: k; normals are rows m + l .. m + l + k.
@@ -40,6 +45,10 @@ class Reduced:
     free: FloatArray
     diagonal: FloatArray
     slope: FloatArray
+    slopes: list[float]
+    laws: list[tuple[float, ...]]
+    targets: list[float]
+    frictions: list[float]
     elements: int
     limits: int
     contacts: int
@@ -83,16 +92,53 @@ def reduce_program(program: StepProgram) -> Reduced:
         delassus[own, own] += elements.compliance
         free[:m] += elements.offset
     diagonal = delassus.diagonal().copy()
-    floor = 1e-9 * diagonal.max(initial=1e-12)
-    np.maximum(diagonal, floor, out=diagonal)
+    floor = 1e-9 * max(diagonal.tolist(), default=1e-12)
+    np.maximum(diagonal, max(floor, 1e-21), out=diagonal)
     d = unilateral.tangent_size
     slope = 1.0 / diagonal
     first = m + len(unilateral.limits) + k
     for j in range(first, len(free), max(d, 1)):
         slope[j : j + d] = 1.0 / diagonal[j : j + d].sum()
-    if m and elements.backward.min() < 0.0:
+    if m and min(elements.backward.tolist()) < 0.0:
         safe = 0.5 * elements.inertia / np.maximum(-elements.backward, 1e-300)
         np.minimum(slope[:m], safe, out=slope[:m])
+    slopes = slope.tolist()
     return Reduced(
-        program, response, delassus, free, diagonal, slope, m, len(unilateral.limits), k, d
+        program,
+        response,
+        delassus,
+        free,
+        diagonal,
+        slope,
+        slopes,
+        _laws(elements, slopes[:m]),
+        unilateral.target.tolist(),
+        unilateral.friction.tolist(),
+        m,
+        len(unilateral.limits),
+        k,
+        d,
+    )
+
+
+def with_slope(reduced: Reduced, slope: FloatArray) -> Reduced:
+    """Return the same step looked at along lines of another slope (r,)."""
+    slopes = slope.tolist()
+    laws = _laws(reduced.program.elements, slopes[: reduced.elements])
+    return replace(reduced, slope=slope, slopes=slopes, laws=laws)
+
+
+def _laws(elements: Elements, slopes: list[float]) -> list[tuple[float, ...]]:
+    return list(
+        zip(
+            elements.up.tolist(),
+            elements.down.tolist(),
+            elements.inertia.tolist(),
+            (1.0 / elements.forward).tolist(),
+            elements.backward.tolist(),
+            elements.friction.tolist(),
+            elements.damping.tolist(),
+            slopes,
+            strict=True,
+        )
     )

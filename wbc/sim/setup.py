@@ -21,6 +21,8 @@ class Setup:
         drive: its gears.
         barriers: its limits and contacts.
         restitution: normal speed after over before an impact.
+        stored_size: entries of `SimState.impulse`: gears, coordinates, limits and contacts,
+            tangents.
     """
 
     robot: Robot
@@ -28,17 +30,14 @@ class Setup:
     drive: Drivetrain
     barriers: Barriers
     restitution: float
-
-    @property
-    def stored_size(self) -> int:
-        """Entries of `SimState.impulse`: gears, coordinates, limits and contacts, tangents."""
-        barriers = self.barriers
-        d = 1 if barriers.planar else 2
-        return int(self.drive.size + self.space.model.nv + barriers.size + d * barriers.contacts)
+    stored_size: int
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float) -> Setup:
     """Return the setup of `robot` on `terrain`."""
     space = Workspace(robot)
     barriers = Barriers(robot, terrain, space)
-    return Setup(robot, space, drivetrain(robot), barriers, restitution)
+    drive = drivetrain(robot)
+    d = 1 if barriers.planar else 2
+    stored = drive.size + space.model.nv + barriers.size + d * barriers.contacts
+    return Setup(robot, space, drive, barriers, restitution, int(stored))

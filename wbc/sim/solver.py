@@ -33,7 +33,7 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     """
     reduced = reduce_program(program)
     start = np.zeros(len(reduced.free)) if guess is None else guess
-    tolerance = TOLERANCE * (1.0 + float(np.abs(reduced.free).max(initial=0.0)))
+    tolerance = TOLERANCE * (1.0 + max(map(abs, reduced.free.tolist()), default=0.0))
     if len(reduced.free) > len(program.free_velocity):
         impulse, used, done = proximal(reduced, start, tolerance)
         method = "proximal"
@@ -42,7 +42,7 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
         method = "newton"
     if not done:
         impulse, used, method = _fall_back(reduced, start, tolerance, used)
-    if reduced.elements and program.elements.backward.min() < 0.0:
+    if any(law[4] < 0.0 for law in reduced.laws):
         check_uniqueness(reduced, impulse)
     return StepSolution(
         reduced.velocity(impulse), impulse, reduced.speeds(impulse), used, method, reduced

@@ -30,12 +30,8 @@ def check_uniqueness(reduced: Reduced, impulse: FloatArray) -> None:
         return
     elements = reduced.program.elements
     branches = branches_at(reduced, impulse, reduced.speeds(impulse))
-    rigid = np.zeros(len(reduced.free), dtype=bool)
-    rigid[: reduced.elements] = branches.modes.sign == 0.0
+    rigid = branches.on_impulse == 0.0
     rigid[rows] = False
-    rigid[reduced.normal_rows] = branches.closed
-    sticking = branches.closed[reduced.limits :] & ~branches.sliding
-    rigid[reduced.tangent_rows] = np.repeat(sticking, reduced.tangents)
     own = reduced.delassus[np.ix_(rows, rows)]
     cross = reduced.delassus[np.ix_(rows, rigid)]
     held = reduced.delassus[np.ix_(rigid, rigid)]
