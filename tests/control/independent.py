@@ -1,8 +1,8 @@
 """The controller's problem written down a second time, as the paper states it.
 
-Variables are accelerations, contact forces and rotor torques (times the gear ratio); the dissipative equation of motion
-with given directions is the equality, each direction's sign of mesh power an inequality. Nothing
-of `wbc.control` assembles it.
+Variables are accelerations, contact forces and rotor torques (times the gear ratio); the
+dissipative equation of motion with given directions is the equality, each direction's sign of mesh
+power an inequality. Nothing of `wbc.control` assembles it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,13 @@ import qpsolvers
 from wbc.dynamics import dissipative_equation, evaluate
 
 REGULARISATION = 1e-6
-FORCE_REGULARISATION = 1e-5
+FORCE_REGULARISATION = 1e-4
+
+
+def force_cost(robot):
+    """Return the weight of 1/2 |f - share|^2 [1/N^2]."""
+    weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
+    return FORCE_REGULARISATION / (0.1 * weight) ** 2
 
 
 def solve_in_directions(
@@ -46,7 +52,7 @@ def solve_in_directions(
     g = np.zeros(n)
     g[:nv] = -rows.T @ target
     share = np.zeros(k) if force_share is None else force_share
-    scale = FORCE_REGULARISATION / 100.0**2
+    scale = force_cost(robot)
     H[nv : nv + k, nv : nv + k] = scale * np.eye(k)
     g[nv : nv + k] = -scale * share
     A = np.zeros((nv + k, n))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import leg_controller
 
+from tests.control.scenes import leg_controller
 from wbc.control import (
     CenterOfMassTask,
     Controller,

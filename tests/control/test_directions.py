@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from independent import solve_in_directions
-from scenes import CERTAIN, arm, leg_controller, leg_references, leg_rows, random_state
 
+from tests.control.independent import force_cost, solve_in_directions
+from tests.control.scenes import (
+    CERTAIN,
+    arm,
+    leg_controller,
+    leg_references,
+    leg_rows,
+    random_state,
+)
 from wbc.control import (
     Controller,
     ControllerSettings,
@@ -101,7 +108,7 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name):
         force = command.forces["foot"][[0, 2]]
         offset = 0.5 * task[1] @ task[1]
         reached = cost_of(command.acceleration, *task)
-        reached += 0.5e-9 * (force @ force - 2.0 * share @ force)
+        reached += 0.5 * force_cost(robot) * (force @ force - 2.0 * share @ force)
         best = min(costs.values()) + offset
         assert reached <= best + 1e-5 * (1.0 + best)
         solved += 1

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import CERTAIN, random_state
 
+from tests.control.scenes import CERTAIN, random_state
 from wbc.control import (
     CenterOfMassTask,
     Controller,

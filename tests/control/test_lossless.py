@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from independent import solve_in_directions
-from scenes import leg_controller, leg_references, leg_rows, random_state
 
+from tests.control.independent import force_cost, solve_in_directions
+from tests.control.scenes import leg_controller, leg_references, leg_rows, random_state
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.robot import Motion
@@ -66,12 +66,14 @@ def test_unbounded_solution_is_that_of_the_linear_system():
     k = np.zeros((5 + 2 + 3 + 2, 5 + 2 + 3 + 2))
     # Unknowns qdd (5), f (2), multipliers of the undriven rows (3) and of the contact (2).
     k[:5, :5] = rows.T @ rows + 1e-6 * np.eye(5)
-    k[5:7, 5:7] = 1e-9 * np.eye(2)
+    k[5:7, 5:7] = force_cost(robot) * np.eye(2)
     constraints = np.zeros((5, 7))
     constraints[:3, :5], constraints[:3, 5:] = mass[:3], -J[:, :3].T
     constraints[3:, :5] = J
     k[7:, :7], k[:7, 7:] = constraints, constraints.T
-    right = np.concatenate([rows.T @ target, [0.0, 1e-9 * WEIGHT], -terms.bias[:3], -drift])
+    right = np.concatenate(
+        [rows.T @ target, [0.0, force_cost(robot) * WEIGHT], -terms.bias[:3], -drift]
+    )
     x = np.linalg.solve(k, right)
     torque = (mass @ x[:5] + terms.bias - J.T @ x[5:7])[3:] / gears.gear_ratio
     assert command.forces["foot"][2] > 0.0

@@ -3,6 +3,14 @@
 from wbc.control.command import Command, Status
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
 from wbc.control.controller import Controller, State
+from wbc.control.efforts import (
+    ContactForceTask,
+    Effort,
+    JouleHeatEffort,
+    MeshLossEffort,
+    OutputTorqueEffort,
+    RotorTorqueEffort,
+)
 from wbc.control.gears import RestPolicy
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.reference import Reference
@@ -26,20 +34,26 @@ __all__ = [
     "Command",
     "ConeApproximation",
     "Contact",
+    "ContactForceTask",
     "Controller",
     "ControllerSettings",
     "Damped",
+    "Effort",
     "FrameOrientationTask",
     "FramePoseTask",
     "FramePositionTask",
     "Hold",
     "JointLimit",
+    "JouleHeatEffort",
+    "MeshLossEffort",
+    "OutputTorqueEffort",
     "PointContact",
     "PointFootBalanceTask",
     "PostureTask",
     "Reference",
     "RepeatLast",
     "RestPolicy",
+    "RotorTorqueEffort",
     "RotorTorqueLimit",
     "SafetyPolicy",
     "SpeedBlend",

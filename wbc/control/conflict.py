@@ -16,7 +16,8 @@ class Conflict:
 
     Attributes:
         name: of the constraint.
-        residual: by how much, in the row's own unit (N m, m/s^2, or 100 N).
+        residual: by how much, in the row's own unit (N m, m/s^2, or a tenth of the robot's
+            weight).
         unit: of the residual.
     """
 

@@ -10,9 +10,6 @@ from wbc.arrays import FloatArray
 from wbc.control.contacts import BoundContact
 from wbc.control.kinematics import Kinematics
 
-FORCE_SCALE = 100.0
-"""Newtons per unit of force variable, so that forces and accelerations are of one size."""
-
 
 class ContactSet:
     """Stacked rows of some contacts.

@@ -12,10 +12,10 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
 from wbc.control.conflict import Conflict
-from wbc.control.contact_set import FORCE_SCALE
-from wbc.control.contacts import Contact
+from wbc.control.contacts import BoundContact, Contact
 from wbc.control.direction_search import DirectionSearch, Found
 from wbc.control.effects import EffectTorques
+from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.gears import GearLaw
 from wbc.control.inputs import (
     all_finite,
@@ -28,7 +28,7 @@ from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.motors import Motors
 from wbc.control.plant import Plant
 from wbc.control.program import ContactForceProgram
-from wbc.control.program_library import ProgramLibrary
+from wbc.control.program_library import ProgramLibrary, Recipe
 from wbc.control.qp import QPProblem, QPStatus, check_solver
 from wbc.control.reference import Reference
 from wbc.control.safety import LastGood
@@ -37,7 +37,7 @@ from wbc.control.task_stack import TaskStack
 from wbc.control.tasks import Task
 from wbc.control.torque_stage import RotorTorqueStage
 from wbc.dynamics import Terms, Workspace, evaluate
-from wbc.errors import ControlError
+from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit)
@@ -73,7 +73,7 @@ class Controller:
     def __init__(
         self,
         robot: Robot,
-        tasks: Sequence[Task],
+        tasks: Sequence[Task | Effort | ContactForceTask],
         contacts: Sequence[Contact] = (),
         limits: Sequence[RotorTorqueLimit | JointLimit] | None = None,
         settings: ControllerSettings | None = None,
@@ -82,7 +82,8 @@ class Controller:
 
         Args:
             robot: the robot model to obey; `robot.lossless()` makes a conservative controller.
-            tasks: tasks with different names.
+            tasks: tasks, efforts and contact-force tasks with different names; at least one
+                moves the robot at level 0.
             contacts: contacts that may be active; all are, unless `step` says otherwise.
             limits: at most one of each kind; left out, the rotor torque limits hold.
             settings: the defaults when left out.
@@ -96,13 +97,11 @@ class Controller:
         self._task_names = _checked_names("task", [task.name for task in self.tasks])
         _checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
-        if not self.tasks:
-            raise ControlError("a controller without tasks has nothing to do.")
         limits = (RotorTorqueLimit(),) if limits is None else limits
         self._lean = _lean_robot(robot, contacts)
         self._space = Workspace(self._lean)
         self._kinematics = Kinematics(self._space.model)
-        self._stack = TaskStack(robot, self.tasks)
+        self._stack, self._lower = _levels(robot, self.tasks)
         read = [point.name for point in self._lean.contacts]
         self._contacts = {contact.name: contact.bind(robot, read) for contact in contacts}
         self._plant = Plant(robot)
@@ -110,11 +109,16 @@ class Controller:
         self._effects = EffectTorques(robot)
         self._motors = Motors(robot, _single(RotorTorqueLimit, limits), self._effects)
         self._programs = ProgramLibrary(
-            self._plant,
-            self._contacts,
-            self._motors.limited,
-            _single(JointLimit, limits),
-            self.settings,
+            Recipe(
+                plant=self._plant,
+                contacts=self._contacts,
+                limited=self._motors.limited,
+                joint_limit=_single(JointLimit, limits),
+                settings=self.settings,
+                efforts=_checked_efforts(robot, self.tasks),
+                force_tasks=_checked_force_tasks(self.tasks, self._contacts),
+                locked=None if self._lower is None else self._stack.locks,
+            )
         )
         self._stage = RotorTorqueStage(
             robot.transmission,
@@ -135,7 +139,10 @@ class Controller:
         """Forget references, directions and the last good torque, as when newly made."""
         m = self.robot.transmission.size
         self._stack.forget()
+        if self._lower is not None:
+            self._lower.forget()
         self._positive = np.zeros(m, dtype=bool)
+        self._output = np.zeros(m)
         self._expected = np.zeros(self.robot.model.nv)
         self._last = LastGood(np.zeros(m), None)
 
@@ -166,7 +173,9 @@ class Controller:
         terms = evaluate(self._lean, motion.position, motion.velocity, self._space)
         self._kinematics.update(terms)
         try:
-            self._stack.fill(self._kinematics, given)
+            for stack in (self._stack, self._lower):
+                if stack is not None:
+                    stack.fill(self._kinematics, given)
         except (ValueError, TypeError, AttributeError) as cause:
             return self._safe(motion, Status.BAD_INPUT, f"a reference does not fit: {cause}", start)
         return self._solve(motion, terms, given, contacts, start)
@@ -179,21 +188,34 @@ class Controller:
         contacts: Mapping[str, float] | None,
         start: float,
     ) -> Command:
-        search = self._programs.search(contacts)
-        self._search, program = search, search.program
-        program.contacts.fill(self._kinematics)
-        program.assemble_cost(self._stack)
+        levels = self._programs.levels(contacts)
+        levels.upper.program.contacts.fill(self._kinematics)
         sigma, speed, expected = self._judge_speeds(terms, motion)
-        program.assemble_dynamics()
-        program.assemble_limits(motion.position, motion.velocity, self.settings.time_step, contacts)
-        if not all_finite(program.g, program.b):
-            return self._safe(motion, *overflow_complaint(references), start)
         limits = self._motors.bounds(motion, speed)
         slopes = self._law.slopes(sigma)
-        found = search.solve(self._positive, slopes, limits)
-        status, message = _judged(found, program)
-        if not status.usable:
-            return self._safe(motion, status, message, start, found)
+        found: Found | None = None
+        for stack, search in ((self._stack, levels.upper), (self._lower, levels.lower)):
+            if stack is None or search is None:
+                continue
+            program = search.program
+            self._search = search
+            program.assemble_cost(stack)
+            program.assemble_forces(references)
+            program.assemble_dynamics()
+            program.assemble_limits(
+                motion.position, motion.velocity, self.settings.time_step, contacts
+            )
+            if found is not None:
+                program.assemble_lock(*self._stack.lock(found.acceleration))
+                self._positive = found.output > 0.0
+            if not all_finite(program.cost_gradient, program.b):
+                return self._safe(motion, *overflow_complaint(references), start)
+            found = search.solve(self._positive, slopes, limits, expected, self._output)
+            status, message = _judged(found, program)
+            if not status.usable:
+                return self._safe(motion, status, message, start, found)
+        if found is None:
+            raise ControlError("no level has a program.")
         share = self._plant.rotor @ found.acceleration + self._plant.rotor_bias
         torque, mesh, exact = self._stage.solve(found.output, share, sigma, slopes, limits)
         self._remember(motion, found, torque)
@@ -221,6 +243,7 @@ class Controller:
 
     def _remember(self, motion: Motion, found: Found, torque: FloatArray) -> None:
         self._positive = found.output > 0.0
+        self._output = found.output
         self._expected = self._expected + self.settings.time_step * found.acceleration
         self._last = LastGood(torque, self._motors.position(motion))
 
@@ -235,7 +258,7 @@ class Controller:
         outcome: tuple[Status, str, FloatArray, bool],
         start: float,
     ) -> Command:
-        forces = found.solution.x[program.nv :] * FORCE_SCALE
+        forces = found.solution.x[program.nv :] * program.force_scale
         set_ = program.contacts
         status, message, directions, consistent = outcome
         elapsed = perf_counter() - start
@@ -320,6 +343,35 @@ def _checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:
         if names.count(name) > 1:
             raise ControlError(f"two {kind}s are called '{name}'; names must differ.")
     return frozenset(names)
+
+
+def _levels(robot: Robot, tasks: Sequence[object]) -> tuple[TaskStack, TaskStack | None]:
+    """Return the stacks of level 0 and of level 1, the latter None where it has no task."""
+    moving = [task for task in tasks if isinstance(task, Task)]
+    upper = [task for task in moving if task.level == 0]
+    lower = [task for task in moving if task.level == 1]
+    if not upper:
+        raise ControlError("a controller without tasks of level 0 has nothing to do.")
+    return TaskStack(robot, upper), TaskStack(robot, lower) if lower else None
+
+
+def _checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:
+    efforts = tuple(task for task in tasks if isinstance(task, Effort))
+    for effort in efforts:
+        effort.check(robot)
+    return efforts
+
+
+def _checked_force_tasks(
+    tasks: Sequence[object], contacts: Mapping[str, BoundContact]
+) -> tuple[ContactForceTask, ...]:
+    found = tuple(task for task in tasks if isinstance(task, ContactForceTask))
+    for task in found:
+        if task.contact not in contacts:
+            raise ControlError(
+                f"task '{task.name}': " + unknown_name("contact", task.contact, contacts)
+            )
+    return found
 
 
 def _single(kind: type[_Limit], limits: Sequence[object]) -> _Limit | None:

@@ -13,6 +13,7 @@ from wbc.control.program import ContactForceProgram
 from wbc.control.qp import INFINITE, QPProblem, QPSolution, QPStatus, Solver, make_solver
 
 _ACTIVE = 1e-6
+_SMALL = 1e-6
 _GUESSES = 3
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
 
@@ -79,18 +80,29 @@ class DirectionSearch:
         self._spent = 0.0
         self._count = 0
 
-    def solve(self, positive: BoolArray, slopes: Slopes, limits: Limits) -> Found:
+    def solve(
+        self,
+        positive: BoolArray,
+        slopes: Slopes,
+        limits: Limits,
+        speed: FloatArray,
+        last_output: FloatArray,
+    ) -> Found:
         """Return the solution of the assembled program with directions that agree with it.
 
         Args:
             positive: (m,) guess of where T > 0.
             slopes: of the mesh law for either sign of T.
             limits: least and greatest N tau_phi (m,) [N m].
+            speed: expected dpsi (m,) [rad/s], for efforts.
+            last_output: T (m,) of the last tick [N m], for efforts.
         """
         self._spent, self._count = 0.0, 0
         program = self.program
         for _ in range(min(_GUESSES, self._rounds)):
-            program.assemble_torque_limits(slopes.at(positive), *limits)
+            slope = slopes.at(positive)
+            program.assemble_torque_limits(slope, *limits)
+            program.assemble_efforts(slope, speed, last_output)
             solution = self._run(self._solver, program.problem)
             if solution.status is not QPStatus.SOLVED:
                 break
@@ -102,7 +114,10 @@ class DirectionSearch:
                     return self._found(solution, True, output)
                 return self._branch(slopes, limits, solution, contested, positive)
             positive = np.where(turned, ~positive, positive)
+        solved = solution.status is QPStatus.SOLVED
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
+            return self._found(solution, False)
+        if solved and program.efforts and not self._beyond(solution, slopes, limits).any():
             return self._found(solution, False)
         return self._branch(slopes, limits, None, _NONE, positive, solution)
 
@@ -150,10 +165,12 @@ class DirectionSearch:
             return np.asarray(wrong)
         wrong &= slopes.positive != slopes.negative
         program = self.program
+        if program.efforts:
+            return np.asarray(wrong & (np.abs(output) > _SMALL))
         beyond = self._beyond(solution, slopes, limits)
         pushing = np.zeros(len(output), dtype=bool)
         pushing[program.gears] = np.abs(solution.z[program.torque_rows]) > _ACTIVE
-        return np.asarray(wrong & (np.abs(output) > 1e-6) & (beyond | pushing))
+        return np.asarray(wrong & (np.abs(output) > _SMALL) & (beyond | pushing))
 
     def _beyond(self, solution: QPSolution, slopes: Slopes, limits: Limits) -> BoolArray:
         """Return the gears (m,) whose torque by the mesh law is beyond their limits."""

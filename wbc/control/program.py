@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
-from wbc.control.contact_set import FORCE_SCALE, ContactSet
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.control.contact_set import ContactSet
+from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
 from wbc.control.qp import INFINITE, QPProblem
+from wbc.control.reference import Reference
 from wbc.control.task_stack import TaskStack
 
 
 class ContactForceProgram:
-    """Assembles, for one set of contacts, the quadratic program in x = [qdd, f / FORCE_SCALE].
+    """Assembles, for one set of contacts, the quadratic program in x = [qdd, f / force_scale].
 
         min   sum of task costs + regularisation of qdd and of f towards a shared load
         s.t.  (M qdd + bias - J'f)_undriven = 0
@@ -30,6 +32,8 @@ class ContactForceProgram:
     Attributes:
         contacts: the active contacts.
         n: number of variables.
+        force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
+            accelerations and forces are of one size and tolerances mean the same on any robot.
         row_labels: what every inequality row is called in messages.
         coupled_forces: -D' J_m' (m, k) per force variable, the forces' part of T.
     """
@@ -38,9 +42,12 @@ class ContactForceProgram:
         self,
         plant: Plant,
         contacts: ContactSet,
-        limited: FloatArray,
+        limited: BoolArray,
         joint_limit: JointLimit | None,
         weights: tuple[float, float],
+        efforts: Sequence[Effort] = (),
+        force_tasks: Sequence[ContactForceTask] = (),
+        locked: int = 0,
     ) -> None:
         """Lay out the rows.
 
@@ -50,6 +57,9 @@ class ContactForceProgram:
             limited: (m,) bool, gears that have a torque limit.
             joint_limit: limits of joints, or None.
             weights: regularisation of qdd and of the force variables.
+            efforts: costs on the torques of the gears.
+            force_tasks: costs on contact forces; those of inactive contacts stay idle.
+            locked: number of equality rows on qdd that a more important level hands down.
         """
         robot = plant.robot
         self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
@@ -59,14 +69,27 @@ class ContactForceProgram:
         self.gears = np.flatnonzero(limited)
         self._all_gears = len(self.gears) == robot.transmission.size
         self._weights = weights
-        share = contacts.load_share(_weight(robot.model)) / FORCE_SCALE
+        weight = _weight(robot.model)
+        self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
+        share = contacts.load_share(weight) / self.force_scale
         self.H = np.zeros((self.n, self.n))
         force_diagonal = np.arange(self.nv, self.n)
         self.H[force_diagonal, force_diagonal] = weights[1]
         self._diagonal = np.arange(self.nv) * (self.n + 1)
         self.g = np.zeros(self.n)
-        self.g[self.nv :] = -weights[1] * share
-        self.A = np.zeros((self.undriven + contacts.rows, self.n))
+        self._pull = -weights[1] * share
+        self.g[self.nv :] = self._pull
+        self.efforts = tuple(efforts)
+        self._force_tasks = _active_force_tasks(force_tasks, contacts)
+        self._force_diagonal = np.full(self.forces, weights[1])
+        self._cost_H, self._cost_g = self.H, self.g
+        if self.efforts:
+            self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
+            self._effort_rows = np.zeros((robot.transmission.size, self.n))
+        self.locked_rows = slice(
+            self.undriven + contacts.rows, self.undriven + contacts.rows + locked
+        )
+        self.A = np.zeros((self.locked_rows.stop, self.n))
         self.b = np.zeros(len(self.A))
         self._lay_out_inequalities()
         self._square = np.zeros((self.nv, self.nv))
@@ -101,27 +124,80 @@ class ContactForceProgram:
         """The program as assembled last; the arrays are this object's own."""
         return QPProblem(self.H, self.g, self.A, self.b, self.C, self.lower, self.upper)
 
+    @property
+    def cost_gradient(self) -> FloatArray:
+        """g (n,) of the tasks alone, before the efforts."""
+        return self._cost_g
+
     def assemble_cost(self, tasks: TaskStack) -> None:
         """Write H and g from the tasks' rows."""
-        nv = self.nv
+        nv, H, g = self.nv, self._cost_H, self._cost_g
         np.dot(tasks.matrix.T, tasks.matrix, out=self._square)
-        self.H[:nv, :nv] = self._square
-        self.H.reshape(-1)[self._diagonal] += tasks.diagonal + self._weights[0]
-        np.dot(tasks.target, tasks.matrix, out=self.g[:nv])
-        self.g[:nv] += tasks.pull
-        np.negative(self.g[:nv], out=self.g[:nv])
+        H[:nv, :nv] = self._square
+        H.reshape(-1)[self._diagonal] += tasks.diagonal + self._weights[0]
+        np.dot(tasks.target, tasks.matrix, out=g[:nv])
+        g[:nv] += tasks.pull
+        np.negative(g[:nv], out=g[:nv])
+
+    def assemble_forces(self, references: Mapping[str, Reference]) -> None:
+        """Write the cost of the contact forces, (re)filled only where there are force tasks."""
+        if not self._force_tasks:
+            return
+        nv, diagonal, pull = self.nv, self._force_diagonal, self._cost_g[self.nv :]
+        diagonal[:], pull[:] = self._weights[1], self._pull
+        for task, rows, components in self._force_tasks:
+            reference = references.get(task.name)
+            if reference is None or reference.position is None:
+                continue
+            weight = np.broadcast_to(task.weight, np.shape(reference.position))[components]
+            diagonal[rows] += self.force_scale**2 * weight
+            pull[rows] -= self.force_scale * weight * np.asarray(reference.position)[components]
+        places = np.arange(nv, self.n)
+        self._cost_H[places, places] = diagonal
+
+    def assemble_efforts(self, slopes: FloatArray, speed: FloatArray, last: FloatArray) -> None:
+        """Add the efforts for one slope per gear; call after the dynamics and the costs.
+
+        Args:
+            slopes: e (m,) in the predicted directions.
+            speed: expected dpsi (m,) [rad/s].
+            last: T (m,) of the last tick [N m].
+        """
+        if not self.efforts:
+            return
+        plant, nv = self.plant, self.nv
+        np.copyto(self.H, self._cost_H)
+        np.copyto(self.g, self._cost_g)
+        for effort in self.efforts:
+            cost = effort.cost(plant.robot, slopes, speed, last)
+            steep, rows = cost.slope[:, None], self._effort_rows
+            np.multiply(plant.output, steep, out=rows[:, :nv])
+            np.multiply(self.coupled_forces, steep, out=rows[:, nv:])
+            offset = cost.slope * plant.output_bias
+            if cost.rotor:
+                rows[:, :nv] += cost.rotor * plant.rotor
+                offset += cost.rotor * plant.rotor_bias
+            weighted = rows.T * cost.weight
+            self.H += weighted @ rows
+            self.g += weighted @ offset
+
+    def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
+        """Write the rows on qdd (k, nv) that a more important level has decided, and values."""
+        self.A[self.locked_rows, : self.nv] = matrix
+        self.b[self.locked_rows] = values
 
     def assemble_dynamics(self) -> None:
         """Write the equalities from the plant and the contacts."""
         plant, set_, free, nv = self.plant, self.contacts, self.undriven, self.nv
+        rest = free + self.forces
         self.A[:free, :nv] = plant.mass[plant.undriven]
         self.b[:free] = plant.bias[plant.undriven]
         np.negative(self.b[:free], out=self.b[:free])
         if self.forces:
-            across = set_.jacobian.T * -FORCE_SCALE
+            across = set_.jacobian.T * -self.force_scale
             self.A[:free, nv:] = across[plant.undriven]
-            self.A[free:, :nv] = set_.jacobian
-            self.b[free:] = set_.target
+            self.A[free:rest, :nv] = set_.jacobian
+            self.b[free:rest] = set_.target
             self.coupled_forces = plant.to_motors(across)
 
     def assemble_torque_limits(
@@ -175,8 +251,8 @@ class ContactForceProgram:
         top = set_.normal_maximum
         if ceilings is not None:
             top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
-        self.lower[self.normal_rows] = np.minimum(set_.normal_minimum, top) / FORCE_SCALE
-        self.upper[self.normal_rows] = np.minimum(top / FORCE_SCALE, INFINITE)
+        self.lower[self.normal_rows] = np.minimum(set_.normal_minimum, top) / self.force_scale
+        self.upper[self.normal_rows] = np.minimum(top / self.force_scale, INFINITE)
         self._ramped = ceilings is not None
 
     def output_torque(self, x: FloatArray) -> FloatArray:
@@ -194,15 +270,25 @@ class ContactForceProgram:
         for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
-        return "the program", ""
+        return "what the more important tasks have decided", "m/s^2"
 
     def inequality_label(self, row: int) -> tuple[str, str]:
         """Return what an inequality row is called in messages, and its unit."""
         if row < self.torque_rows.stop:
             return self.row_labels[row], "N m at the motor output"
         if row < self.joint_rows.start:
-            return self.row_labels[row], "times 100 N"
+            return self.row_labels[row], f"times {self.force_scale:.3g} N"
         return self.row_labels[row], "rad/s^2"
+
+
+def _active_force_tasks(
+    tasks: Sequence[ContactForceTask], contacts: ContactSet
+) -> list[tuple[ContactForceTask, slice, IntArray]]:
+    """Return the force tasks of active contacts with the rows and components they act on."""
+    found = []
+    for contact, rows in zip(contacts.contacts, contacts.slices, strict=True):
+        found += [(t, rows, contact.components) for t in tasks if t.contact == contact.name]
+    return found
 
 
 def _weight(model: pin.Model) -> float:

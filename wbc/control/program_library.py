@@ -2,57 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from wbc.arrays import BoolArray
 from wbc.control.contact_set import ContactSet
 from wbc.control.contacts import BoundContact
 from wbc.control.direction_search import DirectionSearch
+from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program import ContactForceProgram
 from wbc.control.settings import ControllerSettings
 
 
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What the programs of a controller are made of.
+
+    Attributes:
+        plant: the dynamics.
+        contacts: every contact there may be, by name.
+        limited: (m,) bool, gears that have a torque limit.
+        joint_limit: limits of joints, or None.
+        settings: of the controller.
+        efforts: costs on torques, which the least important level bears.
+        force_tasks: costs on contact forces, likewise.
+        locked: rows that the level above hands down; None where there is one level only.
+    """
+
+    plant: Plant
+    contacts: Mapping[str, BoundContact]
+    limited: BoolArray
+    joint_limit: JointLimit | None
+    settings: ControllerSettings
+    efforts: Sequence[Effort]
+    force_tasks: Sequence[ContactForceTask]
+    locked: int | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Levels:
+    """The searches of one set of contacts.
+
+    Attributes:
+        upper: of the more important tasks.
+        lower: of the others, None where there is one level only.
+    """
+
+    upper: DirectionSearch
+    lower: DirectionSearch | None
+
+
 class ProgramLibrary:
     """Keeps the programs of the contact sets met so far, each with its own warm start."""
 
-    def __init__(
-        self,
-        plant: Plant,
-        contacts: Mapping[str, BoundContact],
-        limited: BoolArray,
-        joint_limit: JointLimit | None,
-        settings: ControllerSettings,
-    ) -> None:
+    def __init__(self, recipe: Recipe) -> None:
         """Remember what programs are made of."""
-        self._plant, self._contacts = plant, contacts
-        self._limited, self._joint_limit, self._settings = limited, joint_limit, settings
-        self._all = tuple(contacts)
-        self._searches: dict[tuple[str, ...], DirectionSearch] = {}
+        self._recipe = recipe
+        self._all = tuple(recipe.contacts)
+        self._made: dict[tuple[str, ...], Levels] = {}
 
-    def search(self, active: Mapping[str, float] | None) -> DirectionSearch:
-        """Return the search for the contacts that may carry force, all when None."""
+    def levels(self, active: Mapping[str, float] | None) -> Levels:
+        """Return the searches for the contacts that may carry force, all when None."""
         names = self._all
         if active is not None:
             names = tuple(name for name in names if active.get(name, 0.0) > 0.0)
-        search = self._searches.get(names)
-        if search is None:
-            search = self._made(names)
-            self._searches[names] = search
-        return search
+        levels = self._made.get(names)
+        if levels is None:
+            recipe = self._recipe
+            nv = recipe.plant.robot.model.nv
+            contacts = ContactSet([recipe.contacts[name] for name in names], nv)
+            last = self._search(contacts, True, recipe.locked or 0)
+            if recipe.locked is None:
+                levels = Levels(last, None)
+            else:
+                levels = Levels(self._search(contacts, False, 0), last)
+            self._made[names] = levels
+        return levels
 
-    def _made(self, names: tuple[str, ...]) -> DirectionSearch:
-        settings = self._settings
-        contacts = ContactSet([self._contacts[name] for name in names], self._plant.robot.model.nv)
+    def _search(self, contacts: ContactSet, last: bool, locked: int) -> DirectionSearch:
+        recipe = self._recipe
+        settings = recipe.settings
         program = ContactForceProgram(
-            self._plant,
+            recipe.plant,
             contacts,
-            np.asarray(self._limited),
-            self._joint_limit,
+            recipe.limited,
+            recipe.joint_limit,
             (settings.acceleration_weight, settings.force_weight),
+            recipe.efforts if last else (),
+            recipe.force_tasks if last else (),
+            locked,
         )
         return DirectionSearch(
             program,

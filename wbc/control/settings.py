@@ -23,7 +23,9 @@ class ControllerSettings:
         max_iterations: bound on its inner and its outer iterations.
         max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.
-        force_weight: regularisation of the contact forces (per 100 N) towards a shared load.
+        force_weight: regularisation of the contact forces (per tenth of the robot's weight)
+            towards a shared load; far below 1e-5 it drowns in the solver's tolerance, and how
+            feet share the load then depends on the past.
         safety: what to command when a tick has no solution.
         deadline: [s] that a tick may take before its status is LATE; None for no deadline.
     """
@@ -36,7 +38,7 @@ class ControllerSettings:
     max_iterations: int = 200
     max_rounds: int = 8
     acceleration_weight: float = 1e-6
-    force_weight: float = 1e-5
+    force_weight: float = 1e-4
     safety: SafetyPolicy = field(default_factory=Damped)
     deadline: float | None = None
 

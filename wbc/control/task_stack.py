@@ -82,6 +82,19 @@ class TaskStack:
             np.multiply(wanted, root, out=self.target[rows])
             np.multiply(jacobian, self._columns[i], out=self.matrix[rows])
 
+    @property
+    def locks(self) -> int:
+        """How many rows on qdd fix what all tasks of this stack obtain."""
+        return len(self.matrix) + int(np.count_nonzero(self.diagonal))
+
+    def lock(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rows (k, nv) and values (k,) that keep what `acceleration` gives the tasks."""
+        chosen = np.flatnonzero(self.diagonal)
+        rows = np.zeros((self.locks, len(acceleration)))
+        rows[: len(self.matrix)] = self.matrix
+        rows[np.arange(len(self.matrix), len(rows)), chosen] = 1.0
+        return rows, rows @ acceleration
+
     def violation(self, acceleration: FloatArray) -> dict[str, float]:
         """Return how far each task is from what it wants, |J qdd - target| in its own units."""
         result = {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.control.kinematics import Kinematics
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -103,6 +103,11 @@ class BoundContact(ABC):
     @abstractmethod
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J (k, nv) and dJ/dt v (k,) at the present state."""
+
+    @property
+    def components(self) -> IntArray:
+        """Which components of the user's force (3,) or (6,) its own rows are, (k,)."""
+        return np.arange(self.rows)
 
     @abstractmethod
     def wrench(self, force: FloatArray) -> FloatArray:

@@ -95,6 +95,11 @@ class BoundPoint(BoundContact):
         jacobian[:] = terms.contact_jacobian[self.select]
         drift[:] = terms.contact_drift[self.select]
 
+    @property
+    def components(self) -> IntArray:
+        """The world axes that it has, (k,)."""
+        return self.axes
+
     def wrench(self, force: FloatArray) -> FloatArray:
         """Return the force (3,) [N], world axes."""
         result = np.zeros(3)

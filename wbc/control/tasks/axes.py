@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from wbc.errors import ControlError
 
 
@@ -12,7 +14,7 @@ def axis_rows(axes: str, task: str) -> slice:
         ControlError: no letter, one other than x, y, z, one twice, or not in this order.
     """
     rows = ["xyz".find(letter) for letter in axes]
-    if not rows or min(rows) < 0 or any(a >= b for a, b in zip(rows, rows[1:], strict=False)):
+    if not rows or min(rows) < 0 or any(a >= b for a, b in pairwise(rows)):
         raise ControlError(
             f"task '{task}': axes must be some of 'x', 'y', 'z' in this order, got '{axes}'."
         )

@@ -1,0 +1,201 @@
+"""Efforts choose among equal motions, force tasks among equal forces, levels among tasks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.control.scenes import CERTAIN, arm, random_state
+from wbc.control import (
+    CenterOfMassTask,
+    ContactForceTask,
+    Controller,
+    ControllerSettings,
+    FramePositionTask,
+    JouleHeatEffort,
+    MeshLossEffort,
+    OutputTorqueEffort,
+    PointContact,
+    PostureTask,
+    Reference,
+    RotorTorqueEffort,
+    SurfaceContact,
+)
+from wbc.effects import load_robot
+from wbc.errors import ControlError
+from wbc.robot import Motion
+
+SOLO = load_robot("solo12")
+STAND = next(iter(SOLO.poses.values()))
+SETTINGS = ControllerSettings(speed_blend=CERTAIN)
+
+
+def solo(*efforts, feet=None):
+    names = [c.name for c in SOLO.contacts] if feet is None else feet
+    tasks = [CenterOfMassTask(), PostureTask.of(SOLO, weight=0.01), *efforts]
+    return Controller(SOLO, tasks, [PointContact(name=n) for n in names], settings=SETTINGS)
+
+
+def moving():
+    v = np.zeros(SOLO.model.nv)
+    v[6:] = np.random.default_rng(0).normal(size=12) * 0.3
+    return Motion(STAND, v)
+
+
+def rotor_cost(command):
+    return float(command.rotor_torque @ command.rotor_torque)
+
+
+def heat(command):
+    gears = SOLO.transmission
+    return float(np.sum((command.rotor_torque / gears.torque_constant) ** 2 * gears.resistance))
+
+
+def output_cost(command):
+    return float(command.output_torque @ command.output_torque)
+
+
+def loss(command):
+    motor = SOLO.transmission.motor_from_joint @ moving().velocity[SOLO.actuated]
+    return float(np.sum(command.mesh_power - command.output_torque * motor))
+
+
+CASES = {
+    "rotor": (RotorTorqueEffort(weight=1.0), rotor_cost),
+    "output": (OutputTorqueEffort(weight=1e-2), output_cost),
+    "loss": (MeshLossEffort(weight=1.0), loss),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_effort_lowers_its_own_cost(case):
+    effort, cost = CASES[case]
+    plain, thrifty = solo(), solo(effort)
+    for _ in range(5):
+        before, after = plain.step(moving()), thrifty.step(moving())
+    assert after.status.usable
+    assert after.consistent
+    assert cost(after) < 0.98 * cost(before)
+
+
+def test_joule_heat_needs_the_motor_and_lowers_the_heat():
+    gears = SOLO.transmission
+    if np.isnan(gears.resistance).any():
+        with pytest.raises(ControlError, match="resistance"):
+            solo(JouleHeatEffort(weight=1.0))
+    robot = SOLO.with_transmission(gears.replace(resistance=np.full(12, 0.3)))
+    tasks = [CenterOfMassTask(), PostureTask.of(robot, weight=0.01)]
+    contacts = [PointContact(name=c.name) for c in robot.contacts]
+    plain = Controller(robot, tasks, contacts, settings=SETTINGS).step(moving())
+    cool = Controller(
+        robot, [*tasks, JouleHeatEffort(weight=0.1)], contacts, settings=SETTINGS
+    ).step(moving())
+    scale = 0.3 / robot.transmission.torque_constant**2
+
+    def watts(command):
+        return float(np.sum(scale * command.rotor_torque**2))
+
+    assert watts(cool) < 0.98 * watts(plain)
+
+
+def test_rotor_effort_is_the_gradient_it_says():
+    """At the optimum the cost, evaluated from torques alone, cannot be lowered by small steps."""
+    generator = np.random.default_rng(7)
+    robot = arm(3, generator)
+    robot = robot.with_transmission(robot.transmission.replace(torque_limit=np.full(3, np.inf)))
+    q, v = random_state(robot, generator)
+    wanted, weight = generator.normal(size=3), 50.0
+    task = PostureTask.of(robot, stiffness=0.0, damping=0.0)
+    effort = RotorTorqueEffort(weight=weight)
+    command = Controller(robot, [task, effort], settings=SETTINGS).step(
+        Motion(q, v), {"posture": Reference(q, None, wanted)}
+    )
+    exact = replace(SETTINGS, acceleration_weight=1e-9)
+
+    def total(acceleration):
+        # The torque of an acceleration: a controller that wants exactly this and nothing else.
+        only = Controller(robot, [task], settings=exact)
+        command = only.step(Motion(q, v), {"posture": Reference(q, None, acceleration)})
+        torque = command.rotor_torque
+        gap = acceleration - wanted
+        return 0.5 * gap @ gap + 0.5 * weight * torque @ torque
+
+    best = total(command.acceleration)
+    for _ in range(20):
+        assert total(command.acceleration + 0.05 * generator.normal(size=3)) >= best - 1e-7
+
+
+def test_contact_force_task_steers_the_load():
+    task = ContactForceTask(name="load", contact="FL_foot", weight=1.0)
+    controller = solo(task)
+    free = solo().step(Motion(STAND, np.zeros(18))).forces["FL_foot"]
+    target = free + np.array([0.0, 0.0, 2.0])
+    command = controller.step(Motion(STAND, np.zeros(18)), {"load": Reference(target)})
+    np.testing.assert_allclose(command.forces["FL_foot"], target, atol=0.05)
+    idle = controller.step(Motion(STAND, np.zeros(18)))
+    np.testing.assert_allclose(idle.forces["FL_foot"], free, atol=0.05)
+    with pytest.raises(ControlError, match="FL_foot"):
+        solo(ContactForceTask(name="load", contact="FL_fot"))
+
+
+def test_lower_level_moves_nothing_of_the_upper_one():
+    generator = np.random.default_rng(4)
+    robot = arm(6, generator, lossless=True)
+    robot = robot.with_transmission(robot.transmission.replace(torque_limit=np.full(6, np.inf)))
+    hand = robot.model.frames[robot.model.nframes - 1].name
+    q, v = random_state(robot, generator)
+    upper = FramePositionTask(name="hand", frame=hand)
+    wish = {"posture": Reference(q + generator.normal(size=6))}
+    wish["hand"] = Reference(generator.normal(size=3))
+
+    def solve(*tasks):
+        return Controller(robot, list(tasks), settings=SETTINGS).step(Motion(q, v), wish)
+
+    alone = Controller(robot, [upper], settings=SETTINGS).step(Motion(q, v), {"hand": wish["hand"]})
+    strict = solve(upper, PostureTask.of(robot, weight=1e4, level=1))
+    mixed = solve(upper, PostureTask.of(robot, weight=1e4))
+    jacobian = upper.jacobian(_kinematics(robot, q, v))
+    np.testing.assert_allclose(
+        jacobian @ strict.acceleration, jacobian @ alone.acceleration, atol=1e-4
+    )
+    assert np.abs(jacobian @ (mixed.acceleration - alone.acceleration)).max() > 1.0
+    # The lower task is as well off as the null space of the upper one allows.
+    posture = wish["posture"].position - q
+    wanted = 100.0 * posture - 20.0 * v
+    nullspace = np.linalg.svd(jacobian)[2][3:]
+    gap = nullspace @ (strict.acceleration - wanted)
+    np.testing.assert_allclose(gap, 0.0, atol=1e-3)
+
+
+def test_lower_level_keeps_limits_and_contacts():
+    talos = load_robot("talos")
+    q = talos.poses["half_sitting"]
+    corners = {
+        side: tuple(f"{side}_sole_{a}_{b}" for a in ("front", "rear") for b in ("left", "right"))
+        for side in ("left", "right")
+    }
+    tasks = [CenterOfMassTask(), PostureTask.of(talos, level=1, stiffness=400.0)]
+    contacts = [SurfaceContact(name=side, corners=names) for side, names in corners.items()]
+    controller = Controller(talos, tasks, contacts, settings=SETTINGS)
+    generator = np.random.default_rng(0)
+    v = np.zeros(36)
+    v[6:] = 0.05 * generator.normal(size=30)
+    command = controller.step(Motion(q, v), {"posture": Reference(q[7:] + 0.3)})
+    assert command.status.usable, command.message
+    assert command.consistent
+    limit = talos.transmission.torque_limit
+    assert np.all(np.abs(command.rotor_torque) <= limit * (1.0 + 1e-6))
+    for wrench in command.forces.values():
+        assert wrench[2] > 0.0
+
+
+def _kinematics(robot, q, v):
+    from wbc.control.kinematics import Kinematics
+    from wbc.dynamics import Workspace, evaluate
+
+    space = Workspace(robot)
+    kinematics = Kinematics(space.model)
+    kinematics.update(evaluate(robot, q, v, space))
+    return kinematics
