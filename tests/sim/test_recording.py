@@ -1,0 +1,120 @@
+"""Recordings are logs, sensors are seeded, effects act through their hooks alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from wbc import load_robot
+from wbc.effects import JointEffect, JointSpring, TorqueConstant
+from wbc.errors import SimulationError
+from wbc.sim import Plane, Plant, Sensor, SensorModel, Simulation, Stairs, simulate
+
+
+def _run(robot=None, duration: float = 0.2) -> Simulation:
+    robot = load_robot("planar_leg") if robot is None else robot
+    plant = Plant(robot)
+    q = robot.configuration(hip=0.5, knee=-1.0)
+    q[1] = 0.8 * np.cos(0.5) + 0.01
+    return simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), duration)
+
+
+def test_a_recording_is_a_log_of_true_values() -> None:
+    run = _run()
+    log = run.log
+    assert len(log) == 200
+    assert log.joints == ("base_x", "base_z", "base_pitch", "hip", "knee")
+    assert np.all(log.column("hip.rotor_torque") == -0.1)
+    assert log.column("foot.force.z").max() > 100.0
+    assert np.all(log.column("foot.force.z") >= 0.0)
+    # Moreau's scheme: displacement is the mean of the two speeds.
+    q, v = log.column("knee.position"), log.column("knee.velocity")
+    smooth = log.column("foot.force.z")[:-1] == 0.0
+    assert np.allclose(np.diff(q)[smooth], 5e-4 * (v[1:] + v[:-1])[smooth], atol=1e-12)
+    assert run.residuals.worst_speed < 1e-8
+    assert run.fallbacks == 0
+    assert str(run.audit).count("J") >= 10
+
+
+def test_sensors_are_seeded_and_do_what_they_say() -> None:
+    robot = load_robot("planar_leg")
+    log = _run().log
+    model = SensorModel(
+        position=Sensor(resolution=1e-3),
+        velocity=Sensor(noise=0.01, bias=0.5),
+        columns={"knee.position": Sensor(delay=0.01)},
+        every=2,
+    )
+    one, same, other = (model.measure(robot, log, seed) for seed in (1, 1, 2))
+    assert len(one) == 100
+    for name in one.names:
+        assert np.array_equal(one.column(name), same.column(name))
+    assert not np.array_equal(one.column("hip.velocity"), other.column("hip.velocity"))
+    steps = one.column("hip.position") / 1e-3
+    assert np.abs(steps - np.round(steps)).max() < 1e-6
+    error = one.column("hip.velocity") - log.column("hip.velocity")[::2]
+    assert error.mean() == pytest.approx(0.5, abs=0.005)
+    assert error.std() == pytest.approx(0.01, rel=0.3)
+    late = np.interp(one.time - 0.01, log.time, log.column("knee.position"))
+    assert np.allclose(one.column("knee.position"), late)
+    with pytest.raises(SimulationError, match=r"elbow\.position"):
+        SensorModel(columns={"elbow.position": Sensor()}).measure(robot, log, 0)
+    with pytest.raises(SimulationError, match="noise"):
+        Sensor(noise=-1.0)
+
+
+def test_an_effect_nobody_told_the_plant_about_acts_in_it() -> None:
+    @dataclass(frozen=True)
+    class Push(JointEffect):
+        """A constant torque, unknown to every other part of the library."""
+
+        level: float
+        name: ClassVar[str] = "push"
+        parameters: ClassVar = ()
+        explanation: ClassVar[str] = "-"
+        experiment: ClassVar[str] = "-"
+
+        def joint_torque(self, robot, motion):
+            return self.on_joint(robot, motion, np.asarray(self.level))
+
+    robot = load_robot("planar_leg_fixed").lossless()
+    ends = []
+    for chosen, torque in (
+        (robot.with_effect(Push("hip", 3.0)), [0.0, 0.1]),
+        (robot, [3.0 / 20.0, 0.1]),
+        (robot.with_effect(TorqueConstant("hip", 2.0)), [1.5 / 20.0, 0.1]),
+    ):
+        plant = Plant(chosen, terrain=Plane(height=-5.0))
+        state = plant.state([0.1, 0.2])
+        for _ in range(100):
+            state = plant.step(state, torque, 1e-3).state
+        ends.append(state.position)
+    assert np.allclose(ends[0], ends[1], atol=1e-12)
+    assert np.allclose(ends[2], ends[1], atol=1e-12)
+
+
+def test_a_spring_effect_changes_the_work_of_effects() -> None:
+    robot = load_robot("planar_leg")
+    run = _run(robot.with_effect(JointSpring.at("knee", {"stiffness": 5.0})))
+    assert run.audit.flow.effects != 0.0
+    assert abs(run.audit.residual) < 0.02 * run.audit.flow.lost
+
+
+def test_terrain_distances() -> None:
+    slope = Plane.slope(0.1, height=0.5)
+    gap, normal = slope.gap(np.array([[1.0, 7.0, 0.5 + np.tan(0.1)], [0.0, 0.0, 1.5]]))
+    assert np.allclose(gap, [0.0, np.cos(0.1)], atol=1e-12)
+    assert np.allclose(np.linalg.norm(normal, axis=1), 1.0)
+    stairs = Stairs(np.array([1.0]), np.array([0.0, 0.2]))
+    gap, normal = stairs.gap(
+        np.array([[0.5, 0, 0.3], [0.95, 0, 0.1], [1.5, 0, 0.3], [1.02, 0, 0.1]])
+    )
+    assert np.allclose(gap, [0.3, 0.05, 0.1, -0.02])
+    assert np.allclose(normal, [[0, 0, 1], [-1, 0, 0], [0, 0, 1], [-1, 0, 0]])
+    with pytest.raises(SimulationError, match="increase"):
+        Stairs(np.array([1.0, 0.5]), np.zeros(3))
+    with pytest.raises(SimulationError, match="point up"):
+        Plane(normal=np.array([1.0, 0.0, 0.0]))
