@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from conftest import outside
 
+from tests.measurement.conftest import outside
 from wbc.measurement import (
     align_velocity,
     check_log,

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import outside
 
+from tests.measurement.conftest import outside
 from wbc.errors import LogError
 from wbc.measurement import (
     Log,
