@@ -60,4 +60,4 @@ def test_a_log_is_played_to_its_end(leg: Robot, squat: Log) -> None:
         leg.configuration(**{n: end.column(f"{n}.position")[-1] for n in leg.joints}),
     )
     hip = window.transforms[f"/robot/j{leg.model.getJointId('hip')}"]
-    np.testing.assert_allclose(hip, data.oMi[leg.model.getJointId("hip")].homogeneous, atol=0.02)
+    np.testing.assert_allclose(hip, data.oMi[leg.model.getJointId("hip")].homogeneous)

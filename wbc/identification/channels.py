@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
-from wbc.measurement import Log
+from wbc.measurement import Log, rotor_torques
 from wbc.robot import Robot
 
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
@@ -84,7 +84,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         time=grid,
         position=on_grid(_position(robot, log)),
         velocity=None if velocity is None else on_grid(velocity),
-        torque=on_grid(_torque(robot, log)),
+        torque=on_grid(rotor_torques(log, robot.transmission)),
         forces=forces,
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
@@ -115,24 +115,6 @@ def _velocity(robot: Robot, log: Log) -> FloatArray | None:
             return None
         velocity[:, :6] = np.stack([log.column(part) for part in parts], axis=1)
     return velocity
-
-
-def _torque(robot: Robot, log: Log) -> FloatArray:
-    gears = robot.transmission
-    torque = np.empty((len(log), gears.size))
-    for column, joint in enumerate(gears.joints):
-        if log.has(f"{joint}.rotor_torque"):
-            torque[:, column] = log.column(f"{joint}.rotor_torque")
-        elif log.has(f"{joint}.motor_torque"):
-            torque[:, column] = log.column(f"{joint}.motor_torque") / gears.gear_ratio[column]
-        elif log.has(f"{joint}.current") and np.isfinite(gears.torque_constant[column]):
-            torque[:, column] = log.column(f"{joint}.current") * gears.torque_constant[column]
-        else:
-            raise IdentificationError(
-                f"{log.source.label}: no torque of joint '{joint}': give '{joint}.rotor_torque', "
-                f"'{joint}.motor_torque', or '{joint}.current' and the robot's torque_constant."
-            )
-    return torque
 
 
 def _force(log: Log, contact: str) -> FloatArray:

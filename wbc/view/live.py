@@ -108,14 +108,16 @@ class LiveView:
         position, forces = configuration(self.robot, log), contact_forces(self.robot, log)
         directions = np.nan_to_num(gear_flow(self.robot, log).direction)
         begin = time.perf_counter()
-        row = 0
-        while row < len(log):
+        row, last = 0, len(log) - 1
+        while True:
             here = {name: force[row] for name, force in forces.items()}
             self.show(position[row], here, directions[row])
+            if row == last:
+                return  # a slow window drops frames, but never the last one
             elapsed = speed * (time.perf_counter() - begin)
             row = max(row + 1, int(np.searchsorted(log.time, log.time[0] + elapsed)))
-            if row < len(log):
-                time.sleep(max(0.0, (log.time[row] - log.time[0] - elapsed) / speed))
+            row = min(row, last)
+            time.sleep(max(0.0, (log.time[row] - log.time[0] - elapsed) / speed))
 
     def _show_force(self, name: str, point: FloatArray, force: FloatArray) -> None:
         place = self._root["contacts"][name]
