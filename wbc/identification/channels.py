@@ -46,8 +46,8 @@ def read_channels(robot: Robot, log: Log) -> Channels:
     """Return what `log` says about `robot`.
 
     Raises:
-        LogError: a joint's position is missing.
-        IdentificationError: no torque of a driven joint, a free base without forces, too short.
+        LogError: the torque of a driven joint or the position of a joint is missing.
+        IdentificationError: a free base without forces, or too short a log.
     """
     if log.duration < 0.5 or len(log) < 50:
         raise IdentificationError(
