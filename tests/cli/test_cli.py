@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -137,3 +140,39 @@ def test_a_failed_run_leaves_no_file_behind(tmp_path):
     target = tmp_path / "fitted.toml"
     assert main(["diagnose", "nowhere.csv", *LEG, "--save", str(target)]) == 2
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["wbc", "dia"], "diagnose"),
+        (["wbc", "compare", "--loss"], "--lossless"),
+        (["wbc", "compare", "--robot", "planar_leg_f"], "planar_leg_fixed"),
+        (["wbc", "diagnose", "--add", "coul"], "coulomb_friction"),
+        (["wbc", "compare", "run_"], "run_1.csv"),
+    ],
+)
+def test_bash_completes_commands_options_robots_effects_and_files(words, offered, tmp_path, capsys):
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "wbc.sh").write_text(capsys.readouterr().out)
+    (tmp_path / "run_1.csv").touch()
+    typed = f"COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}"
+    script = f'source wbc.sh; {typed}; _shtab_wbc; echo "${{COMPREPLY[@]}}"'
+    shown = subprocess.run([bash, "-c", script], cwd=tmp_path, capture_output=True, text=True)
+    assert offered in shown.stdout.split()
+
+
+@pytest.mark.parametrize(
+    "command", [["list", "effects"], ["list", "robots"], ["metrics", "planar_leg"], ["--help"]]
+)
+def test_piped_output_fits_eighty_columns(command, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    with contextlib.suppress(SystemExit):
+        main(command)
+    shown = capsys.readouterr()
+    assert shown.out
+    assert max(map(len, shown.out.splitlines())) <= 80
+    assert shown.err == ""

@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import check, compare, diagnose, listing, metrics, play
+from wbc.cli import check, compare, completion, diagnose, listing, metrics, play
 from wbc.errors import WbcError
 
 _COMMANDS = (compare, diagnose, check, play, metrics, listing)
@@ -17,11 +17,12 @@ _COMMANDS = (compare, diagnose, check, play, metrics, listing)
 _EPILOG = """\
 examples:
   wbc compare run*.csv --robot planar_leg_fixed
-  wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml --report report.html
+  wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
   wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
   wbc metrics planar_leg --figures out
 
-exit codes: 0 done, 1 nothing could be concluded (diagnose), 2 bad input, 130 interrupted
+exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
+2 bad input, 130 interrupted
 `wbc COMMAND --help` shows every option of a command with an example."""
 
 
@@ -37,6 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for command in _COMMANDS:
         command.add_to(commands)
+    completion.add_to(commands, build_parser)
     return parser
 
 
