@@ -26,7 +26,7 @@ SINGLE = {
     "position_offset": ("encoder_offset", 0.01, 0.1),
     "gravity_direction": ("tilt", 0.01, 0.1),
     "thermal_drift": ("fading", 0.004, 0.02),
-    "current_limit": ("current_limit", 0.9, 0.5),
+    "current_limit": ("current_limit", 0.9, 0.65),
     "joint_compliance": ("stiffness", 1500.0, 150.0),
     "backlash": ("lash", 0.006, 0.05),
 }

@@ -33,8 +33,8 @@ NAMED = {
     "case07": {("torque_ripple", "knee"): {"amplitude": 0.6, "order": 40.0}},
     "case08": {
         ("coulomb_friction", "knee"): {"level": 0.7},
-        ("rotor_inertia", "hip"): {"reflected_inertia": 0.0666667},
-        ("rotor_inertia", "knee"): {"reflected_inertia": 0.0666667},
+        ("rotor_inertia", "hip"): {"reflected_inertia": 0.06666666666666668},
+        ("rotor_inertia", "knee"): {"reflected_inertia": 0.06666666666666668},
     },
 }
 
@@ -50,6 +50,7 @@ def test_the_hidden_effect_of_the_fixed_leg_is_named_and_measured(
         for name, truth in NAMED[case][finding.effect.name, finding.effect.where].items():
             estimate = finding.parameters[name]
             assert estimate.value == pytest.approx(truth, rel=0.005)
+            assert estimate.low <= truth <= estimate.high
     assert diagnosis.error.after < 1.2
 
 
@@ -57,6 +58,37 @@ def test_a_leg_without_hidden_effect_is_left_alone(practice_leg: Path) -> None:
     diagnosis = run(practice_leg, "case00", "planar_leg_fixed")
     assert diagnosis.verdict == "none"
     assert diagnosis.effects == ()
+
+
+def test_play_is_found_by_simulating_the_link_behind_it(practice_leg: Path) -> None:
+    diagnosis = run(practice_leg, "case09", "planar_leg_fixed")
+    assert diagnosis.verdict == "named"
+    (effect,) = diagnosis.effects
+    assert (effect.name, effect.where) == ("backlash", "knee")
+    assert effect.values["width"] == pytest.approx(0.04, rel=0.01)
+    assert diagnosis.error.after < 0.05 * diagnosis.error.before
+
+
+FLOATING = {
+    "float01": ("transmission_efficiency", "knee", "forward_efficiency", 0.78),
+    "float02": ("payload_mass", "base", "mass", 1.2),
+    "float03": ("coulomb_friction", "hip", "level", 1.5),
+}
+
+
+@pytest.mark.parametrize("case", FLOATING)
+def test_the_hidden_effect_of_the_floating_leg_is_named_and_measured(
+    practice_leg: Path, case: str
+) -> None:
+    diagnosis = run(practice_leg, case, "planar_leg")
+    name, where, parameter, truth = FLOATING[case]
+    assert diagnosis.verdict == "named"
+    assert {effect.name for effect in diagnosis.effects} == {name}
+    assert found(diagnosis)[name, where][parameter] == pytest.approx(truth, rel=0.005)
+
+
+def test_a_standing_leg_without_hidden_effect_is_left_alone(practice_leg: Path) -> None:
+    assert run(practice_leg, "float00", "planar_leg").verdict == "none"
 
 
 def test_hysteresis_is_outside_the_list(practice_leg: Path) -> None:

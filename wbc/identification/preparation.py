@@ -13,7 +13,7 @@ from wbc.errors import IdentificationError
 from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
 from wbc.identification.channels import Channels, read_channels
 from wbc.identification.record import Record
-from wbc.identification.smoothing import differentiate, gate, low_pass, white_level
+from wbc.identification.smoothing import derivative, differentiate, gate, low_pass, white_level
 from wbc.identification.synthetic import synthetic_noise
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
@@ -132,7 +132,7 @@ def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: B
         quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
         measured = low_pass(channels.velocity, cutoff, rate)
         velocity = np.where(quieter, measured, velocity)
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
+    acceleration = derivative(velocity, rate)
     return Motion(position, velocity, acceleration)
 
 

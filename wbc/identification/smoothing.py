@@ -61,6 +61,23 @@ def white_level(values: FloatArray, rate: float) -> FloatArray:
     return result
 
 
+def derivative(values: FloatArray, rate: float) -> FloatArray:
+    """Return the time derivative of `values` (N, ...) by fourth-order central differences.
+
+    Second-order ones shrink a 5 Hz acceleration sampled at 500 Hz by a thousandth, which shows in
+    an inertia; the first and last two samples are of second order.
+
+    Args:
+        values: samples along the first axis.
+        rate: [Hz].
+    """
+    result = np.gradient(values, 1.0 / rate, axis=0)
+    if len(values) > 4:
+        inner = 8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])
+        result[2:-2] = inner * (rate / 12.0)
+    return np.asarray(result)
+
+
 def differentiate(positions: FloatArray, rate: float, model: pin.Model) -> FloatArray:
     """Return the velocity (N, nv) of configurations (N, nq) by central differences.
 
@@ -70,7 +87,7 @@ def differentiate(positions: FloatArray, rate: float, model: pin.Model) -> Float
         model: gives the difference on joints whose configuration is no vector (free-flyer).
     """
     if model.nq == model.nv:
-        return np.asarray(np.gradient(positions, 1.0 / rate, axis=0))
+        return derivative(positions, rate)
     steps = np.array([pin.difference(model, a, b) for a, b in pairwise(positions)])
     inner = 0.5 * (steps[:-1] + steps[1:])
     return np.concatenate([steps[:1], inner, steps[-1:]]) * rate

@@ -8,7 +8,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.identification.record import Record
-from wbc.identification.smoothing import low_pass
+from wbc.identification.smoothing import derivative, low_pass
 
 
 def synthetic_noise(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -28,10 +28,8 @@ def synthetic_noise(record: Record) -> tuple[FloatArray, FloatArray]:
 
     by_position, by_velocity = noise.acceleration_variance(record.bandwidth.residual)
     quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
-    velocity = np.where(
-        quieter, white(noise.velocity), np.gradient(white(noise.position), 1.0 / rate, axis=0)
-    )
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
+    velocity = np.where(quieter, white(noise.velocity), derivative(white(noise.position), rate))
+    acceleration = derivative(velocity, rate)
     torque = np.empty((count, nv))
     data = robot.model.createData()
     for row, q in enumerate(record.motion.position):
