@@ -1,0 +1,1 @@
+"""Controllers to compare with, each run by a Python of its own."""
