@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -222,17 +222,24 @@ class DirectionSearch:
             for choice in (True, False):
                 nodes.append(node | {open_gears[0]: choice})
         if incumbent is not None:
-            return self._found(self._trimmed(incumbent), not nodes)
+            return self._found(self._plain(incumbent, slopes, limits), not nodes)
         return self._found(unsolved if unsolved is not None else solution, not nodes)
 
-    def _trimmed(self, solution: QPSolution) -> QPSolution:
-        """Return the solution with the multipliers of the plain program's rows alone."""
-        rows = len(self.program.row_labels)
+    def _plain(self, solution: QPSolution, slopes: Slopes, limits: Limits) -> QPSolution:
+        """Assemble the plain program in the directions of `solution`; return it with its rows' z.
+
+        Of the two rows that a node has per gear, the one in the solution's own direction stays.
+        """
+        program = self.program
+        positive = program.output_torque(solution.x) > 0.0
+        program.assemble_torque_limits(slopes.at(positive), *limits)
+        rows = len(program.row_labels)
         if len(solution.z) == rows:
             return solution
-        return QPSolution(
-            solution.x, solution.y, solution.z[:rows], solution.status, solution.iterations
-        )
+        z = solution.z[:rows].copy()
+        own = positive[program.gears]
+        z[program.torque_rows] = np.where(own, z[program.torque_rows], solution.z[rows:])
+        return replace(solution, z=z)
 
     def _cost(self, solution: QPSolution) -> float:
         x, program = solution.x, self.program

@@ -18,7 +18,8 @@ class ControllerSettings:
         time_step: time until the next tick [s], for joint limits.
         rest_policy: what to choose inside the interval that stiction leaves free.
         speed_blend: how the directions of the gears are judged.
-        solver: "proxqp" (native) or any qpsolvers backend.
+        solver: "proxqp" or "daqp" (native; the latter an extra package), or any backend of
+            qpsolvers.
         tolerance: absolute tolerance of the native solver on every residual.
         max_iterations: bound on its inner and its outer iterations.
         max_rounds: programs solved at most in one tick while directions are revised.

@@ -1,5 +1,6 @@
 """Quadratic programs and their solvers."""
 
+from wbc.control.qp.active_set import ActiveSetSolver
 from wbc.control.qp.foreign import ForeignSolver
 from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
 from wbc.control.qp.proxqp import ProxQPSolver
@@ -7,6 +8,7 @@ from wbc.control.qp.solver import Solver, check_solver, make_solver
 
 __all__ = [
     "INFINITE",
+    "ActiveSetSolver",
     "ForeignSolver",
     "ProxQPSolver",
     "QPProblem",

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.errors import ControlError
+from wbc.files import atomic_write
 
 INFINITE = 1e20
 """What counts as no bound."""
@@ -38,6 +42,23 @@ class QPProblem(NamedTuple):
     def copied(self) -> QPProblem:
         """Return a copy that the next tick does not overwrite."""
         return QPProblem(*(array.copy() for array in self))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the program to a compressed `.npz` file, whole or not at all; return its path."""
+        return atomic_write(path, lambda file: np.savez_compressed(file, **self._asdict()))
+
+    @classmethod
+    def load(cls, path: str | Path) -> QPProblem:
+        """Read a program that `save` wrote.
+
+        Raises:
+            ControlError: no such file, or not one of these.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return cls(*(np.asarray(archive[name], dtype=np.float64) for name in cls._fields))
+        except (OSError, ValueError, KeyError, BadZipFile) as cause:
+            raise ControlError(f"'{path}' holds no saved program: {cause}.") from cause
 
 
 class QPStatus(Enum):

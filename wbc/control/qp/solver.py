@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from wbc.control.qp.active_set import ActiveSetSolver
 from wbc.control.qp.foreign import ForeignSolver
 from wbc.control.qp.problem import QPProblem, QPSolution
 from wbc.control.qp.proxqp import ProxQPSolver
@@ -17,9 +18,8 @@ class Solver(Protocol):
 
 
 def check_solver(name: str) -> None:
-    """Raise ControlError unless `name` is "proxqp" or an installed backend of qpsolvers."""
-    if name != "proxqp":
-        ForeignSolver(name)
+    """Raise ControlError unless `name` is a native solver or an installed backend of qpsolvers."""
+    make_solver(name, 1, 0, 0, tolerance=1e-6, max_iterations=1)
 
 
 def make_solver(
@@ -28,14 +28,16 @@ def make_solver(
     """Return a solver for programs of one size.
 
     Args:
-        name: "proxqp" for the native one, or any backend of qpsolvers.
+        name: "proxqp" or "daqp" for the native ones, or any backend of qpsolvers.
         n, n_eq, n_in: size of the programs.
-        tolerance: absolute, on residuals (native solver).
-        max_iterations: bound on inner and outer iterations (native solver).
+        tolerance: absolute, on residuals (native solvers).
+        max_iterations: bound on inner and outer iterations (native solvers).
 
     Raises:
         ControlError: no such backend is installed.
     """
     if name == "proxqp":
         return ProxQPSolver(n, n_eq, n_in, tolerance=tolerance, max_iterations=max_iterations)
+    if name == "daqp":
+        return ActiveSetSolver(n, n_eq, n_in, tolerance=tolerance, max_iterations=max_iterations)
     return ForeignSolver(name)
