@@ -33,7 +33,8 @@ def rms(values: object) -> float:
 def run_loop(plant: Robot, model: Robot, duration: float, title: str | None) -> Loop:
     """Squat for `duration`, then land from 10 cm, and return the figures."""
     q = balanced_pose(plant)
-    height = float(evaluate(plant, q, np.zeros(plant.model.nv)).data.com[0][2])
+    terms = evaluate(plant, q, np.zeros(plant.model.nv))  # owns the memory of what it returns
+    height = float(terms.data.com[0][2])
     legs = (
         LegControl(model, squat(height, 0.025, 0.5)),
         LegControl(model, squat(height, 0.0, 0.5)),
