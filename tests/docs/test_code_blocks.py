@@ -1,21 +1,45 @@
-"""Every Python block of the README and the docs runs, one page after another in one namespace."""
+"""Every Python block of the README and the docs runs, one page after another in one namespace.
+
+A block of text right below a block of Python is what the page says is printed. Words must be the
+same, numbers within a tenth: libraries and processors round differently, and a page is no
+regression test, but it must not promise what does not happen.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PAGES = [
+    path
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+    if "_build" not in path.parts
+]
+BLOCK = re.compile(r"^```python\n(.*?)^```$(?:\n+^```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def assert_same_text(printed: str, promised: str) -> None:
+    """Check that words are equal and numbers within a tenth (or 0.02 near zero)."""
+    assert NUMBER.sub("#", printed).split() == NUMBER.sub("#", promised).split(), printed
+    found = [float(x) for x in NUMBER.findall(printed)]
+    expected = [float(x) for x in NUMBER.findall(promised)]
+    assert found == pytest.approx(expected, rel=0.1, abs=0.02), printed
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_python_blocks_of_a_page_run(page, tmp_path, monkeypatch):
-    blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
+def test_python_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
     namespace: dict[str, object] = {"__name__": "page"}
-    for block in blocks:
-        exec(compile(block, str(page), "exec"), namespace)
+    for block, promised in BLOCK.findall(page.read_text(encoding="utf-8")):
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(compile(block, str(page), "exec"), namespace)
+        if promised:
+            assert_same_text(printed.getvalue(), promised)
