@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from wbc.arrays import FloatArray
+from wbc.control.gears import gear_directions
 from wbc.control.qp import QPSolution
 
 
@@ -36,12 +37,11 @@ class Command:
         acceleration: qdd (nv,) that the program expects; zero where it found none.
         forces: force of every active contact, (3,) [N] world axes for a point, (6,) [N, N m] in
             its frame for a surface.
-        directions: (m,) `Direction` per gear: FORWARD, BACKWARD, or STUCK where the torque lies
-            inside the interval that stiction holds.
-        consistent: whether the mesh law allows the returned torques in these directions.
+        consistent: whether the mesh law allows the returned torques in the directions below.
         output_torque: T (m,) [N m] that leaves the gears.
-        mesh_power: (m,) [W] predicted into each mesh, mesh torque times expected motor speed.
+        mesh_torque: t (m,) [N m] that enters the meshes.
         expected_speed: (m,) [rad/s] of the motor outputs that the directions were judged by.
+        certainty: sigma (m,), -1 to 1, how surely each gear turns and which way.
         status: how the tick ended.
         message: what was in the way, empty when nothing was.
         solve_time: [s] in the solver.
@@ -53,14 +53,27 @@ class Command:
     rotor_torque: FloatArray
     acceleration: FloatArray
     forces: Mapping[str, FloatArray]
-    directions: FloatArray
     consistent: bool
     output_torque: FloatArray
-    mesh_power: FloatArray
+    mesh_torque: FloatArray
     expected_speed: FloatArray
+    certainty: FloatArray
     status: Status
     message: str
     solve_time: float
     tick_time: float
     rounds: int
     solution: QPSolution | None
+
+    @property
+    def directions(self) -> FloatArray:
+        """`Direction` per gear (m,): FORWARD or BACKWARD where it surely turns under load.
+
+        STUCK where the torque lies inside the interval that stiction holds.
+        """
+        return gear_directions(self.output_torque, self.certainty)
+
+    @property
+    def mesh_power(self) -> FloatArray:
+        """Power (m,) [W] predicted into each mesh: mesh torque times expected motor speed."""
+        return self.mesh_torque * self.expected_speed

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import BoundContact
+from wbc.control.contacts import BoundContact, BoundPoint
 from wbc.control.kinematics import Kinematics
+from wbc.control.selection import Rows, as_rows
 
 
 class ContactSet:
@@ -37,6 +38,7 @@ class ContactSet:
         self.target = np.zeros(start)
         self._drift = np.zeros(start)
         self._damping = np.zeros(start)
+        self._points = _all_points(self.contacts)
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
         self.normals = np.zeros((len(self.contacts), start))
@@ -53,8 +55,13 @@ class ContactSet:
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate the rows at the present state."""
-        for contact, rows in zip(self.contacts, self.slices, strict=True):
-            contact.fill(kinematics, self.jacobian[rows], self._drift[rows])
+        if self._points is None:
+            for contact, rows in zip(self.contacts, self.slices, strict=True):
+                contact.fill(kinematics, self.jacobian[rows], self._drift[rows])
+        else:
+            terms = kinematics.terms
+            self.jacobian = terms.contact_jacobian[self._points]
+            self._drift = terms.contact_drift[self._points]
         np.dot(self.jacobian, kinematics.velocity, out=self.target)
         self.target *= self._damping
         self.target += self._drift
@@ -65,3 +72,11 @@ class ContactSet:
         if not self.contacts:
             return np.zeros(0)
         return np.asarray(self.normals.sum(axis=0) * (weight / len(self.contacts)))
+
+
+def _all_points(contacts: Sequence[BoundContact]) -> Rows | None:
+    """Return the rows of the tick's contact Jacobian, if all contacts are points; else None."""
+    points = [contact for contact in contacts if isinstance(contact, BoundPoint)]
+    if not points or len(points) < len(contacts):
+        return None
+    return as_rows(np.concatenate([np.asarray(point.select) for point in points]))

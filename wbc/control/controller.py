@@ -16,7 +16,7 @@ from wbc.control.contacts import BoundContact, Contact
 from wbc.control.direction_search import DirectionSearch, Found
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.gears import GearLaw
+from wbc.control.gears import GearLaw, gear_directions
 from wbc.control.inputs import (
     all_finite,
     name_complaint,
@@ -219,12 +219,12 @@ class Controller:
         share = self._plant.rotor @ found.acceleration + self._plant.rotor_bias
         torque, mesh, exact = self._stage.solve(found.output, share, sigma, slopes, limits)
         self._remember(motion, found, torque)
-        directions = self._law.directions(found.output, sigma)
-        consistent = exact or self._law.consistent(directions, found.output, mesh)
-        outcome = (status, message, directions, consistent)
-        return self._command(
-            motion, program, found, torque, mesh * expected, expected, outcome, start
+        consistent = exact or self._law.consistent(
+            gear_directions(found.output, sigma), found.output, mesh
         )
+        gears = (mesh, expected, sigma)
+        outcome = (status, message, consistent)
+        return self._command(motion, program, found, torque, gears, outcome, start)
 
     def _judge_speeds(
         self, terms: Terms, motion: Motion
@@ -253,14 +253,13 @@ class Controller:
         program: ContactForceProgram,
         found: Found,
         torque: FloatArray,
-        power: FloatArray,
-        expected: FloatArray,
-        outcome: tuple[Status, str, FloatArray, bool],
+        gears: tuple[FloatArray, FloatArray, FloatArray],
+        outcome: tuple[Status, str, bool],
         start: float,
     ) -> Command:
         forces = found.solution.x[program.nv :] * program.force_scale
         set_ = program.contacts
-        status, message, directions, consistent = outcome
+        status, message, consistent = outcome
         elapsed = perf_counter() - start
         deadline = self.settings.deadline
         if deadline is not None and elapsed > deadline:
@@ -272,11 +271,11 @@ class Controller:
                 contact.name: contact.wrench(forces[rows])
                 for contact, rows in zip(set_.contacts, set_.slices, strict=True)
             },
-            directions=directions,
             consistent=consistent,
             output_torque=found.output,
-            mesh_power=power,
-            expected_speed=expected,
+            mesh_torque=gears[0],
+            expected_speed=gears[1],
+            certainty=gears[2],
             status=status,
             message=message,
             solve_time=found.solve_time,
@@ -308,11 +307,11 @@ class Controller:
             rotor_torque=rotor,
             acceleration=np.zeros(nv),
             forces={},
-            directions=np.zeros(m),
             consistent=False,
             output_torque=np.zeros(m),
-            mesh_power=np.zeros(m),
+            mesh_torque=np.zeros(m),
             expected_speed=np.zeros(m),
+            certainty=np.zeros(m),
             status=status,
             message=message,
             solve_time=0.0 if found is None else found.solve_time,

@@ -81,11 +81,6 @@ class GearLaw:
         size = np.abs(sigma)
         return (1.0 - size) * low + size * branch, (1.0 - size) * high + size * branch
 
-    def directions(self, output: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the `Direction` of each gear (m,): STUCK unless it surely turns under load."""
-        power = np.sign(output * sigma)
-        return np.where(np.abs(sigma) >= 1.0, power, float(Direction.STUCK))
-
     def consistent(
         self, directions: FloatArray, output: FloatArray, mesh_input: FloatArray
     ) -> bool:
@@ -100,3 +95,8 @@ class GearLaw:
         high = np.where(ahead, forward, np.where(astern, backward, np.maximum(forward, backward)))
         slack = 1e-6 * (1.0 + float(np.abs(output).max(initial=0.0)))
         return bool((mesh_input >= low - slack).all() and (mesh_input <= high + slack).all())
+
+
+def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return the `Direction` of each gear (m,): STUCK unless it surely turns under load."""
+    return np.where(np.abs(sigma) >= 1.0, np.sign(output * sigma), float(Direction.STUCK))

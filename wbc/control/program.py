@@ -35,7 +35,7 @@ class ContactForceProgram:
         force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
             accelerations and forces are of one size and tolerances mean the same on any robot.
         row_labels: what every inequality row is called in messages.
-        coupled_forces: -D' J_m' (m, k) per force variable, the forces' part of T.
+        torque_map: (m, n), T = torque_map @ x + D' bias_m.
     """
 
     def __init__(
@@ -93,7 +93,8 @@ class ContactForceProgram:
         self.b = np.zeros(len(self.A))
         self._lay_out_inequalities()
         self._square = np.zeros((self.nv, self.nv))
-        self.coupled_forces = np.zeros((robot.transmission.size, self.forces))
+        self.torque_map = np.zeros((robot.transmission.size, self.n))
+        self._scaled_map = np.zeros_like(self.torque_map)
 
     def _lay_out_inequalities(self) -> None:
         m, set_ = len(self.gears), self.contacts
@@ -171,8 +172,7 @@ class ContactForceProgram:
         for effort in self.efforts:
             cost = effort.cost(plant.robot, slopes, speed, last)
             steep, rows = cost.slope[:, None], self._effort_rows
-            np.multiply(plant.output, steep, out=rows[:, :nv])
-            np.multiply(self.coupled_forces, steep, out=rows[:, nv:])
+            np.multiply(self.torque_map, steep, out=rows)
             offset = cost.slope * plant.output_bias
             if cost.rotor:
                 rows[:, :nv] += cost.rotor * plant.rotor
@@ -198,7 +198,8 @@ class ContactForceProgram:
             self.A[:free, nv:] = across[plant.undriven]
             self.A[free:rest, :nv] = set_.jacobian
             self.b[free:rest] = set_.target
-            self.coupled_forces = plant.to_motors(across)
+            self.torque_map[:, nv:] = plant.to_motors(across)
+        self.torque_map[:, :nv] = plant.output
 
     def assemble_torque_limits(
         self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
@@ -210,18 +211,18 @@ class ContactForceProgram:
             lower, upper: (m,) least and greatest N tau_phi [N m].
         """
         plant, nv, rows = self.plant, self.nv, self.torque_rows
-        steep = slopes[:, None]
-        torque = plant.output * steep
-        torque += plant.rotor
-        offset = slopes * plant.output_bias + plant.rotor_bias
+        if not len(self.gears):
+            return
+        offset = slopes * plant.output_bias
+        offset += plant.rotor_bias
+        scaled = self.C[rows] if self._all_gears else self._scaled_map
+        np.multiply(self.torque_map, slopes[:, None], out=scaled)
+        scaled[:, :nv] += plant.rotor
         if self._all_gears:
-            self.C[rows, :nv] = torque
-            np.multiply(self.coupled_forces, steep, out=self.C[rows, nv:])
             np.subtract(lower, offset, out=self.lower[rows])
             np.subtract(upper, offset, out=self.upper[rows])
-        elif len(self.gears):
-            self.C[rows, :nv] = torque[self.gears]
-            self.C[rows, nv:] = (self.coupled_forces * steep)[self.gears]
+        else:
+            self.C[rows] = scaled[self.gears]
             self.lower[rows] = (lower - offset)[self.gears]
             self.upper[rows] = (upper - offset)[self.gears]
 
@@ -257,10 +258,9 @@ class ContactForceProgram:
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""
-        torque = self.plant.output @ x[: self.nv] + self.plant.output_bias
-        if self.forces:
-            torque += self.coupled_forces @ x[self.nv :]
-        return torque
+        torque = self.torque_map @ x
+        torque += self.plant.output_bias
+        return np.asarray(torque)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""

@@ -74,6 +74,7 @@ class TaskStack:
             if selection is not None:
                 wanted = task.command(kinematics, reference, velocity[selection])
                 self.pull[selection] += weight * wanted
+                self._last[task.name] = reference
                 continue
             rows, root = self._slices[i], self._roots[i]
             jacobian = task.jacobian(kinematics)
@@ -81,6 +82,7 @@ class TaskStack:
             wanted -= task.drift(kinematics)
             np.multiply(wanted, root, out=self.target[rows])
             np.multiply(jacobian, self._columns[i], out=self.matrix[rows])
+            self._last[task.name] = reference
 
     @property
     def locks(self) -> int:
@@ -121,5 +123,4 @@ class TaskStack:
             held = self._last.get(task.name)
             position = copy(task.value(kinematics)) if held is None else held.position
             reference = Reference(position, reference.velocity, reference.acceleration)
-        self._last[task.name] = reference
         return reference

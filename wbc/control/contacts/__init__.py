@@ -2,7 +2,15 @@
 
 from wbc.control.contacts.contact import BoundContact, Cone, Contact
 from wbc.control.contacts.friction import ConeApproximation
-from wbc.control.contacts.point import PointContact
+from wbc.control.contacts.point import BoundPoint, PointContact
 from wbc.control.contacts.surface import SurfaceContact
 
-__all__ = ["BoundContact", "Cone", "ConeApproximation", "Contact", "PointContact", "SurfaceContact"]
+__all__ = [
+    "BoundContact",
+    "BoundPoint",
+    "Cone",
+    "ConeApproximation",
+    "Contact",
+    "PointContact",
+    "SurfaceContact",
+]

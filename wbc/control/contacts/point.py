@@ -13,7 +13,6 @@ from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.contacts.contact import BoundContact, Cone, Contact
 from wbc.control.contacts.friction import ConeApproximation, planar_cone, pyramid
 from wbc.control.kinematics import Kinematics
-from wbc.control.selection import Rows, as_rows
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -72,7 +71,7 @@ class PointContact(Contact):
             rows=len(axes),
             cone=cone,
             axes=frozen(axes, np.int_),
-            select=as_rows(frozen([3 * read.index(self.name) + a for a in axes], np.int_)),
+            select=frozen([3 * read.index(self.name) + a for a in axes], np.int_),
         )
 
 
@@ -87,7 +86,7 @@ class BoundPoint(BoundContact):
     """
 
     axes: IntArray
-    select: Rows
+    select: IntArray
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Copy the rows of the tick's contact Jacobian and drift."""
