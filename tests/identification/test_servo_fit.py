@@ -68,3 +68,14 @@ def test_says_that_a_number_ended_on_its_bound() -> None:
 def test_refuses_an_empty_task() -> None:
     with pytest.raises(IdentificationError, match="at least one"):
         fit_servo(build, {}, [], STEP)
+
+
+def test_what_the_runs_leave_open_stays_at_its_start() -> None:
+    swing = plant(4.0, 0.03, 1.5, 0.8)
+    released = ServoRun("off", 1.5, swing.goal, 0.0 * swing.goal, 0.3 + 0.0 * swing.goal)
+    spans = {"resistance": Span(1.0, 3.0, 10.0), "sag": Span(0.0, 0.3, 5.0)}
+    fit = fit_servo(
+        lambda v: build({**v, "coulomb": 0.03}), spans, [released], STEP, [{"sag": 2.0}], hold=0.5
+    )
+    assert fit.values["resistance"] == pytest.approx(3.0, rel=1e-3)
+    assert fit.values["sag"] == pytest.approx(0.3, abs=1e-3)

@@ -67,6 +67,7 @@ def fit_servo(
     step: float,
     starts: Sequence[Mapping[str, float]] = ({},),
     evaluations: int = 60,
+    hold: float = 0.0,
 ) -> ServoFit:
     """Return the servo whose rollouts come closest to the measured positions.
 
@@ -80,13 +81,16 @@ def fit_servo(
         step: time step of the runs [s].
         starts: overrides of the starts; the best fit of all is returned.
         evaluations: of one fit, at most.
+        hold: how strongly the numbers are held to the starts in `spans`: a number that doubles
+            costs as much as a single residual of hold [rad]. It only decides what the runs leave
+            open (friction against back-EMF, say).
 
     Raises:
         IdentificationError: nothing to fit, or no run.
     """
     if not spans or not runs:
         raise IdentificationError("fitting a servo needs at least one number and one run.")
-    fits = [_fit(build, spans, runs, step, start, evaluations) for start in starts]
+    fits = [_fit(build, spans, runs, step, start, evaluations, hold) for start in starts]
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -97,6 +101,7 @@ def _fit(
     step: float,
     start: Mapping[str, float],
     evaluations: int,
+    hold: float,
 ) -> ServoFit:
     names = list(spans)
     low = np.array([spans[name].low for name in names])
@@ -104,7 +109,9 @@ def _fit(
     first = np.array([start.get(name, spans[name].start) for name in names])
     margin = 1e-6 * (high - low)
     first = np.clip(first, low + margin, high - margin)
-    scale = np.maximum(np.abs(first), 0.02 * (high - low))
+    centre = np.array([spans[name].start for name in names])
+    scale = np.maximum(np.abs(centre), 0.02 * (high - low))
+    pull = np.diag(hold / scale)
     memory: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def both(x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -114,7 +121,11 @@ def _fit(
             points = np.vstack([x, x + np.diag(size)])
             servos = [build(dict(zip(names, map(float, p), strict=True))) for p in points]
             residuals = _residuals(servos, runs, step)
-            memory[x.tobytes()] = (residuals[0], (residuals[1:] - residuals[0]).T / size)
+            slopes = (residuals[1:] - residuals[0]).T / size
+            memory[x.tobytes()] = (
+                np.concatenate([residuals[0], pull @ (x - centre)]),
+                np.vstack([slopes, pull]),
+            )
         return memory[x.tobytes()]
 
     found = least_squares(
