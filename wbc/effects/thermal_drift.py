@@ -33,7 +33,7 @@ class ThermalDrift(JointEffect):
     name: ClassVar[str] = "thermal_drift"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rate", "1/s", 0.0, -10.0, 10.0, 0.005),
-        Parameter("time_constant", "s", 60.0, 0.1, 1e5, 10.0, shape=True),
+        Parameter("time_constant", "s", 60.0, 1.0, 1e5, 10.0, shape=True),
     )
     explanation: ClassVar[str] = (
         "Magnets and windings lose torque as they warm up: the same motion asks for more and "
@@ -56,7 +56,7 @@ class ThermalDrift(JointEffect):
             unit = {"rate": 1e-5, "time_constant": tau}
             return Screen((unit,), lambda c: {"rate": 1e-5 * float(c[0]), "time_constant": tau})
 
-        return tuple(screen(float(np.clip(s * length, 0.1, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
+        return tuple(screen(float(np.clip(s * length, 1.0, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque left for this gear, (..., m)."""

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.fit import Fit
+from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
 from wbc.identification.search import BeamSearch, Subset
 from wbc.robot import Effect
@@ -111,13 +112,27 @@ class Selector:
         refined = [
             m
             for m in self.additions(model, _REFINED)
-            if self.pays(model, m, first) and model.error - m.error > least
+            if self.pays(model, m, first) and model.error - m.error > least and self.shown(m)
         ]
         if not refined:
             return None
         lowest = min(refined, key=lambda m: m.error)
         close = [m for m in refined if not self.pays(m, lowest, first)]
         return min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
+
+    def shown(self, model: Model) -> bool:
+        """Whether the last cause has a parameter whose interval leaves out its null value.
+
+        A cause that helps each log with another value of its own is none that the logs share.
+        """
+        last = len(model.effects) - 1
+        null = model.effects[last].null_values(self.problem.robot, model.effects[last].where)
+        bounds = interval_bounds(model.fit, self.problem.blocks, np.zeros(1))
+        return any(
+            not low <= null[parameter.name] <= high
+            for (k, parameter), (low, high) in zip(model.fit.parameters, bounds, strict=True)
+            if k == last and not parameter.shape
+        )
 
     def _rank(self, model: Model) -> int:
         """Return the place of the last cause in the list of candidates, for ties."""
