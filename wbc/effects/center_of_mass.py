@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
-import pinocchio as pin
 
+from wbc.effects.inertia import require_physical, with_shifted_center
 from wbc.robot import Effect, Parameter, Robot
 
 
@@ -55,5 +55,5 @@ class CenterOfMass(Effect):
         """Return the robot with the centre of mass moved."""
         joint = robot.body_joint(self.where)
         before = robot.model.inertias[joint]
-        lever = before.lever + np.array([self.x, self.y, self.z])
-        return robot.with_inertia(joint, pin.Inertia(before.mass, lever, before.inertia))
+        after = with_shifted_center(before, np.array([self.x, self.y, self.z]))
+        return robot.with_inertia(joint, require_physical(before, after, self.where))

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
+from wbc.errors import EffectError
 
 
 def point_mass(mass: float, point: FloatArray) -> FloatArray:
@@ -27,3 +28,38 @@ def add_point_mass(inertia: pin.Inertia, mass: float, point: FloatArray) -> pin.
     return pin.Inertia.FromDynamicParameters(
         inertia.toDynamicParameters() + point_mass(mass, point)
     )
+
+
+def with_shifted_center(inertia: pin.Inertia, shift: FloatArray) -> pin.Inertia:
+    """Return `inertia` with its centre of mass moved by `shift` (3,) [m], moments about it kept."""
+    old, new = inertia.lever, inertia.lever + shift
+    about_origin = inertia.mass * (_steiner(new) - _steiner(old))
+    parameters = np.array(inertia.toDynamicParameters())
+    parameters[1:4] = inertia.mass * new
+    parameters[4:] += about_origin[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return pin.Inertia.FromDynamicParameters(parameters)
+
+
+def require_physical(before: pin.Inertia, after: pin.Inertia, place: str) -> pin.Inertia:
+    """Return `after` if some distribution of positive mass has these parameters.
+
+    That is so where the pseudo-inertia (4, 4) is positive semidefinite (Wensing, Kim & Slotine,
+    2018). A drawing that was not physical to begin with must not become less so.
+
+    Raises:
+        EffectError: no body could have this inertia.
+    """
+    least = min(_smallest(before), 0.0)
+    if _smallest(after) < least - 1e-9 * max(abs(after.mass), 1.0):
+        raise EffectError(f"the change at '{place}' leaves an inertia that no body can have.")
+    return after
+
+
+def _smallest(inertia: pin.Inertia) -> float:
+    pseudo = pin.PseudoInertia.FromDynamicParameters(inertia.toDynamicParameters())
+    return float(np.linalg.eigvalsh(pseudo.toMatrix())[0])
+
+
+def _steiner(point: FloatArray) -> FloatArray:
+    """Return |p|^2 1 - p p' (3, 3)."""
+    return np.asarray(point @ point * np.eye(3) - np.outer(point, point))

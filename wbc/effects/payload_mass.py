@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-from wbc.effects.inertia import add_point_mass
+from wbc.effects.inertia import add_point_mass, require_physical
 from wbc.errors import EffectError
 from wbc.robot import Effect, Parameter, Robot
 
@@ -57,4 +57,5 @@ class PayloadMass(Effect):
                 f"payload of {self.mass:g} kg at '{self.where}' leaves no mass there "
                 f"(the body has {before.mass:g} kg)."
             )
-        return robot.with_inertia(joint, add_point_mass(before, self.mass, point))
+        after = add_point_mass(before, self.mass, point)
+        return robot.with_inertia(joint, require_physical(before, after, self.where))

@@ -15,6 +15,7 @@ from wbc.robot import Effect, Parameter, Robot
 
 _ITERATIONS = 12
 _CONVERGED = 1e-4
+_UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
 
 
@@ -148,7 +149,15 @@ def _jacobian(
             break
         else:
             columns.append(np.zeros_like(residual))
-    return np.stack(columns, axis=-1) if columns else np.zeros((*residual.shape, 0))
+    if not columns:
+        return np.zeros((*residual.shape, 0))
+    jacobian = np.stack(columns, axis=-1)
+    size = np.sqrt(np.mean(jacobian**2, axis=(0, 1)))
+    for row, (k, _) in enumerate(slots):
+        beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
+        if size[row] < _UNFELT * beside:
+            jacobian[:, :, row] = 0.0
+    return jacobian
 
 
 def _moved(

@@ -8,6 +8,9 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.fit import Fit
 
 _DRAWS = 400
+# Neighbouring blocks still share some error: on the generated corpus (seed 11) 90 % intervals of
+# the plain bootstrap covered 76 %, those of a normal distribution 1.4 times as wide cover 90 %.
+_WIDER = 1.4
 
 
 def bootstrap_steps(fit: Fit, blocks: IntArray, seed: int = 0) -> FloatArray:
@@ -53,8 +56,8 @@ def interval_bounds(
     steps = bootstrap_steps(fit, blocks)
     tail = 50.0 * (1.0 - level)
     low, high = np.percentile(steps, [tail, 100.0 - tail], axis=0)
-    low = -np.hypot(low, distortion)
-    high = np.hypot(high, distortion)
+    low = -np.hypot(_WIDER * low, distortion)
+    high = np.hypot(_WIDER * high, distortion)
     bounds = np.empty((len(fit.parameters), 2))
     for row, (k, parameter) in enumerate(fit.parameters):
         value = fit.effects[k].values[parameter.name]
