@@ -1,0 +1,125 @@
+"""Drops of the unpowered leg over height, efficiency and gear ratio: what an impact feels.
+
+The impact mitigation factor is measured as its definition says, one minus the impulse of the
+leg over that of the same leg with blocked gears on a frictionless ground, and set beside what
+`wbc.metrics` predicts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sims.plots import Panel, sweep_figure
+from sims.tables import print_columns
+from wbc import Robot, load_robot
+from wbc.metrics import efficiency_sweep, gear_ratio_sweep, impact_mitigation
+from wbc.sim import Impact, Plant, simulate
+from wbc.transmission import wedge_backward_efficiency
+from wbc.view import write_playback
+from wbc.view.plots import write_figure
+
+OUT = Path("out")
+_BLOCKED = 1e9  # [kg m^2], a rotor that no impact moves
+
+
+def with_gears(robot: Robot, efficiency: float | None = None, ratio: float | None = None) -> Robot:
+    """Return the leg with all gears of one forward efficiency (wedge) or one ratio."""
+    gears, one = robot.transmission, np.ones(robot.transmission.size)
+    if efficiency is not None:
+        backward = float(wedge_backward_efficiency(efficiency))
+        changes = {"forward_efficiency": efficiency * one, "backward_efficiency": backward * one}
+        gears = gears.replace(**changes)
+    if ratio is not None:
+        gears = gears.replace(gear_ratio=ratio * one)
+    return robot.with_transmission(gears)
+
+
+def drop(robot: Robot, height: float) -> Impact:
+    """Return the impact of the unpowered leg, dropped from `height` [m] in the paper's pose."""
+    plant, q = Plant(robot), robot.pose("paper")
+    q[robot.position_index("base_z")] += height
+    state, rest = plant.state(q), np.zeros(robot.transmission.size)
+    while True:
+        result = plant.step(state, rest, 5e-3)
+        if result.impacts:
+            return result.impacts[0]
+        state = result.state
+
+
+def mitigation(robot: Robot, height: float) -> float:
+    """Return the impact mitigation factor that drops on frictionless ground show."""
+    smooth = replace(robot, contacts=tuple(replace(c, friction=0.0) for c in robot.contacts))
+    rotors = np.full(robot.transmission.size, _BLOCKED)
+    blocked = smooth.with_transmission(robot.transmission.replace(rotor_inertia=rotors))
+    give, rigid = (drop(leg, height).contact_impulse[0, 2] for leg in (smooth, blocked))
+    return float(1.0 - give / rigid)
+
+
+def figures(robot: Robot, height: float) -> dict[str, float]:
+    """Return one column of the table."""
+    impact = drop(robot, height)
+    measured = mitigation(robot, height)
+    predicted = impact_mitigation(robot, robot.pose("paper"), "foot", "xz").along([0.0, 1.0])
+    fallen = sum(inertia.mass for inertia in robot.model.inertias) * 9.81 * height
+    return {
+        "impulse, up [N s]": float(impact.contact_impulse[0, 2]),
+        "impulse, along [N s]": float(impact.contact_impulse[0, 0]),
+        "mesh loss [% of fall]": 100.0 * impact.mesh_loss / fallen,
+        "ground loss [% of fall]": 100.0 * impact.contact_loss / fallen,
+        "IMF, measured": measured,
+        "IMF, predicted": predicted,
+        "IMF, error [%]": round(100.0 * (measured / predicted - 1.0), 6) + 0.0,
+    }
+
+
+def main(
+    heights: Sequence[float] = (0.02, 0.05, 0.1, 0.2, 0.3),
+    efficiencies: Sequence[float] = (0.51, 0.55, 0.6, 0.7, 0.8, 1.0),
+    ratios: Sequence[float] = (5.0, 10.0, 20.0, 40.0, 80.0),
+) -> dict[str, dict[float, dict[str, float]]]:
+    """Return the figures of three sweeps about the paper's leg dropped from 10 cm."""
+    leg = load_robot("planar_leg")
+    return {
+        "height [m]": {h: figures(leg, h) for h in heights},
+        "forward efficiency": {e: figures(with_gears(leg, e), 0.1) for e in efficiencies},
+        "gear ratio": {n: figures(with_gears(leg, ratio=n), 0.1) for n in ratios},
+    }
+
+
+def panels(sweeps: dict[str, dict[float, dict[str, float]]]) -> list[Panel]:
+    """Return impulses, impact mitigation and losses over what was varied."""
+
+    def curve(sweep: str, figure: str) -> tuple[list[float], list[float]]:
+        return list(sweeps[sweep]), [values[figure] for values in sweeps[sweep].values()]
+
+    rows = [
+        Panel("impulse of the ground", name, "[N s]", {"": curve(name, "impulse, up [N s]")})
+        for name in sweeps
+    ]
+    leg = load_robot("planar_leg")
+    site = (leg, leg.pose("paper"), "foot", [0.0, 1.0])
+    for name, metric in (
+        ("forward efficiency", efficiency_sweep(*site, np.linspace(0.505, 1.0, 100), axes="xz")),
+        ("gear ratio", gear_ratio_sweep(*site, np.linspace(1.0, 80.0, 80), axes="xz")),
+    ):
+        lines = {"metric": (metric.values, metric.impact_mitigation)}
+        points = {"drops": curve(name, "IMF, measured")}
+        rows.append(Panel("impact mitigation factor", name, "IMF [-]", lines, points))
+    losses = {part: curve(name, f"{part} loss [% of fall]") for part in ("mesh", "ground")}
+    return [*rows, Panel("energy that the impact takes", name, "[% of fall]", losses)]
+
+
+if __name__ == "__main__":
+    results = main()
+    for name, sweep in results.items():
+        print_columns(f"drops over {name}", {f"{value:g}": row for value, row in sweep.items()})
+    robot = load_robot("planar_leg")
+    plant, q = Plant(robot), robot.pose("paper")
+    q[robot.position_index("base_z")] += 0.15
+    fall = simulate(plant, lambda _: np.zeros(2), plant.state(q), 0.3).log
+    print(write_figure(OUT / "impact.png", sweep_figure(panels(results))))
+    print(write_playback(OUT / "impact.html", robot, fall, title="Dropped from 15 cm, unpowered"))
