@@ -40,6 +40,6 @@ def test_python_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, mon
     for block, promised in BLOCK.findall(page.read_text(encoding="utf-8")):
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            exec(compile(block, str(page), "exec"), namespace)
+            exec(compile(block, str(page), "exec", dont_inherit=True), namespace)
         if promised:
             assert_same_text(printed.getvalue(), promised)
