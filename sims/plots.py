@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from wbc.view import LIGHT
@@ -22,6 +23,7 @@ class Panel:
         title, across, up: what stands above, below and beside.
         lines: label -> (x, y), drawn as lines.
         points: label -> (x, y), drawn as marks.
+        log: whether the upward axis is logarithmic.
     """
 
     title: str
@@ -29,6 +31,7 @@ class Panel:
     up: str
     lines: Curves
     points: Curves = field(default_factory=dict)
+    log: bool = False
 
 
 def sweep_figure(panels: Sequence[Panel], columns: int = 3) -> Figure:
@@ -43,6 +46,11 @@ def sweep_figure(panels: Sequence[Panel], columns: int = 3) -> Figure:
             for i, (label, (x, y)) in enumerate(panel.points.items(), len(panel.lines)):
                 ax.plot(x, y, "o", color=LIGHT.series[i], markersize=4.5, label=label or None)
             ax.set(title=panel.title, xlabel=panel.across, ylabel=panel.up)
+            if panel.log:
+                ax.set_yscale("log")
+                ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+                ax.yaxis.set_minor_formatter(NullFormatter())
             if any([*panel.lines, *panel.points]):
                 ax.legend()
         for ax in axes[len(panels) :]:
