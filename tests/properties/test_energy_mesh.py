@@ -60,10 +60,11 @@ def test_whatever_is_chosen_at_rest_starting_to_move_loses_power(
 ) -> None:
     low, high = mesh_input_interval(torque, *etas)
     assert low <= high
-    chosen = float(low + share * (high - low))
+    chosen = float((1.0 - share) * low + share * high)
+    rounding = 1e-9 * max(abs(low), abs(high))
     # Only a torque outside the interval can set the gear in motion, and it then pays the branch.
     needed = float(mesh_input(torque, speed, *etas))
     if speed > 0.0:
-        assert needed >= chosen - 1e-9 * abs(needed)
+        assert needed >= chosen - rounding
     elif speed < 0.0:
-        assert needed <= chosen + 1e-9 * abs(needed)
+        assert needed <= chosen + rounding
