@@ -2,7 +2,7 @@
 
 from wbc.control.command import Command, Status
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
-from wbc.control.controller import Controller, State
+from wbc.control.controller import Controller
 from wbc.control.efforts import (
     ContactForceTask,
     Effort,
@@ -17,6 +17,7 @@ from wbc.control.reference import Reference
 from wbc.control.safety import Damped, Hold, RepeatLast, SafetyPolicy
 from wbc.control.settings import ControllerSettings
 from wbc.control.speed import SpeedBlend
+from wbc.control.state import State
 from wbc.control.tasks import (
     AngularMomentumTask,
     CenterOfMassTask,

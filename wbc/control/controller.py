@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from time import perf_counter
-from typing import Protocol, TypeVar
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.admission import (
+    checked_efforts,
+    checked_force_tasks,
+    checked_names,
+    lean_robot,
+    single_limit,
+    stacks_by_level,
+)
 from wbc.control.command import Command, Status
-from wbc.control.conflict import Conflict
-from wbc.control.contacts import BoundContact, Contact
+from wbc.control.contacts import Contact
 from wbc.control.direction_search import DirectionSearch, Found
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.fallback import Fallback
 from wbc.control.gears import GearLaw, gear_directions
 from wbc.control.inputs import (
+    Complaint,
     all_finite,
     name_complaint,
     overflow_complaint,
@@ -26,34 +33,23 @@ from wbc.control.inputs import (
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.motors import Motors
+from wbc.control.outcome import Outcome
 from wbc.control.plant import Plant
 from wbc.control.program import ContactForceProgram
 from wbc.control.program_library import ProgramLibrary, Recipe
-from wbc.control.qp import QPProblem, QPStatus, check_solver
+from wbc.control.qp import QPProblem, check_solver
 from wbc.control.reference import Reference
-from wbc.control.safety import LastGood
 from wbc.control.settings import ControllerSettings
+from wbc.control.state import State
 from wbc.control.task_stack import TaskStack
 from wbc.control.tasks import Task
 from wbc.control.torque_stage import RotorTorqueStage
+from wbc.control.verdict import judged
 from wbc.dynamics import Terms, Workspace, evaluate
-from wbc.errors import ControlError, unknown_name
+from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
-_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit)
 _NO_REFERENCES: Mapping[str, Reference] = {}
-
-
-class State(Protocol):
-    """What the controller reads of a state: `wbc.robot.Motion` is one."""
-
-    @property
-    def position(self) -> FloatArray:
-        """q (nq,)."""
-
-    @property
-    def velocity(self) -> FloatArray:
-        """v (nv,)."""
 
 
 class Controller:
@@ -94,29 +90,30 @@ class Controller:
         """
         self.robot, self.tasks = robot, tuple(tasks)
         self.settings = ControllerSettings() if settings is None else settings
-        self._task_names = _checked_names("task", [task.name for task in self.tasks])
-        _checked_names("contact", [contact.name for contact in contacts])
+        self._task_names = checked_names("task", [task.name for task in self.tasks])
+        checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
-        self._lean = _lean_robot(robot, contacts)
+        self._lean = lean_robot(robot, contacts)
         self._space = Workspace(self._lean)
         self._kinematics = Kinematics(self._space.model)
-        self._stack, self._lower = _levels(robot, self.tasks)
+        self._stack, self._lower = stacks_by_level(robot, self.tasks)
         read = [point.name for point in self._lean.contacts]
         self._contacts = {contact.name: contact.bind(robot, read) for contact in contacts}
         self._plant = Plant(robot)
         self._law = GearLaw(robot.transmission, self.settings.rest_policy)
         self._effects = EffectTorques(robot)
-        self._motors = Motors(robot, _single(RotorTorqueLimit, limits), self._effects)
+        self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
+        self._fallback = Fallback(robot, self._plant, self._motors)
         self._programs = ProgramLibrary(
             Recipe(
                 plant=self._plant,
                 contacts=self._contacts,
                 limited=self._motors.limited,
-                joint_limit=_single(JointLimit, limits),
+                joint_limit=single_limit(JointLimit, limits),
                 settings=self.settings,
-                efforts=_checked_efforts(robot, self.tasks),
-                force_tasks=_checked_force_tasks(self.tasks, self._contacts),
+                efforts=checked_efforts(robot, self.tasks),
+                force_tasks=checked_force_tasks(self.tasks, self._contacts),
                 locked=None if self._lower is None else self._stack.locks,
             )
         )
@@ -144,7 +141,7 @@ class Controller:
         self._positive = np.zeros(m, dtype=bool)
         self._output = np.zeros(m)
         self._expected = np.zeros(self.robot.model.nv)
-        self._last = LastGood(np.zeros(m), None)
+        self._fallback.forget()
 
     def step(
         self,
@@ -168,7 +165,7 @@ class Controller:
         if complaint is None:
             complaint = name_complaint(given, self._task_names, contacts, self._contacts)
         if complaint is not None:
-            return self._safe(motion, *complaint, start)
+            return self._safe(motion, complaint, start)
         motion = self._effects.true_motion(motion)
         terms = evaluate(self._lean, motion.position, motion.velocity, self._space)
         self._kinematics.update(terms)
@@ -177,7 +174,8 @@ class Controller:
                 if stack is not None:
                     stack.fill(self._kinematics, given)
         except (ValueError, TypeError, AttributeError) as cause:
-            return self._safe(motion, Status.BAD_INPUT, f"a reference does not fit: {cause}", start)
+            complaint = Status.BAD_INPUT, f"a reference does not fit: {cause}"
+            return self._safe(motion, complaint, start)
         return self._solve(motion, terms, given, contacts, start)
 
     def _solve(
@@ -199,21 +197,16 @@ class Controller:
                 continue
             program = search.program
             self._search = search
-            program.assemble_cost(stack)
-            program.assemble_forces(references)
-            program.assemble_dynamics()
-            program.assemble_limits(
-                motion.position, motion.velocity, self.settings.time_step, contacts
-            )
+            self._assemble(program, stack, motion, references, contacts)
             if found is not None:
                 program.assemble_lock(*self._stack.lock(found.acceleration))
                 self._positive = found.output > 0.0
             if not all_finite(program.cost_gradient, program.b):
-                return self._safe(motion, *overflow_complaint(references), start)
+                return self._safe(motion, overflow_complaint(references), start)
             found = search.solve(self._positive, slopes, limits, expected, self._output)
-            status, message = _judged(found, program)
-            if not status.usable:
-                return self._safe(motion, status, message, start, found)
+            verdict = judged(found, program)
+            if not verdict[0].usable:
+                return self._safe(motion, verdict, start, found)
         if found is None:
             raise ControlError("no level has a program.")
         share = self._plant.rotor @ found.acceleration + self._plant.rotor_bias
@@ -222,9 +215,21 @@ class Controller:
         consistent = exact or self._law.consistent(
             gear_directions(found.output, sigma), found.output, mesh
         )
-        gears = (mesh, expected, sigma)
-        outcome = (status, message, consistent)
-        return self._command(motion, program, found, torque, gears, outcome, start)
+        outcome = Outcome(program, found, verdict, torque, mesh, expected, sigma, consistent)
+        return outcome.command(self._motors, motion, start, self.settings.deadline)
+
+    def _assemble(
+        self,
+        program: ContactForceProgram,
+        stack: TaskStack,
+        motion: Motion,
+        references: Mapping[str, Reference],
+        contacts: Mapping[str, float] | None,
+    ) -> None:
+        program.assemble_cost(stack)
+        program.assemble_forces(references)
+        program.assemble_dynamics()
+        program.assemble_limits(motion.position, motion.velocity, self.settings.time_step, contacts)
 
     def _judge_speeds(
         self, terms: Terms, motion: Motion
@@ -245,145 +250,9 @@ class Controller:
         self._positive = found.output > 0.0
         self._output = found.output
         self._expected = self._expected + self.settings.time_step * found.acceleration
-        self._last = LastGood(torque, self._motors.position(motion))
-
-    def _command(
-        self,
-        motion: Motion,
-        program: ContactForceProgram,
-        found: Found,
-        torque: FloatArray,
-        gears: tuple[FloatArray, FloatArray, FloatArray],
-        outcome: tuple[Status, str, bool],
-        start: float,
-    ) -> Command:
-        forces = found.solution.x[program.nv :] * program.force_scale
-        set_ = program.contacts
-        status, message, consistent = outcome
-        elapsed = perf_counter() - start
-        deadline = self.settings.deadline
-        if deadline is not None and elapsed > deadline:
-            status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
-        return Command(
-            rotor_torque=self._motors.to_drive(motion, torque),
-            acceleration=found.acceleration,
-            forces={
-                contact.name: contact.wrench(forces[rows])
-                for contact, rows in zip(set_.contacts, set_.slices, strict=True)
-            },
-            consistent=consistent,
-            output_torque=found.output,
-            mesh_torque=gears[0],
-            expected_speed=gears[1],
-            certainty=gears[2],
-            status=status,
-            message=message,
-            solve_time=found.solve_time,
-            tick_time=perf_counter() - start,
-            rounds=found.rounds,
-            solution=found.solution,
-        )
+        self._fallback.remember(motion, torque)
 
     def _safe(
-        self,
-        motion: Motion,
-        status: Status,
-        message: str,
-        start: float,
-        found: Found | None = None,
+        self, motion: Motion, complaint: Complaint, start: float, found: Found | None = None
     ) -> Command:
-        m, nv = self.robot.transmission.size, self.robot.model.nv
-        known = state_complaint(self.robot, motion.position, motion.velocity) is None
-        unknown = np.full(m, np.nan)
-        speed = self._plant.motor_speed(motion.velocity) if known else unknown
-        position = self._motors.position(motion) if known else unknown
-        torque = self.settings.safety.rotor_torque(self._last, position, speed)
-        torque = self._motors.clipped(torque)
-        if known:
-            rotor = self._motors.to_drive(motion, torque)
-        else:
-            rotor = torque / self.robot.transmission.gear_ratio
-        return Command(
-            rotor_torque=rotor,
-            acceleration=np.zeros(nv),
-            forces={},
-            consistent=False,
-            output_torque=np.zeros(m),
-            mesh_torque=np.zeros(m),
-            expected_speed=np.zeros(m),
-            certainty=np.zeros(m),
-            status=status,
-            message=message,
-            solve_time=0.0 if found is None else found.solve_time,
-            tick_time=perf_counter() - start,
-            rounds=0 if found is None else found.rounds,
-            solution=None if found is None else found.solution,
-        )
-
-
-def _judged(found: Found, program: ContactForceProgram) -> tuple[Status, str]:
-    """Return how usable a solution is, and what is in its way."""
-    solution = found.solution
-    if not all_finite(solution.x):
-        return Status.FAILED, "the solver returned values that are not finite."
-    if solution.status is QPStatus.SOLVED:
-        return Status.SOLVED, ""
-    if solution.status is QPStatus.ITERATION_LIMIT:
-        residual = solution.primal_residual(program.problem)
-        if residual < 1e-4:
-            return Status.INACCURATE, f"iteration limit, residual {residual:.1e}."
-    conflict = Conflict.of(program)
-    status = Status.INFEASIBLE if conflict.residual > 1e-4 else Status.FAILED
-    return status, conflict.message
-
-
-def _checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:
-    for name in names:
-        if names.count(name) > 1:
-            raise ControlError(f"two {kind}s are called '{name}'; names must differ.")
-    return frozenset(names)
-
-
-def _levels(robot: Robot, tasks: Sequence[object]) -> tuple[TaskStack, TaskStack | None]:
-    """Return the stacks of level 0 and of level 1, the latter None where it has no task."""
-    moving = [task for task in tasks if isinstance(task, Task)]
-    upper = [task for task in moving if task.level == 0]
-    lower = [task for task in moving if task.level == 1]
-    if not upper:
-        raise ControlError("a controller without tasks of level 0 has nothing to do.")
-    return TaskStack(robot, upper), TaskStack(robot, lower) if lower else None
-
-
-def _checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:
-    efforts = tuple(task for task in tasks if isinstance(task, Effort))
-    for effort in efforts:
-        effort.check(robot)
-    return efforts
-
-
-def _checked_force_tasks(
-    tasks: Sequence[object], contacts: Mapping[str, BoundContact]
-) -> tuple[ContactForceTask, ...]:
-    found = tuple(task for task in tasks if isinstance(task, ContactForceTask))
-    for task in found:
-        if task.contact not in contacts:
-            raise ControlError(
-                f"task '{task.name}': " + unknown_name("contact", task.contact, contacts)
-            )
-    return found
-
-
-def _single(kind: type[_Limit], limits: Sequence[object]) -> _Limit | None:
-    found = [limit for limit in limits if isinstance(limit, kind)]
-    if len(found) > 1:
-        raise ControlError(f"at most one {kind.__name__} can be given.")
-    return found[0] if found else None
-
-
-def _lean_robot(robot: Robot, contacts: Sequence[Contact]) -> Robot:
-    """Return the robot with only those contact points that the contacts read each tick."""
-    wanted = [name for contact in contacts for name in contact.points()]
-    for name in wanted:
-        robot.contact(name)
-    points = tuple(point for point in robot.contacts if point.name in wanted)
-    return replace(robot, contacts=points)
+        return self._fallback.command(self.settings.safety, motion, complaint, start, found)
