@@ -176,3 +176,13 @@ def test_piped_output_fits_eighty_columns(command, monkeypatch, capsys):
     assert shown.out
     assert max(map(len, shown.out.splitlines())) <= 80
     assert shown.err == ""
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose"])
+def test_piped_tables_of_logs_fit_eighty_columns(command, rubbing, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([command, *rubbing, *LEG]) == 0
+    shown = capsys.readouterr()
+    assert max(map(len, shown.out.splitlines())) <= 80
+    assert "\x1b" not in shown.out
+    assert shown.err == ""
