@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
+from wbc.control.contact_force_cost import ContactForceCost
 from wbc.control.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import JointLimit
@@ -71,17 +72,16 @@ class ContactForceProgram:
         self._weights = weights
         weight = _weight(robot.model)
         self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
-        share = contacts.load_share(weight) / self.force_scale
+        self._force_cost = ContactForceCost(
+            contacts, force_tasks, weights[1], weight, self.force_scale
+        )
         self.H = np.zeros((self.n, self.n))
         force_diagonal = np.arange(self.nv, self.n)
-        self.H[force_diagonal, force_diagonal] = weights[1]
+        self.H[force_diagonal, force_diagonal] = self._force_cost.diagonal
         self._diagonal = np.arange(self.nv) * (self.n + 1)
         self.g = np.zeros(self.n)
-        self._pull = -weights[1] * share
-        self.g[self.nv :] = self._pull
+        self.g[self.nv :] = self._force_cost.pull
         self.efforts = tuple(efforts)
-        self._force_tasks = _active_force_tasks(force_tasks, contacts)
-        self._force_diagonal = np.full(self.forces, weights[1])
         self._cost_H, self._cost_g = self.H, self.g
         if self.efforts:
             self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
@@ -142,19 +142,12 @@ class ContactForceProgram:
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
         """Write the cost of the contact forces, (re)filled only where there are force tasks."""
-        if not self._force_tasks:
+        if not self._force_cost.tracks:
             return
-        nv, diagonal, pull = self.nv, self._force_diagonal, self._cost_g[self.nv :]
-        diagonal[:], pull[:] = self._weights[1], self._pull
-        for task, rows, components in self._force_tasks:
-            reference = references.get(task.name)
-            if reference is None or reference.position is None:
-                continue
-            weight = np.broadcast_to(task.weight, np.shape(reference.position))[components]
-            diagonal[rows] += self.force_scale**2 * weight
-            pull[rows] -= self.force_scale * weight * np.asarray(reference.position)[components]
-        places = np.arange(nv, self.n)
-        self._cost_H[places, places] = diagonal
+        self._force_cost.fill(references)
+        places = np.arange(self.nv, self.n)
+        self._cost_H[places, places] = self._force_cost.diagonal
+        self._cost_g[self.nv :] = self._force_cost.pull
 
     def assemble_efforts(self, slopes: FloatArray, speed: FloatArray, last: FloatArray) -> None:
         """Add the efforts for one slope per gear; call after the dynamics and the costs.
@@ -279,16 +272,6 @@ class ContactForceProgram:
         if row < self.joint_rows.start:
             return self.row_labels[row], f"times {self.force_scale:.3g} N"
         return self.row_labels[row], "rad/s^2"
-
-
-def _active_force_tasks(
-    tasks: Sequence[ContactForceTask], contacts: ContactSet
-) -> list[tuple[ContactForceTask, slice, IntArray]]:
-    """Return the force tasks of active contacts with the rows and components they act on."""
-    found = []
-    for contact, rows in zip(contacts.contacts, contacts.slices, strict=True):
-        found += [(t, rows, contact.components) for t in tasks if t.contact == contact.name]
-    return found
 
 
 def _weight(model: pin.Model) -> float:
