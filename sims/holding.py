@@ -1,0 +1,137 @@
+"""What standing still costs over the efficiency of the gears, and what a push does to it.
+
+At rest any mesh input between eta_b T and T/eta_f holds the load T: a controller that knows the
+interval may let friction carry the rest (least torque). For the wedge the middle of the interval
+is T itself, so that its safest choice (most margin) and the lossless one (neutral) are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sims.impact import with_gears
+from sims.leg import balanced_pose
+from sims.plots import Panel, sweep_figure
+from sims.tables import print_columns
+from wbc import Robot, load_robot
+from wbc.arrays import FloatArray
+from wbc.control import (
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    PointContact,
+    PointFootBalanceTask,
+    PostureTask,
+    Reference,
+    RestPolicy,
+)
+from wbc.dynamics import evaluate
+from wbc.sim import Plant, SimState, Simulation, simulate
+from wbc.transmission import wedge_backward_efficiency
+from wbc.view import write_playback
+from wbc.view.plots import write_figure
+
+OUT = Path("out")
+_PUSHED = (1.0, 1.1)  # [s] between which something pushes the base
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A leg that stands and is pushed, and the figures of the table."""
+
+    run: Simulation
+    figures: dict[str, float]
+
+
+def standing_loop(
+    robot: Robot, q: FloatArray, policy: RestPolicy
+) -> Callable[[SimState], FloatArray]:
+    """Return a controller that keeps the leg standing in pose q."""
+    tasks = [
+        CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
+        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
+        PostureTask.of(robot, weight=1e-3),
+    ]
+    settings = ControllerSettings(rest_policy=policy)
+    controller = Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
+    height = evaluate(robot, q, np.zeros(robot.model.nv)).data.com[0][2:].copy()
+    references = {"height": Reference(height), "balance": Reference(0.0)}
+    return lambda state: controller.step(state, references).rotor_torque
+
+
+def stand(robot: Robot, policy: RestPolicy, push: float, recovery: float) -> Hold:
+    """Stand for a second, take a push [N] for 0.1 s at the base, and recover."""
+    plant, q = Plant(robot), balanced_pose(robot, knee=0.9)
+    force = np.zeros(robot.model.nv)
+    force[robot.velocity_index("base_x")] = push
+
+    def pushed(state: SimState) -> FloatArray | None:
+        return force if _PUSHED[0] <= state.time < _PUSHED[1] else None
+
+    loop = standing_loop(robot, q, policy)
+    run = simulate(plant, loop, plant.state(q), _PUSHED[1] + recovery, external=pushed)
+    quiet, gears = run.log.between(0.5, _PUSHED[0] - 1e-3), robot.transmission
+    torque = np.stack([quiet.column(f"{j}.rotor_torque") for j in gears.joints], axis=1)
+    heat = gears.resistance * (torque / gears.torque_constant) ** 2
+    pitch = np.rad2deg(run.log.column("base_pitch.position"))
+    figures = {
+        "knee torque [N m]": float(np.abs(torque[:, 1]).mean()),
+        "Joule heat [W]": float(heat.sum(axis=1).mean()),
+        "push: worst pitch [deg]": float(np.abs(pitch).max()),
+        "push: worst shift [mm]": 1e3 * float(np.ptp(run.log.column("base_x.position"))),
+        "push: pitch left [deg]": float(abs(pitch[-1])),
+    }
+    return Hold(run, figures)
+
+
+def main(
+    efficiencies: Sequence[float] = (0.51, 0.55, 0.6, 0.7, 0.8, 1.0),
+    push: float = 8.0,
+    recovery: float = 2.0,
+) -> dict[str, dict[float, Hold]]:
+    """Return the runs of both policies over the forward efficiency of all gears (wedge)."""
+    leg = load_robot("planar_leg_strong")
+    return {
+        policy.value.replace("_", " "): {
+            e: stand(with_gears(leg, e), policy, push, recovery) for e in efficiencies
+        }
+        for policy in (RestPolicy.NEUTRAL, RestPolicy.LEAST_TORQUE)
+    }
+
+
+def panels(rows: dict[str, dict[float, Hold]]) -> list[Panel]:
+    """Return torque and heat over efficiency, and the pitch after the push."""
+    fine, across = np.linspace(0.505, 1.0, 80), "forward efficiency"
+    lossless = rows["neutral"][1.0].figures
+    drawn = []
+    for figure, power in (("knee torque [N m]", 1), ("Joule heat [W]", 2)):
+        share = wedge_backward_efficiency(fine) ** power
+        lines = {"all of T": (fine, np.full(80, lossless[figure]))}
+        lines["eta_b T"] = (fine, share * lossless[figure])
+        points = {
+            name: ([*row], [hold.figures[figure] for hold in row.values()])
+            for name, row in rows.items()
+        }
+        drawn.append(Panel("cost of standing still", across, figure, lines, points))
+    pitch = {}
+    for name, row in rows.items():
+        log = row[min(row)].run.log
+        pitch[name] = log.time, np.rad2deg(log.column("base_pitch.position"))
+    return [*drawn, Panel("pitch after a push, least efficient gears", "time [s]", "[deg]", pitch)]
+
+
+if __name__ == "__main__":
+    results = main()
+    for name, row in results.items():
+        title = f"standing, {name}, over eta_f"
+        print_columns(title, {f"{e:g}": hold.figures for e, hold in row.items()})
+    print(write_figure(OUT / "holding.png", sweep_figure(panels(results))))
+    robot, log = (
+        with_gears(load_robot("planar_leg_strong"), 0.7),
+        results["least torque"][0.7].run.log,
+    )
+    print(write_playback(OUT / "holding.html", robot, log, marks={"push": _PUSHED[0]}))
