@@ -114,6 +114,12 @@ def test_emps_log_holds_the_published_identification() -> None:
     load = low_pass(95.1089 * np.abs(acceleration) * np.sign(velocity), rate, 10.0)[200:-200:20]
     wider, *_ = np.linalg.lstsq(np.column_stack([side, load]), force, rcond=None)
     assert abs(wider[-1]) < 0.015
+    # What is there beyond the four numbers: friction that differs by direction.
+    uneven = low_pass(np.abs(velocity), rate, 10.0)[200:-200:20]
+    sides = np.column_stack([side, uneven])
+    better, *_ = np.linalg.lstsq(sides, force, rcond=None)
+    assert better[-1] == pytest.approx(-36.6, rel=0.05)
+    assert np.std(force - sides @ better) < 0.65 * np.std(force - side @ found)
 
 
 def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
