@@ -131,12 +131,16 @@ def pushed_about(robot: Robot) -> Log:
     return simulate(plant, lambda _: np.zeros(2), start, 4.0, dt=2e-3, external=push).log
 
 
+def report(table: dict[float, dict[str, float]]) -> list[Path]:
+    """Print the table; return the plot and the playback written."""
+    print_columns("pushing the foot up, over eta_f", {f"{e:g}": row for e, row in table.items()})
+    page, robot = OUT / "backdrive.html", leg()
+    return [
+        write_figure(OUT / "backdrive.png", sweep_figure(panels(table))),
+        write_playback(page, robot, pushed_about(robot), title="Backdriven, unpowered"),
+    ]
+
+
 if __name__ == "__main__":
-    results = main()
-    print_columns(
-        "pushing the foot up, over eta_f",
-        {f"{e:g}": row for e, row in results.items()},
-    )
-    print(write_figure(OUT / "backdrive.png", sweep_figure(panels(results))))
-    page = OUT / "backdrive.html"
-    print(write_playback(page, leg(), pushed_about(leg()), title="Backdriven, unpowered"))
+    for path in report(main()):
+        print(path)

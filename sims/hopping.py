@@ -74,14 +74,18 @@ def main(hops: int = 10, rise: float = 0.04) -> dict[str, Hopping]:
     return {name: hop(plant, model, hops, rise) for name, (plant, model) in loops.items()}
 
 
-if __name__ == "__main__":
-    results = main()
-    print_columns("hopping, 100 N m motors (assumed)", {k: v.figures for k, v in results.items()})
-    robot, ours = stronger_leg(), results["dissipative"].run.log
-    logs = {name: result.run.log for name, result in results.items()}
-    for path in (
+def report(loops: dict[str, Hopping]) -> list[Path]:
+    """Print the table; return the plots and the playback written."""
+    print_columns("hopping, 100 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
+    robot, ours = stronger_leg(), loops["dissipative"].run.log
+    logs = {name: loop.run.log for name, loop in loops.items()}
+    return [
         write_figure(OUT / "hopping.png", standing_figure(robot, logs)),
         write_figure(OUT / "hopping_power.png", power_figure(robot, ours)),
         write_playback(OUT / "hopping.html", robot, ours, title="Ten hops on lossy gears"),
-    ):
+    ]
+
+
+if __name__ == "__main__":
+    for path in report(main()):
         print(path)

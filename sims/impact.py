@@ -23,6 +23,7 @@ from wbc.view import write_playback
 from wbc.view.plots import write_figure
 
 OUT = Path("out")
+Sweeps = dict[str, dict[float, dict[str, float]]]
 _BLOCKED = 1e9  # [kg m^2], a rotor that no impact moves
 
 
@@ -80,7 +81,7 @@ def main(
     heights: Sequence[float] = (0.02, 0.05, 0.1, 0.2, 0.3),
     efficiencies: Sequence[float] = (0.51, 0.55, 0.6, 0.7, 0.8, 1.0),
     ratios: Sequence[float] = (5.0, 10.0, 20.0, 40.0, 80.0),
-) -> dict[str, dict[float, dict[str, float]]]:
+) -> Sweeps:
     """Return the figures of three sweeps about the paper's leg dropped from 10 cm."""
     leg = load_robot("planar_leg")
     return {
@@ -90,7 +91,7 @@ def main(
     }
 
 
-def panels(sweeps: dict[str, dict[float, dict[str, float]]]) -> list[Panel]:
+def panels(sweeps: Sweeps) -> list[Panel]:
     """Return impulses, impact mitigation and losses over what was varied."""
 
     def curve(sweep: str, figure: str) -> tuple[list[float], list[float]]:
@@ -113,13 +114,20 @@ def panels(sweeps: dict[str, dict[float, dict[str, float]]]) -> list[Panel]:
     return [*rows, Panel("energy that the impact takes", name, "[% of fall]", losses)]
 
 
-if __name__ == "__main__":
-    results = main()
-    for name, sweep in results.items():
+def report(sweeps: Sweeps) -> list[Path]:
+    """Print the tables; return the plot and the playback of an unpowered fall written."""
+    for name, sweep in sweeps.items():
         print_columns(f"drops over {name}", {f"{value:g}": row for value, row in sweep.items()})
     robot = load_robot("planar_leg")
     plant, q = Plant(robot), robot.pose("paper")
     q[robot.position_index("base_z")] += 0.15
     fall = simulate(plant, lambda _: np.zeros(2), plant.state(q), 0.3).log
-    print(write_figure(OUT / "impact.png", sweep_figure(panels(results))))
-    print(write_playback(OUT / "impact.html", robot, fall, title="Dropped from 15 cm, unpowered"))
+    return [
+        write_figure(OUT / "impact.png", sweep_figure(panels(sweeps))),
+        write_playback(OUT / "impact.html", robot, fall, title="Dropped from 15 cm, unpowered"),
+    ]
+
+
+if __name__ == "__main__":
+    for path in report(main()):
+        print(path)

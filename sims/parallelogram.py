@@ -87,13 +87,20 @@ def main(duration: float = 4.0, knee: float = 0.8) -> dict[str, Squat]:
     return {name: run_leg(leg, duration, knee) for name, leg in legs.items()}
 
 
+def report(legs: dict[str, Squat]) -> list[Path]:
+    """Print the table; return the plots of power and the playback written."""
+    title = "squatting 6 cm: eta_f 0.8 and 0.7, or both 0.75"
+    print_columns(title, {name: leg.figures for name, leg in legs.items()})
+    shown = {name: legs[name] for name in ("serial", "parallelogram")}
+    files = [
+        write_figure(OUT / f"squat_{name}.png", power_figure(leg.robot, leg.run.log))
+        for name, leg in shown.items()
+    ]
+    ours = shown["parallelogram"]
+    page = OUT / "parallelogram.html"
+    return [*files, write_playback(page, ours.robot, ours.run.log, title="Parallelogram")]
+
+
 if __name__ == "__main__":
-    legs = main()
-    print_columns(
-        "squatting 6 cm: eta_f 0.8 and 0.7, or both 0.75",
-        {name: leg.figures for name, leg in legs.items()},
-    )
-    for name in ("serial", "parallelogram"):
-        leg = legs[name]
-        print(write_figure(OUT / f"squat_{name}.png", power_figure(leg.robot, leg.run.log)))
-    print(write_playback(OUT / "parallelogram.html", leg.robot, leg.run.log, title="Parallelogram"))
+    for path in report(main()):
+        print(path)

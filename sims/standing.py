@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sims.leg import LegControl, balanced_pose, squat
+from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
+from wbc.view.plots import standing_figure, write_figure
 
 
 @dataclass(frozen=True)
@@ -85,3 +87,11 @@ def main(duration: float = 4.0, progress: bool = False) -> dict[str, Loop]:
         name: run_loop(plant, model, duration, name if progress else None)
         for name, (plant, model) in loops.items()
     }
+
+
+if __name__ == "__main__":
+    results = main(progress=True)
+    print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in results.items()})
+    logs = {name: loop.squat.log for name, loop in results.items()}
+    figure = standing_figure(load_robot("planar_leg_strong"), logs)
+    print(write_figure("out/standing.png", figure))
