@@ -120,10 +120,10 @@ def panels(table: dict[float, dict[str, float]]) -> list[Panel]:
 
 
 def pushed_about(robot: Robot) -> Log:
-    """Return a recording of the unpowered leg under a push up and down of at most 8 N."""
+    """Return a recording of the unpowered leg under a push up and down of at most 6 N."""
 
     def push(state: SimState) -> FloatArray:
-        force = np.array([0.0, 0.0, 8.0 * np.sin(2.0 * np.pi * 0.5 * state.time)])
+        force = np.array([0.0, 0.0, 6.0 * np.sin(2.0 * np.pi * 0.75 * state.time)])
         return torque_of(robot, force, state.position)
 
     plant = Plant(robot, _FREE)
