@@ -48,6 +48,12 @@ SPANS = {
     "source_resistance": Span(0.0, 1.0, 8.0),
     "current_limit": Span(0.2, 2.0, 5.0),
 }
+# Sticking makes the error of a rollout jump: more than one start saves a fit from a poor valley.
+STARTS: tuple[dict[str, float], ...] = (
+    {},
+    {"load": 0.25, "stribeck": 0.03, "source_resistance": 3.0, "current_limit": 1.5},
+    {"load": 0.25, "resistance": 3.0, "viscous": 0.002, "source_resistance": 2.0},
+)
 BASE = ("torque_constant", "resistance", "armature", "coulomb", "viscous")
 LOAD = (*BASE, "load", "stribeck", "stribeck_speed")
 CANDIDATES = {
@@ -98,7 +104,7 @@ def folds(runs: Sequence[ServoRun]) -> dict[str, list[int]]:
 
 def fit(base: Robot, names: Sequence[str], runs: Sequence[ServoRun]) -> ServoFit:
     spans = {name: SPANS[name] for name in names}
-    return fit_servo(lambda v: servo(base, v), spans, runs, STEP, hold=HOLD)
+    return fit_servo(lambda v: servo(base, v), spans, runs, STEP, STARTS, hold=HOLD)
 
 
 def main(folder: Path, *, quick: bool = False) -> dict[str, dict[str, float]]:
