@@ -48,9 +48,14 @@ def robot_from(options: argparse.Namespace) -> Robot:
 
 def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
     """Return the logs that the options name, read with the robot's gear ratios."""
+    return read_logs(options.logs, options.columns, robot)
+
+
+def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[Log, ...]:
+    """Return the logs of files, read with the robot's gear ratios."""
     gears = robot.transmission
     ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
-    return load_logs(options.logs, options.columns, gear_ratios=ratios)
+    return load_logs(paths, columns, gear_ratios=ratios)
 
 
 def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 
 from rich.console import Console
 
+from wbc.cli.inputs import read_logs
 from wbc.effects import load_robot
 from wbc.errors import ViewError
-from wbc.measurement import load_logs
 
 
 def add_to(commands: Any) -> None:
@@ -38,9 +38,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     from wbc.view import model_ghost, write_animation, write_picture, write_playback
 
     robot = load_robot(options.robot)
-    gears = robot.transmission
-    ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
-    logs = load_logs([options.run_file], options.columns, gear_ratios=ratios)
+    logs = read_logs([options.run_file], options.columns, robot)
     if len(logs) != 1:
         names = ", ".join(log.source.part for log in logs)
         raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
