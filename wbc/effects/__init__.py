@@ -6,6 +6,7 @@ from wbc.effects.catalogue import EFFECTS, effect_class
 from wbc.effects.center_of_mass import CenterOfMass
 from wbc.effects.coulomb_friction import CoulombFriction
 from wbc.effects.current_limit import CurrentLimit
+from wbc.effects.custom_torque import CustomTorque
 from wbc.effects.gravity_direction import GravityDirection
 from wbc.effects.joint_compliance import JointCompliance
 from wbc.effects.joint_effect import JointEffect
@@ -22,6 +23,7 @@ from wbc.effects.thermal_drift import ThermalDrift
 from wbc.effects.torque_constant import TorqueConstant
 from wbc.effects.torque_offset import TorqueOffset
 from wbc.effects.torque_ripple import TorqueRipple
+from wbc.effects.torque_term import TorqueTerm
 from wbc.effects.transmission_efficiency import TransmissionEfficiency
 from wbc.effects.viscous_friction import ViscousFriction
 
@@ -32,6 +34,7 @@ __all__ = [
     "CenterOfMass",
     "CoulombFriction",
     "CurrentLimit",
+    "CustomTorque",
     "GravityDirection",
     "JointCompliance",
     "JointEffect",
@@ -47,6 +50,7 @@ __all__ = [
     "TorqueConstant",
     "TorqueOffset",
     "TorqueRipple",
+    "TorqueTerm",
     "TransmissionEfficiency",
     "ViscousFriction",
     "effect_class",

@@ -9,6 +9,7 @@ from wbc.effects.backlash import Backlash
 from wbc.effects.center_of_mass import CenterOfMass
 from wbc.effects.coulomb_friction import CoulombFriction
 from wbc.effects.current_limit import CurrentLimit
+from wbc.effects.custom_torque import CustomTorque
 from wbc.effects.gravity_direction import GravityDirection
 from wbc.effects.joint_compliance import JointCompliance
 from wbc.effects.joint_spring import JointSpring
@@ -62,6 +63,8 @@ def effect_class(name: str) -> type[Effect]:
     Raises:
         EffectError: no such effect; the message lists those there are.
     """
-    if name not in EFFECTS:
-        raise EffectError(unknown_name("effect", name, EFFECTS))
-    return EFFECTS[name]
+    # A formula is no cause that a diagnosis could consider, but files and robots hold it.
+    known: dict[str, type[Effect]] = {**EFFECTS, CustomTorque.name: CustomTorque}
+    if name not in known:
+        raise EffectError(unknown_name("effect", name, known))
+    return known[name]

@@ -61,7 +61,16 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
         name: _value(number, units.get(name), f"{path}: {kind.name} at '{where}': {name}")
         for name, number in entry.get("parameters", {}).items()
     }
-    return kind.at(where, values)
+    effect = kind.at(where, values)
+    for parameter in effect.parameters:
+        number = entry.get("parameters", {}).get(parameter.name)
+        stated = number.get("unit", parameter.unit) if isinstance(number, Mapping) else None
+        if parameter.name not in units and stated not in (None, parameter.unit):
+            raise RobotError(
+                f"{path}: {kind.name} at '{where}': {parameter.name}: unit '{stated}' stands where "
+                f"[{parameter.unit}] is expected."
+            )
+    return effect
 
 
 def _value(number: Any, unit: str | None, place: str) -> float:

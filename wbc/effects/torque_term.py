@@ -1,0 +1,234 @@
+"""Products of a motion's quantities, read from and written as text: the grammar of formulas."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.errors import EffectError, unknown_name
+from wbc.robot import Motion, Robot
+
+QUANTITIES = ("q", "v", "a", "load", "gravity")
+SOFT_SPEED = 0.05
+"""Speed [rad/s, m/s] at which the softened sign of another joint's velocity is 0.7."""
+
+_PRODUCT = " * "
+_NAME = r"(?P<joint>[^\s|()^*]+)"
+_VARIABLE = rf"(?P<quantity>{'|'.join(QUANTITIES)})_{_NAME}"
+_NUMBER = r"(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
+_SHAPES = {
+    "power": re.compile(rf"{_VARIABLE}(?:\^(?P<number>[2-5]))?"),
+    "size": re.compile(rf"\|{_VARIABLE}\|"),
+    "sign": re.compile(rf"sign\((?P<quantity>v)_{_NAME}\)"),
+    "sin": re.compile(rf"sin\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"),
+    "cos": re.compile(rf"cos\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"),
+}
+_HELP = (
+    "a term is '1' or a product such as 'sin(2 q_hip) * sign(v_knee)' of the factors q_JOINT, "
+    "v_JOINT, a_JOINT, load_JOINT, gravity_JOINT, their powers ^2 to ^5 and sizes |...|, "
+    "sign(v_JOINT), sin(K q_JOINT), cos(K q_JOINT)"
+)
+# Exponents of (N m or N), s and (rad or m) in the unit of each quantity.
+_DIMENSION = {
+    "q": (0, 0, 1),
+    "v": (0, -1, 1),
+    "a": (0, -2, 1),
+    "load": (1, 0, 0),
+    "gravity": (1, 0, 0),
+}
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One function of one quantity of one joint.
+
+    Attributes:
+        shape: `power`, `size` (absolute value), `sign`, `sin` or `cos`.
+        quantity: `q` position [rad, m], `v` velocity, `a` acceleration, `load` the torque that the
+            links ask of the joint [N m, N], `gravity` its part from gravity alone.
+        joint: the joint's name.
+        number: the power, or the order k of sin(k q); 1 otherwise.
+    """
+
+    shape: str
+    quantity: str
+    joint: str
+    number: float = 1.0
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the factor that `text` writes.
+
+        Raises:
+            EffectError: the text is no factor; the message holds the grammar.
+        """
+        for shape, pattern in _SHAPES.items():
+            match = pattern.fullmatch(text)
+            if match is not None:
+                found = match.groupdict()
+                number = float(found.get("number") or 1.0)
+                return cls(shape, found["quantity"], found["joint"], number)
+        raise EffectError(f"'{text}' is no factor of a torque term: {_HELP}.")
+
+    def __str__(self) -> str:
+        """Return the text that `parse` reads."""
+        name = f"{self.quantity}_{self.joint}"
+        number = "" if self.number == 1.0 else f"{self.number:g}"
+        if self.shape == "power":
+            return f"{name}^{number}" if number else name
+        if self.shape == "size":
+            return f"|{name}|"
+        return f"{self.shape}({number} {name})" if number else f"{self.shape}({name})"
+
+    def value(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the factor (...) along a motion; a sign is softened."""
+        x = _quantity(robot, motion, self.quantity, self.joint)
+        if self.shape == "power":
+            return np.asarray(x ** int(self.number))
+        if self.shape == "size":
+            return np.abs(x)
+        if self.shape == "sign":
+            return np.asarray(x / np.hypot(x, SOFT_SPEED))
+        return np.asarray(
+            np.sin(self.number * x) if self.shape == "sin" else np.cos(self.number * x)
+        )
+
+
+@dataclass(frozen=True)
+class TorqueTerm:
+    """A coefficient times a product of factors; no factor at all is a constant.
+
+    Attributes:
+        coefficient: in the unit that makes the product a torque.
+        factors: in the order written.
+    """
+
+    coefficient: float
+    factors: tuple[Factor, ...]
+
+    @classmethod
+    def parse(cls, text: str, coefficient: float = 1.0) -> Self:
+        """Return the term whose product `text` writes, for example `q_hip * sign(v_knee)`.
+
+        Raises:
+            EffectError: the text is no such product.
+        """
+        if text == "1":
+            return cls(float(coefficient), ())
+        return cls(float(coefficient), tuple(Factor.parse(part) for part in text.split(_PRODUCT)))
+
+    @property
+    def text(self) -> str:
+        """The product without its coefficient, as `parse` reads it."""
+        return _PRODUCT.join(str(factor) for factor in self.factors) or "1"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints whose motion it depends on."""
+        return tuple(dict.fromkeys(factor.joint for factor in self.factors))
+
+    @property
+    def needs_acceleration(self) -> bool:
+        """Whether it can only be evaluated where accelerations are known: along a log."""
+        return any(factor.quantity in ("a", "load") for factor in self.factors)
+
+    def unit(self, prismatic: Collection[str] = (), at_slide: bool = False) -> str:
+        """Return the unit of the coefficient.
+
+        Args:
+            prismatic: names of the joints that slide; all others turn.
+            at_slide: whether the term acts on a joint that slides (a force, not a torque).
+        """
+        power = {"N": 1, "m": 0 if at_slide else 1, "s": 0, "rad": 0}
+        for factor in self.factors:
+            if factor.shape not in ("power", "size"):
+                continue
+            slides = factor.joint in prismatic
+            torque, time, length = (int(factor.number) * d for d in _DIMENSION[factor.quantity])
+            power["N"] -= torque
+            power["m"] -= length if slides else torque
+            power["rad"] -= 0 if slides else length
+            power["s"] -= time
+        above = [_raised(name, n) for name, n in power.items() if n > 0]
+        below = [_raised(name, -n) for name, n in power.items() if n < 0]
+        if not below:
+            return " ".join(above) or "1"
+        bottom = below[0] if len(below) == 1 else f"({' '.join(below)})"
+        return f"{' '.join(above) or '1'}/{bottom}"
+
+    def direction_of(self, joint: str) -> Factor | None:
+        """Return the factor sign(v) of that joint, None where it has none."""
+        own = [f for f in self.factors if f.shape == "sign" and f.joint == joint]
+        return own[0] if own else None
+
+    def check(self, where: str) -> None:
+        """Raise EffectError for a product that makes no sense as a torque on joint `where`."""
+        signs = [f.joint for f in self.factors if f.shape == "sign"]
+        if len(set(signs)) < len(signs):
+            raise EffectError(f"the term '{self.text}' at '{where}' holds a sign twice.")
+        odd = any(
+            f.shape == "power" and f.quantity == "v" and f.joint == where and f.number % 2 == 1
+            for f in self.factors
+        )
+        if where in signs and odd:
+            raise EffectError(
+                f"the term '{self.text}' at '{where}' is no dry friction: write "
+                f"v_{where} * sign(v_{where}) as |v_{where}|."
+            )
+
+    def value(self, robot: Robot, motion: Motion, without: Factor | None = None) -> FloatArray:
+        """Return the product (...) along a motion, times no coefficient."""
+        result = np.ones(motion.velocity.shape[:-1])
+        for factor in self.factors:
+            if factor is not without:
+                result = result * factor.value(robot, motion)
+        return result
+
+
+def _raised(name: str, power: int) -> str:
+    return name if power == 1 else f"{name}^{power}"
+
+
+def _quantity(robot: Robot, motion: Motion, quantity: str, joint: str) -> FloatArray:
+    if joint not in robot.single_joints:
+        raise EffectError(unknown_name("joint in a torque term", joint, robot.single_joints))
+    row = robot.velocity_index(joint)
+    if quantity == "q":
+        return np.asarray(motion.position[..., robot.position_index(joint)])
+    if quantity == "v":
+        return np.asarray(motion.velocity[..., row])
+    if quantity == "gravity":
+        return _gravity(robot, motion)[..., row]
+    if motion.acceleration is None:
+        raise EffectError(
+            f"a torque term holds {quantity}_{joint}, which needs accelerations: it can be "
+            "compared with logs, but a controller or a simulator does not know it in advance."
+        )
+    acceleration = motion.acceleration
+    return np.asarray(acceleration[..., row]) if quantity == "a" else _load(robot, motion, row)
+
+
+def _gravity(robot: Robot, motion: Motion) -> FloatArray:
+    """Return the torque (..., nv) that gravity alone asks of the joints."""
+    data = robot.model.createData()
+    result = np.empty(motion.velocity.shape)
+    for k in np.ndindex(result.shape[:-1]):
+        result[k] = pin.computeGeneralizedGravity(robot.model, data, motion.position[k])
+    return result
+
+
+def _load(robot: Robot, motion: Motion, row: int) -> FloatArray:
+    """Return the torque (...) that the links without contacts ask of one coordinate."""
+    data = robot.model.createData()
+    result = np.empty(motion.velocity.shape[:-1])
+    acceleration = np.asarray(motion.acceleration)
+    for k in np.ndindex(result.shape):
+        asked = pin.rnea(robot.model, data, motion.position[k], motion.velocity[k], acceleration[k])
+        result[k] = asked[row]
+    return result
