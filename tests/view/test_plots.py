@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -90,17 +91,47 @@ def test_tradeoff_holds_the_published_numbers(leg: Robot) -> None:
     # IMF of the paper's floating leg at equal efficiency 0.7, derived outside this library.
     q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
     axes = tradeoff_figure(leg, q, "foot").axes
-    mitigation = axes[2].get_lines()[0]
+    mitigation = axes[2].get_lines()[-1]
     assert np.interp(0.7, *mitigation.get_data()) == pytest.approx(0.863272, abs=2e-4)
     hold = axes[1].get_lines()[0]
     assert np.interp(0.7, *hold.get_data()) == pytest.approx(1.75, abs=2e-3)
+
+
+def test_a_base_that_cannot_move_has_no_mitigation_to_draw() -> None:
+    robot = wbc.load_robot("planar_leg_fixed")
+    q = robot.configuration(hip=-np.pi / 6, knee=np.pi / 3)
+    assert len(tradeoff_figure(robot, q, "foot").axes) == 2
+
+
+def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(leg: Robot) -> None:
+    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+    figure = leg_figure(leg, q, "foot")
+    figure.draw_without_rendering()
+    boxes = []
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        entries = [] if legend is None else legend.get_texts()
+        labels = [axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label]
+        texts = [t for t in [*entries, *labels, *axes.texts] if t.get_text()]
+        boxes += [(t.get_text(), t.get_window_extent()) for t in texts]
+        for entry in entries:
+            assert not entry.get_window_extent().overlaps(axes.get_window_extent())
+    assert any("no Forward-GIT" in text for text, _ in boxes)
+    for (one, a), (other, b) in combinations(boxes, 2):
+        assert not a.overlaps(b), f"{one!r} on {other!r}"
+
+
+def test_the_pose_is_the_leg_and_not_the_joints_of_its_base(leg: Robot) -> None:
+    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+    chain = leg_figure(leg, q, "foot").axes[0].get_lines()[0].get_xydata()
+    np.testing.assert_allclose(chain, [[0, 0], [0.2, 0.34641], [0, 0.69282]], atol=1e-5)
 
 
 def test_force_polytopes_of_the_fixed_leg(tmp_path: Path) -> None:
     robot = wbc.load_robot("planar_leg_fixed")
     figure = leg_figure(robot, robot.configuration(hip=-np.pi / 6, knee=np.pi / 3), "foot")
     curves = {line.get_label() for line in figure.axes[1].get_lines()}
-    assert {"GIT", "Backward-GIT", "Forward-GIT"} <= curves
+    assert {"GIT (perfect gears)", "Backward-GIT", "Forward-GIT"} <= curves
     polygons = {p.get_label(): p.get_xy() for p in figure.axes[2].patches if p.get_label()}
     lift, hold = polygons["lift (forward)"], polygons["hold (backward)"]
     assert hold[:, 1].max() / lift[:, 1].max() == pytest.approx(2.2, abs=0.2)

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from wbc.arrays import FloatArray
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.transmission import Transmission, direction
+from wbc.view.averaging import jump_rows, rate_of_change, window_mean
 from wbc.view.channels import rotor_torque, velocity
+from wbc.view.impacts import log_impacts
 
 STILL_SPEED = 0.02
 """[rad/s] below which a picture calls a gear stuck: several times an encoder's noise."""
 
-_SMOOTHING = 0.02
 _IDLE_SHARE = 0.005
 
 
@@ -24,9 +24,11 @@ _IDLE_SHARE = 0.005
 class GearFlow:
     """Torque and power of every gear along a log; NaN where the log holds no torque.
 
+    All but `rotor_torque` are averaged over 20 ms, never across an impact, at which speeds jump.
+
     Attributes:
-        rotor_torque: tau_phi (N, m) [N m] on the rotors.
-        speed: dpsi (N, m) [rad/s] at the motor outputs, averaged over 20 ms.
+        rotor_torque: tau_phi (N, m) [N m] on the rotors, as logged.
+        speed: dpsi (N, m) [rad/s] at the motor outputs.
         rotor_power: tau_phi dphi (N, m) [W].
         mesh_power: t dpsi (N, m) [W], what enters the teeth after the rotor's own inertia and
             friction are paid; positive where the motor drives.
@@ -43,26 +45,35 @@ class GearFlow:
     direction: FloatArray
 
 
-def gear_flow(robot: Robot, log: Log) -> GearFlow:
+def gear_flow(robot: Robot, log: Log, window: float = 0.02) -> GearFlow:
     """Return the power through the gears of `robot` along `log`.
 
-    Good enough for a picture; the average over 20 ms is no estimate to identify with.
+    Good enough for a picture; the average is no estimate to identify with.
+
+    Args:
+        robot: whose gears and rotors.
+        log: positions or velocities, and torques.
+        window: [s] to average over.
     """
     gears = robot.transmission
     torque = rotor_torque(robot, log)
-    joint_speed = velocity(robot, log)[:, robot.actuated]
-    width = max(1, round(_SMOOTHING / log.sample_time))
-    speed = uniform_filter1d(joint_speed @ gears.motor_from_joint.T, width, axis=0, mode="nearest")
-    acceleration = np.gradient(speed, log.time, axis=0)
+    raw = velocity(robot, log)[:, robot.actuated] @ gears.motor_from_joint.T
+    hits = [int(np.searchsorted(log.time, impact.time)) for impact in log_impacts(robot, log)]
+    jumps = jump_rows(raw, hits)
+    width = round(window / log.sample_time)
+    speed = window_mean(raw, width, jumps)
+    acceleration = rate_of_change(speed, log.time, jumps)
     spin = gears.gear_ratio * speed
     friction = gears.rotor_coulomb_friction * np.sign(spin) + gears.rotor_viscous_friction * spin
     mesh = gears.gear_ratio * (torque - friction) - gears.reflected_inertia * acceleration
-    power = mesh * speed
-    loss = tooth_loss(gears, power) + friction * spin
+    loss = tooth_loss(gears, mesh * speed) + friction * spin
+    # The mean of the losses, not the loss of the mean: torque that shakes a gear costs heat too.
+    loss, power = window_mean(loss, width, jumps), window_mean(mesh * speed, width, jumps)
     largest = float(np.nanmax(np.abs(power))) if np.isfinite(power).any() else 0.0
     moving = direction(power, deadband=_IDLE_SHARE * largest)
     towards = np.where(np.abs(speed) < STILL_SPEED, 0.0, moving)
-    return GearFlow(torque, speed, torque * spin, power, loss, towards)
+    drive = window_mean(torque * spin, width, jumps)
+    return GearFlow(torque, speed, drive, power, loss, towards)
 
 
 def tooth_loss(gears: Transmission, mesh_power: FloatArray) -> FloatArray:

@@ -2,11 +2,12 @@
 
 from wbc.view.plots.energy import LogEnergy, energy_audit, energy_figure
 from wbc.view.plots.impact import impact_figure
-from wbc.view.plots.metrics import leg_figure, tradeoff_figure
+from wbc.view.plots.leg import leg_figure
 from wbc.view.plots.power import power_figure
 from wbc.view.plots.residuals import residual_figure, staircase_figure
 from wbc.view.plots.standing import standing_figure
 from wbc.view.plots.style import write_figure
+from wbc.view.plots.tradeoff import tradeoff_figure
 
 __all__ = [
     "LogEnergy",

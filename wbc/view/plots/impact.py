@@ -12,11 +12,15 @@ from matplotlib.figure import Figure
 from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.view.averaging import jump_rows
 from wbc.view.channels import contact_forces
 from wbc.view.gear_flow import gear_flow
-from wbc.view.impacts import log_impacts
+from wbc.view.impacts import log_impacts, robot_weight
 from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.noisy import plot_mean
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+
+_QUANTITY = {"N": "force", "N s": "impulse", "rad/s": "speed", "W": "power"}
 
 
 def impact_figure(
@@ -28,6 +32,10 @@ def impact_figure(
     theme: Theme = LIGHT,
 ) -> Figure:
     """Return ground force, gear speeds and mesh power around the first impact of every run.
+
+    The force axis is linear up to the weight and logarithmic above, so that the blow and the
+    standing force both show. The impulse counts from the impact and without the weight's share: it
+    ends at the momentum that the robot brought.
 
     Args:
         robot: the robot of all runs.
@@ -64,26 +72,30 @@ def impact_figure(
 def _plot_run(
     grid: list[list[Axes]], robot: Robot, log: Log, begin: float, style: dict[str, Any]
 ) -> None:
-    time = 1e3 * (log.time - begin)
+    time, weight = 1e3 * (log.time - begin), robot_weight(robot)
     vertical = np.sum([force[:, 2] for force in contact_forces(robot, log).values()], axis=0)
-    means = 0.5 * (vertical[1:] + vertical[:-1])
     grid[0][0].plot(time, vertical, **style)
-    grid[0][1].plot(time, np.concatenate([[0.0], np.cumsum(means * np.diff(log.time))]), **style)
+    grid[0][0].set_yscale("symlog", linthresh=weight, linscale=1.0)
+    grid[0][0].yaxis.set_major_formatter("{x:g}")
+    since = log.time >= begin - 0.5 * log.sample_time
+    beyond = np.where(since, vertical - weight, 0.0)
+    grid[0][1].plot(time, np.cumsum(beyond) * log.sample_time, **style)
     flow = gear_flow(robot, log)
+    jumps = jump_rows(flow.speed, [int(np.searchsorted(log.time, begin))])
     for k, (left, right) in enumerate(grid[1:]):
         left.plot(time, flow.speed[:, k], **style)
-        right.plot(time, flow.mesh_power[:, k], **style)
+        plot_mean(right, time, flow.mesh_power[:, k], style, jumps)
 
 
 def _label(grid: list[list[Axes]], joints: tuple[str, ...], theme: Theme) -> None:
-    titles = [("vertical ground force", "N", "impulse of the ground", "N s")]
+    titles = [("vertical ground force", "N", "impulse of the ground beyond the weight", "N s")]
     titles += [
         (f"speed of the {joint} gear", "rad/s", f"mesh power, {joint}", "W") for joint in joints
     ]
     for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
         for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
             ax.set_title(title)
-            ax.set_ylabel(f"[{unit}]")
+            ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
             ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
     for ax in grid[-1]:
         ax.set_xlabel("time after the impact [ms]")

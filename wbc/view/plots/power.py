@@ -10,6 +10,7 @@ from wbc.robot import Robot
 from wbc.view.gear_flow import gear_flow
 from wbc.view.impacts import log_impacts
 from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.noisy import display_window
 from wbc.view.plots.shading import direction_patches, fill_power, mark_impacts
 from wbc.view.plots.style import drawing, new_figure
 
@@ -17,13 +18,16 @@ from wbc.view.plots.style import drawing, new_figure
 def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     """Return mesh power by direction and the heat it leaves, one row per gear.
 
+    Powers are means over a 150th of the log, never across an impact: a controller that hears noise
+    shakes its gears at every tick, and the ticks would hide who drives whom.
+
     Args:
         robot: whose efficiencies give the losses.
         log: with rotor torques.
         theme: page colours.
     """
     gears = robot.transmission
-    flow = gear_flow(robot, log)
+    flow = gear_flow(robot, log, display_window(log.time))
     impacts = log_impacts(robot, log)
     with drawing(theme):
         figure, grid = new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
@@ -35,7 +39,10 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
             heat = np.concatenate(
                 [[0.0], np.cumsum(0.5 * (flow.loss[1:, i] + flow.loss[:-1, i]) * np.diff(log.time))]
             )
-            loss.fill_between(log.time, flow.loss[:, i], color=theme.series[5], alpha=0.5)
+            loss.fill_between(
+                log.time, flow.loss[:, i], color=theme.series[5], alpha=0.5, linewidth=0.0
+            )
+            loss.plot(log.time, flow.loss[:, i], color=theme.series[5], linewidth=0.9)
             total = loss.twinx()
             total.plot(log.time, heat, color=theme.series[1])
             total.set_ylabel("heat so far [J]", color=theme.series[1])
@@ -44,8 +51,8 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
             total.set_ylim(bottom=0.0)
             loss.set_ylim(bottom=0.0)
             loss.set_title(
-                f"{joint}: loss (eta_f = {gears.forward_efficiency[i]:.2f}, "
-                f"eta_b = {gears.backward_efficiency[i]:.2f})"
+                f"{joint}: loss ($\\eta_f$ = {gears.forward_efficiency[i]:.2f}, "
+                f"$\\eta_b$ = {gears.backward_efficiency[i]:.2f})"
             )
             for ax in (power, loss):
                 ax.set_ylabel("power [W]")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
@@ -60,8 +59,3 @@ def mark_impacts(axes: Axes, impacts: Sequence[Impact], colour: str) -> None:
     """Draw a thin line at every impact."""
     for impact in impacts:
         axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
-
-
-def rms(values: FloatArray) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -16,8 +16,11 @@ from wbc.robot import Robot
 from wbc.view.channels import configuration, contact_forces, rotor_torque
 from wbc.view.impacts import log_impacts
 from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.noisy import plot_mean
 from wbc.view.plots.shading import mark_impacts
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+
+_QUANTITY = {"m": "height", "mm": "sway", "deg": "pitch", "N m": "torque", "N": "force"}
 
 
 def standing_figure(
@@ -27,6 +30,8 @@ def standing_figure(
     theme: Theme = LIGHT,
 ) -> Figure:
     """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
+
+    Torque and force that noise shakes are shown as their mean in front of every sample.
 
     Args:
         robot: the robot of all runs (its links; the gears may differ from run to run).
@@ -47,6 +52,8 @@ def standing_figure(
             style: dict[str, Any] = {
                 "color": theme.series[i % len(theme.series)],
                 "linestyle": DASHES[i % len(DASHES)],
+                # A run that another one covers still shows as its rim.
+                "linewidth": max(2.6 - 0.7 * i, 1.2),
                 "label": label,
             }
             _plot_run(axes, robot, log, style)
@@ -59,7 +66,7 @@ def standing_figure(
         units += ["N m"] * gears.size + ["N"]
         for ax, title, unit in zip(axes, titles, units, strict=True):
             ax.set_title(title)
-            ax.set_ylabel(f"[{unit}]")
+            ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(first.time[0], first.time[-1])
         figure.align_ylabels(axes)
@@ -74,15 +81,16 @@ def _plot_run(axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any]
     axes[1].plot(log.time, 1e3 * (center[:, 0] - _support(robot, log, position)), **style)
     axes[2].plot(log.time, np.degrees(base_pitch(robot, position)), **style)
     torque = rotor_torque(robot, log)
+    hits = [int(np.searchsorted(log.time, impact.time)) for impact in log_impacts(robot, log)]
     for i in range(robot.transmission.size):
-        axes[3 + i].plot(log.time, torque[:, i], **style)
+        plot_mean(axes[3 + i], log.time, torque[:, i], style, hits)
         limit = robot.transmission.torque_limit[i]
         if np.isfinite(limit) and np.nanmax(np.abs(torque[:, i])) > 0.5 * limit:
             for end in (-limit, limit):
                 axes[3 + i].axhline(end, color="0.5", linewidth=0.8, linestyle=":")
     forces = contact_forces(robot, log)
     total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
-    axes[-1].plot(log.time, total, **style)
+    plot_mean(axes[-1], log.time, total, style, hits)
 
 
 def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:

@@ -1,0 +1,179 @@
+"""Pose, inertia ellipsoids and force polytopes of the paper's case study."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull
+
+from wbc.arrays import FloatArray
+from wbc.errors import DynamicsError
+from wbc.metrics import (
+    backward_generalized_inertia,
+    force_capability,
+    forward_generalized_inertia,
+    generalized_inertia,
+)
+from wbc.robot import Robot
+from wbc.transmission import Direction
+from wbc.view.impacts import robot_weight
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.plots.style import DASHES, drawing, new_figure
+from wbc.view.shapes import robot_shapes
+
+# One colour for one assumption about the gears, in both panels.
+_FORWARD, _BACKWARD, _PERFECT = 0, 1, 2
+_DASH = {_PERFECT: DASHES[1], _BACKWARD: DASHES[0], _FORWARD: DASHES[2]}
+
+
+def leg_figure(
+    robot: Robot, position: ArrayLike, contact: str, theme: Theme = LIGHT, axes: str = "xz"
+) -> Figure:
+    """Return pose, inertia ellipsoids and force polytopes of one contact (Sim & Ramos, IV.D).
+
+    The semi-axes of the ellipsoids are the principal inertias in kg, so that larger is heavier,
+    as the paper draws them; the Forward-GIT is left out where it does not exist (floating base).
+
+    Args:
+        robot: with torque limits on every gear that the contact loads.
+        position: q (nq,), not singular.
+        contact: name of the contact point.
+        theme: page colours.
+        axes: two world axes, across and up.
+
+    Raises:
+        DynamicsError: a singular pose.
+    """
+    q = np.asarray(position, dtype=np.float64)
+    with drawing(theme):
+        figure, grid = new_figure(1, 3, 10.0, 4.3)
+        pose, inertia, force = grid[0]
+        _draw_pose(pose, robot, q, contact, axes, theme)
+        _draw_inertia(inertia, robot, q, contact, axes, theme)
+        _draw_force(force, robot, q, contact, axes, theme)
+    return figure
+
+
+def _draw_pose(
+    ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
+) -> None:
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    rows = ["xyz".index(axis) for axis in axes]
+    point = robot.contact(contact)
+    frame = model.getFrameId(point.frame)
+    foot = np.asarray(data.oMf[frame].act(point.offset))[rows]
+    joint, driven = int(model.frames[frame].parentJoint), set(robot.transmission.joints)
+    chain = [foot]
+    while model.names[joint] in driven:
+        chain.append(np.asarray(data.oMi[joint].translation)[rows])
+        joint = int(model.parents[joint])
+    _draw_body(ax, robot, data.oMi[joint], joint, rows, theme)
+    line = np.array(chain)
+    ax.plot(line[:, 0], line[:, 1], color=theme.ink, linewidth=4, solid_capstyle="round", alpha=0.6)
+    for name in robot.transmission.joints:
+        place = np.asarray(data.oMi[model.getJointId(name)].translation)[rows]
+        ax.plot(*place, "o", color=theme.series[0], markersize=9)
+        _name(ax, name, place)
+    ax.plot(*foot, "o", color=theme.series[1], markersize=7)
+    _name(ax, contact, foot)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.12, 0.06)
+    ax.set_title("pose")
+    ax.set_xlabel(f"{axes[0]} [m]")
+    ax.set_ylabel(f"{axes[1]} [m]")
+
+
+def _name(ax: Axes, text: str, place: FloatArray) -> None:
+    ax.annotate(text, (place[0], place[1]), xytext=(9, 4), textcoords="offset points", fontsize=8)
+
+
+def _draw_body(
+    ax: Axes, robot: Robot, placement: pin.SE3, joint: int, rows: list[int], theme: Theme
+) -> None:
+    """Draw the outline of the body that carries the limb."""
+    corners = [
+        placement.act(np.where(pick, shape.low, shape.high))[rows]
+        for shape in robot_shapes(robot)
+        if shape.joint == joint
+        for pick in np.array(np.meshgrid(*[[True, False]] * 3)).reshape(3, -1).T
+    ]
+    if not corners or np.ptp(corners, axis=0).min() < 1e-9:
+        return
+    outline = np.array(corners)[ConvexHull(corners).vertices]
+    ax.add_patch(Polygon(outline, facecolor=theme.faint, edgecolor=theme.ink, alpha=0.4))
+
+
+def _draw_inertia(
+    ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
+) -> None:
+    tensors = {
+        _PERFECT: ("GIT (perfect gears)", generalized_inertia(robot, q, contact, axes)),
+        _BACKWARD: ("Backward-GIT", backward_generalized_inertia(robot, q, contact, axes)),
+    }
+    try:
+        forward = forward_generalized_inertia(robot, q, contact, axes)
+        tensors[_FORWARD] = ("Forward-GIT", forward)
+        missing = ""
+    except DynamicsError:
+        missing = "no Forward-GIT: the base is not driven"
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    for colour, (label, tensor) in tensors.items():
+        values, vectors = np.linalg.eigh(0.5 * (tensor + tensor.T))
+        curve = vectors @ (values[:, None] * circle)
+        style = {"color": theme.series[colour], "linestyle": _DASH[colour]}
+        ax.plot(*curve, label=label, **style)
+        tip = vectors[:, -1] * values[-1]
+        ax.plot([0.0, tip[0]], [0.0, tip[1]], color=theme.series[colour], linewidth=0.7)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.1, 0.1)
+    if missing:
+        ax.plot([], [], " ", label=missing)
+    _legend_below(ax)
+    ax.set_title("inertia ellipsoids (principal inertias)")
+    ax.set_xlabel(f"{axes[0]} [kg]")
+    ax.set_ylabel(f"{axes[1]} [kg]")
+
+
+def _legend_below(ax: Axes) -> None:
+    """Put the legend under the axes, where no curve can reach it."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
+
+
+def _draw_force(
+    ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
+) -> None:
+    capability = force_capability(robot, q, contact, axes)
+    names = {
+        Direction.BACKWARD: ("hold (backward)", _BACKWARD),
+        Direction.STUCK: ("perfect gears", _PERFECT),
+        Direction.FORWARD: ("lift (forward)", _FORWARD),
+    }
+    for mode, (label, number) in names.items():
+        try:
+            corners = capability.vertices(mode)
+        except DynamicsError:
+            continue
+        order = np.argsort(np.arctan2(*(corners - corners.mean(axis=0)).T[::-1]))
+        colour, dash = theme.series[number], _DASH[number]
+        ax.add_patch(Polygon(corners[order], facecolor=colour, alpha=0.13))
+        outline = Polygon(
+            corners[order], fill=False, edgecolor=colour, linestyle=dash, linewidth=1.4, label=label
+        )
+        ax.add_patch(outline)
+    if robot.floating_size:
+        weight = robot_weight(robot)
+        ax.axhline(weight, color=theme.ink, linewidth=0.9, linestyle=":")
+        place = ("axes fraction", "data")
+        ax.annotate("weight", (1.01, weight), xycoords=place, va="center", fontsize=8)
+    ax.autoscale_view()
+    ax.margins(0.06, 0.08)
+    _legend_below(ax)
+    ax.set_title("force capability")
+    ax.set_xlabel(f"$f_{axes[0]}$ [N]")
+    ax.set_ylabel(f"$f_{axes[1]}$ [N]")
