@@ -126,8 +126,7 @@ def _draw_inertia(
     for colour, (label, tensor) in tensors.items():
         values, vectors = np.linalg.eigh(0.5 * (tensor + tensor.T))
         curve = vectors @ (values[:, None] * circle)
-        style = {"color": theme.series[colour], "linestyle": _DASH[colour]}
-        ax.plot(*curve, label=label, **style)
+        ax.plot(*curve, label=label, color=theme.series[colour], linestyle=_DASH[colour])
         tip = vectors[:, -1] * values[-1]
         ax.plot([0.0, tip[0]], [0.0, tip[1]], color=theme.series[colour], linewidth=0.7)
     ax.set_aspect("equal", adjustable="datalim")
