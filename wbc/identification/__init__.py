@@ -4,6 +4,7 @@ from wbc.identification.breakdown import Breakdown
 from wbc.identification.compare import Comparison, OutputError, Series, compare
 from wbc.identification.diagnose import diagnose
 from wbc.identification.diagnosis import Diagnosis, ErrorLevel, Estimate, Finding, Step, Verdict
+from wbc.identification.ranking import Ranked
 
 __all__ = [
     "Breakdown",
@@ -13,6 +14,7 @@ __all__ = [
     "Estimate",
     "Finding",
     "OutputError",
+    "Ranked",
     "Series",
     "Step",
     "Verdict",

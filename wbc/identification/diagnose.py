@@ -17,6 +17,7 @@ from wbc.identification.diagnosis import (
 )
 from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
+from wbc.identification.ranking import rank_models
 from wbc.identification.remainder import describe_remainder
 from wbc.identification.selection import Model, Selector
 from wbc.measurement import Log
@@ -71,6 +72,7 @@ def diagnose(
         steps=_steps(selector, final, path),
         remainder=describe_remainder(problem, final.fit) if verdict == "unknown" else "",
         robot=final.fit.robot,
+        ranking=rank_models(selector, final, path[0]),
     )
 
 
@@ -131,9 +133,14 @@ def _findings(
             low, high = (float(x) for x in bounds[row])
             estimates[parameter.name] = Estimate(value, parameter.unit, low, high)
             if value in (parameter.low, parameter.high):
-                warnings.append(f"{parameter.name} is at the bound {value:g} {parameter.unit}")
+                warnings.append(f"{parameter.name} is at the bound {_with_unit(value, parameter.unit)}")
         findings.append(Finding(effect, estimates, tuple(alternatives[k]), tuple(warnings)))
     return tuple(findings)
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """Return a number and its unit; the unit of a ratio, 1, is not written."""
+    return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 
 def _steps(selector: Selector, final: Model, path: Sequence[Model]) -> tuple[Step, ...]:

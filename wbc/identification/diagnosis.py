@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from wbc.identification.ranking import Ranked
 from wbc.robot import Effect, Robot
 
 Verdict = Literal["none", "named", "ambiguous", "unknown", "not_repeatable"]
@@ -79,6 +80,7 @@ class Diagnosis:
         remainder: what an unexplained remainder looks like; empty when there is none.
         robot: the robot with the effects found.
         warnings: about the logs.
+        ranking: the models tried that differ from the one found in one effect, best first.
     """
 
     verdict: Verdict
@@ -89,6 +91,7 @@ class Diagnosis:
     remainder: str
     robot: Robot
     warnings: tuple[str, ...] = ()
+    ranking: tuple[Ranked, ...] = ()
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -132,6 +135,7 @@ class Diagnosis:
             "steps": [{"added": s.added, "where": s.where, "error": s.error} for s in self.steps],
             "remainder": self.remainder,
             "warnings": list(self.warnings),
+            "ranking": [row.to_json() for row in self.ranking],
         }
 
     def _alternatives_by_name(self) -> dict[str, list[str]]:

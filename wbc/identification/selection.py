@@ -72,6 +72,11 @@ class Selector:
     report: Callable[[str], None] = lambda line: None
     _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
 
+    @property
+    def fitted(self) -> tuple[Model, ...]:
+        """Every model fitted so far."""
+        return tuple(self._known.values())
+
     def model(self, effects: Sequence[Effect]) -> Model:
         """Return the fitted model with these causes."""
         key = tuple(effects)
