@@ -1,0 +1,224 @@
+"""Which formula a joint's rows support: how many terms, which, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects import TorqueTerm
+from wbc.identification.discovery.sparse_regression import (
+    SparseRegression,
+    Support,
+    block_errors,
+    cell_losses,
+    held_out,
+)
+from wbc.identification.discovery.term_table import TermTable
+
+MOST_TERMS = 4
+_STANDARD_ERRORS = 2.0
+_LEAST_GAIN = 0.05  # of the floor's mean square
+_LEAST_SHARE = 0.1  # of the joint's excess over the floor that a formula must remove
+_SHARE_PER_TERM = 0.02
+STABLE = 0.5  # share of the folds that must choose a term
+_SAME = 0.98  # cosine above which two terms are the same choice
+_RIVALS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """Terms for the unexplained torque of one joint.
+
+    Attributes:
+        terms: with coefficients from all cells.
+        before, after: (blocks,) held-out mean square of the joint in floors, without the formula
+            and with one that was chosen and fitted without the fold that judges it.
+        stability: share of the folds that choose each term, or one that can hardly be told from it.
+        rivals: for each term, products that do as well in its place.
+    """
+
+    terms: tuple[TorqueTerm, ...]
+    before: FloatArray
+    after: FloatArray
+    stability: tuple[float, ...]
+    rivals: tuple[tuple[str, ...], ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the excess over the floor that the formula removes from unseen cells."""
+        before, after = float(np.mean(self.before)), float(np.mean(self.after))
+        return (before - after) / max(before - 1.0, 1e-12)
+
+    @property
+    def needs_acceleration(self) -> bool:
+        """Whether a controller or simulator could not use it."""
+        return any(term.needs_acceleration for term in self.terms)
+
+
+def find_formula(table: TermTable) -> Formula | None:
+    """Return the smallest formula that does as well as the best one on unseen folds, if any pays.
+
+    Every fold is predicted by terms *and* coefficients that were found without it; formulas of
+    zero to four terms are compared block by block. The smallest one within one standard error of
+    the best is taken if it beats no formula by two standard errors. Terms with accelerations or
+    loads, which only logs know, must pay in addition to the rest.
+    """
+    widest = _formula(table)
+    if widest is None or not widest.needs_acceleration:
+        return widest
+    plain = _formula(table.only([not term.needs_acceleration for term in table.terms]))
+    if plain is None or _pays(plain.after, widest.after, _excess(plain.before)):
+        return widest
+    return plain
+
+
+def _formula(table: TermTable) -> Formula | None:
+    paths, losses = _nested(table)
+    errors = [block_errors(table, loss) for loss in losses]
+    count = _fewest(errors)
+    if count == 0 or not _pays(errors[0], errors[count], _excess(errors[0])):
+        return None
+    for fewer in range(count, 0, -1):
+        support = _everything(table, fewer)
+        if support is None or not _pays(errors[0], errors[fewer], _excess(errors[0])):
+            continue
+        stability = _stability(table, support, [path[fewer] for path in paths])
+        # Terms that most folds do without are dropped, unless nothing else is left.
+        if min(stability) >= STABLE or fewer == 1:
+            return Formula(
+                terms=tuple(
+                    TorqueTerm(float(c), table.terms[k].factors)
+                    for k, c in zip(support.chosen, support.coefficients, strict=True)
+                ),
+                before=errors[0],
+                after=errors[fewer],
+                stability=stability,
+                rivals=tuple(
+                    tuple(table.terms[k].text for k in ties[:_RIVALS])
+                    for ties in _ties(table, support)
+                ),
+            )
+    return None
+
+
+def _everything(table: TermTable, count: int) -> Support | None:
+    """Return the support of `count` terms that all cells ask for."""
+    path = SparseRegression(table, np.ones(len(table.folds), dtype=bool)).path(count)
+    return _simplified(table, path[count]) if len(path) > count else None
+
+
+def _nested(table: TermTable) -> tuple[list[list[Support]], list[FloatArray]]:
+    """Return each fold's supports, and the cell losses (cells,) for every number of terms."""
+    folds = np.unique(table.folds)
+    paths = [SparseRegression(table, table.folds != fold).path(MOST_TERMS) for fold in folds]
+    most = min(len(path) for path in paths)
+    losses = [np.zeros(len(table.folds)) for _ in range(most)]
+    for fold, path in zip(folds, paths, strict=True):
+        inside = table.folds == fold
+        for loss, support in zip(losses, path[:most], strict=True):
+            loss[inside] = cell_losses(table, support, inside)
+    return paths, losses
+
+
+def _fewest(errors: Sequence[FloatArray]) -> int:
+    """Return the smallest number of terms within one standard error of the best number."""
+    means = [float(np.mean(error)) for error in errors]
+    best = int(np.argmin(means))
+    slack = _SHARE_PER_TERM * max(means[0] - means[best], 0.0)
+    for count in range(best):
+        difference = errors[count] - errors[best]
+        if float(np.mean(difference)) <= max(_standard_error(difference), slack):
+            return count
+    return best
+
+
+def _pays(without: FloatArray, with_it: FloatArray, excess: float) -> bool:
+    difference, ratio = without - with_it, np.log(without / with_it)
+    gain = float(np.mean(difference))
+    certain = gain > _STANDARD_ERRORS * _standard_error(difference) or float(
+        np.mean(ratio)
+    ) > _STANDARD_ERRORS * _standard_error(ratio)
+    return certain and gain > max(_LEAST_GAIN, _LEAST_SHARE * excess)
+
+
+def _excess(errors: FloatArray) -> float:
+    return max(float(np.mean(errors)) - 1.0, 0.0)
+
+
+def _standard_error(values: FloatArray) -> float:
+    return float(np.std(values, ddof=1) / np.sqrt(values.size))
+
+
+def _simplified(table: TermTable, support: Support) -> Support:
+    """Return the support with every term replaced by the simplest that does as well."""
+    everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
+    chosen = list(support.chosen)
+    for place in range(len(chosen)):
+        own = complexity(table.terms[chosen[place]])
+        for k in _ties(table, everything.fitted(chosen))[place]:
+            trial = [*chosen[:place], k, *chosen[place + 1 :]]
+            fitted = everything.fitted(trial)
+            simpler = complexity(table.terms[k]) < own
+            if simpler and table.possible(fitted.chosen, fitted.coefficients):
+                chosen = trial
+                break
+    return everything.fitted(chosen)
+
+
+def _ties(table: TermTable, support: Support) -> list[list[int]]:
+    """Return, for each term, those that do as well in its place on held-out folds, best first."""
+    present = block_errors(table, held_out(table, support.chosen))
+    result = []
+    for place, own in enumerate(support.chosen):
+        rest = [*support.chosen[:place], *support.chosen[place + 1 :]]
+        near = _alike(table, own, rest)
+        close = []
+        for k in near:
+            error = block_errors(table, held_out(table, [*rest, int(k)]))
+            difference = error - present
+            if float(np.mean(difference)) <= _standard_error(difference):
+                close.append((float(np.mean(error)), int(k)))
+        result.append([k for _, k in sorted(close)])
+    return result
+
+
+def _alike(table: TermTable, own: int, rest: Sequence[int]) -> list[int]:
+    """Return the terms most like `own` once `rest` has been taken out of both."""
+    cosines = _cosines(table, own, rest)
+    order = np.argsort(-np.abs(cosines))
+    return [int(k) for k in order[:20] if k != own and k not in rest and abs(cosines[k]) > 0.5]
+
+
+def _cosines(table: TermTable, own: int, rest: Sequence[int]) -> FloatArray:
+    gram = table.gram.sum(axis=0)
+    index = list(rest)
+    ridge = 1e-9 * np.diag(np.diag(gram)[index])
+    across = np.linalg.solve(gram[np.ix_(index, index)] + ridge, gram[index])
+    left = gram - gram[:, index] @ across
+    size = np.sqrt(np.maximum(np.diag(left), 1e-9 * np.diag(gram)))
+    return np.asarray(left[own] / (size[own] * size))
+
+
+def _stability(table: TermTable, support: Support, others: Sequence[Support]) -> tuple[float, ...]:
+    result = []
+    for own in support.chosen:
+        alike = np.abs(_cosines(table, own, [k for k in support.chosen if k != own])) > _SAME
+        alike[own] = True
+        result.append(float(np.mean([alike[list(other.chosen)].any() for other in others])))
+    return tuple(result)
+
+
+def complexity(term: TorqueTerm) -> float:
+    """Return how much a term asks one to believe; what a controller cannot know costs most."""
+    powers = sum(factor.number - 1.0 for factor in term.factors if factor.shape == "power")
+    shapes = sum(factor.shape != "power" for factor in term.factors)
+    return (
+        len(term.factors)
+        + 0.5 * powers
+        + 0.1 * shapes
+        + 0.5 * len(term.joints)
+        + 3.0 * term.needs_acceleration
+    )
