@@ -12,8 +12,8 @@ from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.view import log_ghost, model_ghost, write_playback
+from wbc.view.explained import binned_mean
 from wbc.view.plots import residual_figure, staircase_figure
-from wbc.view.plots.residuals import binned_mean
 from wbc.view.residuals import residuals_of
 
 KNEE = 1

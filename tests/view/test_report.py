@@ -12,7 +12,7 @@ import pytest
 import wbc
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
-from wbc.identification import Diagnosis, ErrorLevel, Estimate, Finding, Step
+from wbc.identification import Diagnosis, ErrorLevel, Estimate, Finding, Step, diagnose
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report
@@ -52,7 +52,7 @@ def logs(robot: Robot) -> list[Log]:
 
 
 @pytest.fixture(scope="module")
-def diagnosis(robot: Robot) -> Diagnosis:
+def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
     effect = ViscousFriction("knee", COEFFICIENT)
     estimate = Estimate(COEFFICIENT, "N m s/rad", 0.396, 0.404)
     return Diagnosis(
@@ -64,6 +64,7 @@ def diagnosis(robot: Robot) -> Diagnosis:
         remainder="",
         robot=robot.with_effect(effect),
         warnings=("the second log is short",),
+        ranking=diagnose(robot, logs, [ViscousFriction, CoulombFriction]).ranking,
     )
 
 
@@ -141,15 +142,22 @@ def test_paired_differences_tell_the_effect_from_none_and_from_its_rival(page: P
     table = text[text.index('id="ranking"') : text.index('id="where"')]
     rows = [
         [re.sub("<.*?>", "", cell).strip() for cell in re.findall("<td.*?</td>", row)]
-        for row in re.findall("<tr>.*?</tr>", table, re.S)[1:]
+        for row in re.findall("<tr.*?</tr>", table, re.S)[1:]
     ]
     verdicts = {row[0]: row[3] for row in rows}
-    assert verdicts["robot as given"] == "worse"
-    assert verdicts["coulomb friction instead of viscous friction"] == "worse"
-    assert rows[0][0] == "all effects found"
+    assert rows[0][0] == "what was found"
+    assert verdicts["what was found"] == "found"
+    given, rival = "without viscous friction at knee", "coulomb friction at knee instead of viscous"
+    rival = next(name for name in verdicts if name.startswith(rival))
+    assert verdicts[given] == verdicts[rival] == "worse"
     errors = {row[0]: float(row[1]) for row in rows}
-    rival = errors["coulomb friction instead of viscous friction"]
-    assert errors["robot as given"] > rival > 2.0 * errors["all effects found"]
+    assert errors[given] > errors[rival] > 2.0 * errors["what was found"]
+    # The difference is that of the mean squares, up to the three digits shown.
+    difference, deviation = (float(part) for part in rows[-1][2].split(" ± "))
+    expected = errors[given] ** 2 - errors["what was found"] ** 2
+    assert rows[-1][0] == given
+    assert difference == pytest.approx(expected, rel=0.02)
+    assert 0.0 < deviation < difference
 
 
 def test_names_from_files_cannot_break_out_of_the_page(

@@ -83,6 +83,7 @@ def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:
     if diagnosis.findings:
         console.print(_effects_table(diagnosis))
     console.print(_steps_table(diagnosis))
+    console.print(_ranking_table(diagnosis))
     error = diagnosis.error
     console.print(
         f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors"
@@ -116,4 +117,21 @@ def _steps_table(diagnosis: Diagnosis) -> Table:
     table.columns[2].justify = "right"
     for step in diagnosis.steps:
         table.add_row(step.added or "(the model as given)", step.where, f"{step.error:.2f}")
+    return table
+
+
+def _ranking_table(diagnosis: Diagnosis) -> Table:
+    """Return the models tried, with what they leave beyond the one found."""
+    table = Table("model", "error", "difference", "", box=None, title="what else was tried")
+    for column in table.columns[1:3]:
+        column.justify = "right"
+    for row in diagnosis.ranking:
+        paired = f"{row.difference:+.3g} ± {row.deviation:.2g}"
+        found = row.standing == "found"
+        short = "tie" if row.standing == "not distinguishable" else row.standing
+        table.add_row(row.text, f"{row.error:.2f}", "" if found else paired, "" if found else short)
+    table.caption = (
+        "error: held out, in noise floors; difference: of its mean square from that of what was "
+        "found, ± standard error; tie: not distinguishable"
+    )
     return table

@@ -36,6 +36,17 @@ class Ranked:
     deviation: float
     standing: Standing
 
+    @property
+    def text(self) -> str:
+        """What the model is, in words."""
+        if not self.added and not self.removed:
+            return "what was found"
+        if not self.added:
+            return "robot as given" if len(self.removed) > 1 else f"without {_spoken(self.removed)}"
+        if not self.removed:
+            return f"with {_spoken(self.added)}, too"
+        return f"{_spoken(self.added)} instead of {_spoken(self.removed)}"
+
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""
         return {
@@ -91,6 +102,10 @@ def _standing(selector: Selector, model: Model, found: Model, given: Model) -> S
     if selector.pays(model, found, given):
         return "worse"
     return "better" if selector.pays(found, model, given) else "not distinguishable"
+
+
+def _spoken(keys: tuple[Key, ...]) -> str:
+    return " and ".join(f"{name.replace('_', ' ')} at {where}" for name, where in keys)
 
 
 def _keys(model: Model) -> tuple[Key, ...]:

@@ -15,7 +15,15 @@ from wbc.robot import Robot
 from wbc.transmission import Direction
 from wbc.view.ghost_track import GhostTrack
 from wbc.view.ground import GroundSlab, surface_under
-from wbc.view.palette import BLUE, DIRECTION_COLOURS, GHOST, GREEN, VERMILION, YELLOW
+from wbc.view.palette import (
+    DIRECTION_COLOURS,
+    GHOST,
+    GREEN,
+    RESIDUAL_OVER,
+    RESIDUAL_UNDER,
+    VERMILION,
+    YELLOW,
+)
 from wbc.view.scene import SceneSize
 from wbc.view.track import ContactTrack, GearTrack, Track
 
@@ -23,8 +31,9 @@ _LEAST_SPAN = 6.0
 _COLOURS = {
     "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
     "quiet": "#C9CED6",
-    "over": VERMILION,
-    "under": BLUE,
+    "slip": VERMILION,
+    "over": RESIDUAL_OVER,
+    "under": RESIDUAL_UNDER,
     "cone": YELLOW,
     "force": GREEN,
     "ghost": GHOST,

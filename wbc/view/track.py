@@ -63,7 +63,7 @@ class Track:
         poses: (F, joints, 7), world placement of every joint frame as x, y, z and quaternion
             x, y, z, w; row 0 is the world.
         center_of_mass: (F, 3) [m].
-        contacts: the contacts that the log holds forces of.
+        contacts: the contacts that bear force in the log.
         gears: the driven joints.
         impacts: instants at which a contact force jumps.
         weight: [N] of the robot.
@@ -94,7 +94,7 @@ def make_track(robot: Robot, log: Log) -> Track:
             contact.name, contact.friction, points[:, i], _largest(forces[contact.name], rows)
         )
         for i, contact in enumerate(robot.contacts)
-        if contact.name in forces
+        if np.any(forces.get(contact.name, 0.0))
     )
     return Track(
         time=log.time[rows],

@@ -48,7 +48,7 @@ function drawContact(c, i) {
   q2.setFromUnitVectors(up, v2);
   c.node.cone.position.set(...point); c.node.cone.quaternion.copy(q2);
   const along = v1.dot(v2), slipping = Math.sqrt(Math.max(0, 1 - along * along)) > c.friction * along + 0.02;
-  paint(c.node.cone, colour(slipping ? data.colours.over : data.colours.cone));
+  paint(c.node.cone, colour(slipping ? data.colours.slip : data.colours.cone));
 }
 function drawGear(g, i) {
   const known = !Number.isNaN(g.power[i]);

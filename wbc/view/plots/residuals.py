@@ -11,13 +11,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from wbc.arrays import FloatArray
+from wbc.view.explained import explained_curves
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import drawing, new_figure
 from wbc.view.residuals import Residuals
 
-_BINS = 24
 _POINTS = 1500
-_DECIDES = 0.5
 
 
 def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
@@ -25,7 +24,8 @@ def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGH
 
     Points are measured minus modelled torque of the robot that was given and of the robot with
     the effects found; the band is two noise floors. Where the quantity on the axis decides what
-    the effects explain, a line shows it (the difference of the two, averaged in bins).
+    the effects explain, a line shows it (the difference of the two, averaged in bins; one line per
+    direction of motion where that takes two).
 
     Args:
         residuals: from `residuals_of`.
@@ -43,7 +43,7 @@ def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGH
         for k, axes in enumerate(grid):
             _over_time(axes[0], run.time, run.before[:, k], run.after[:, k], theme)
             for ax, x in zip(axes[1:], (speed, position, load), strict=True):
-                _over(ax, x[:, k], before[:, k], after[:, k], theme)
+                _over(ax, x[:, k], before[:, k], after[:, k], speed[:, k], theme)
             for ax in axes:
                 level = 2.0 * residuals.floor[k]
                 ax.axhspan(-level, level, color=theme.ink, alpha=0.13, linewidth=0.0)
@@ -57,7 +57,7 @@ def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGH
         entries = [
             Line2D([], [], color=theme.series[1], marker="o", linestyle="", label="as given"),
             Line2D([], [], color=theme.series[0], marker="o", linestyle="", label=fitted_label),
-            Line2D([], [], color=theme.ink, label="difference"),
+            Line2D([], [], color=theme.ink, label="what the effects explain"),
             Patch(color=theme.ink, alpha=0.13, label="two noise floors"),
         ]
         figure.legend(handles=entries, loc="outside upper center", ncols=4)
@@ -107,16 +107,6 @@ def staircase_figure(
     return figure
 
 
-def binned_mean(x: FloatArray, y: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:
-    """Return mean x and mean y in bins of equal count, ordered by x; at least eight in a bin."""
-    order = np.argsort(x)
-    parts = np.array_split(order, max(1, min(bins, len(x) // 8)))
-    return (
-        np.array([np.mean(x[part]) for part in parts]),
-        np.array([np.mean(y[part]) for part in parts]),
-    )
-
-
 def _over_time(
     ax: Axes, time: FloatArray, before: FloatArray, after: FloatArray, theme: Theme
 ) -> None:
@@ -125,9 +115,11 @@ def _over_time(
     ax.set_xlim(time[0], time[-1])
 
 
-def _over(ax: Axes, x: FloatArray, before: FloatArray, after: FloatArray, theme: Theme) -> None:
+def _over(
+    ax: Axes, x: FloatArray, before: FloatArray, after: FloatArray, speed: FloatArray, theme: Theme
+) -> None:
     known = np.isfinite(x)
-    x, before, after = x[known], before[known], after[known]
+    x, before, after, speed = x[known], before[known], after[known], speed[known]
     if not x.size:
         ax.set_visible(False)
         return
@@ -135,8 +127,5 @@ def _over(ax: Axes, x: FloatArray, before: FloatArray, after: FloatArray, theme:
     dots: dict[str, Any] = {"s": 4, "linewidths": 0, "rasterized": True}
     ax.scatter(x[few], before[few], color=theme.series[1], alpha=0.45, **dots)
     ax.scatter(x[few], after[few], color=theme.series[0], alpha=0.45, **dots)
-    explained = before - after
-    centers, means = binned_mean(x, explained)
-    scatter = explained - np.interp(x, centers, means)
-    if np.var(scatter) < _DECIDES * np.var(explained):
-        ax.plot(centers, means, color=theme.ink, linewidth=1.6)
+    for curve in explained_curves(x, before - after, speed):
+        ax.plot(*curve, color=theme.ink, linewidth=1.6)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wbc.identification import Comparison, Diagnosis, Finding
+from wbc.identification import Comparison, Diagnosis, Finding, Ranked
 from wbc.measurement import LogQuality
 from wbc.view.report.numbers import plain, with_interval
 from wbc.view.report.sentence import spoken, verdict_sentence
-from wbc.view.report.worth import Worth
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
@@ -89,18 +88,18 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     return cards
 
 
-def worth_rows(rows: Sequence[Worth]) -> list[dict[str, Any]]:
-    """Return the ranked table."""
+def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
+    """Return the ranked table: model, error, paired difference, standing."""
     table = []
     for row in rows:
         sign = "+" if row.difference > 0.0 else ""
-        paired = f"{sign}{plain(row.difference)} ± {plain(row.deviation, 2)}" if row.verdict else ""
+        paired = f"{sign}{plain(row.difference)} ± {plain(row.deviation, 2)}"
         table.append(
             {
-                "model": row.model,
+                "model": row.text,
                 "error": plain(row.error),
-                "difference": paired,
-                "verdict": row.verdict,
+                "difference": "" if row.standing == "found" else paired,
+                "standing": row.standing,
             }
         )
     return table

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.view.explained import explained_curves
 from wbc.view.residuals import Residuals
 
 _ROWS = 700
@@ -32,7 +33,13 @@ def residual_plots(residuals: Residuals) -> dict[str, Any]:
         ):
             x = stacked[name][::every, k]
             if np.isfinite(x).all():
-                over.append({"name": name, "unit": unit, "x": _short(x)})
+                curves = explained_curves(
+                    stacked[name][:, k],
+                    stacked["before"][:, k] - stacked["after"][:, k],
+                    stacked["speed"][:, k],
+                )
+                lines = [{"x": _short(c), "y": _short(mean)} for c, mean in curves]
+                over.append({"name": name, "unit": unit, "x": _short(x), "explained": lines})
         panels.append(
             {
                 "output": output,

@@ -25,12 +25,11 @@ from wbc.view.report.content import (
     headline,
     output_rows,
     quality_rows,
+    ranking_rows,
     step_rows,
-    worth_rows,
 )
 from wbc.view.report.plot_data import residual_plots
 from wbc.view.report.provenance import provenance
-from wbc.view.report.worth import worth_table
 from wbc.view.residuals import residuals_in
 
 _PAGE = Path(__file__).parent / "page"
@@ -92,7 +91,7 @@ def report_page(
         "provenance": provenance(logs, command, seed),
         "logs": [Path(log.source.label).name for log in logs],
     }
-    context |= _diagnosis_part(problem, diagnosis)
+    context |= _diagnosis_part(diagnosis)
     context["playback"] = _embedded(_playback(robot, logs[0], comparison))
     fitted = robot if diagnosis is None else diagnosis.robot
     plots = residual_plots(residuals_in(problem, fitted))
@@ -107,16 +106,16 @@ def report_page(
     return environment.get_template("report.html.j2").render(plotly=get_plotlyjs(), **context)
 
 
-def _diagnosis_part(problem: Problem, diagnosis: Diagnosis | None) -> dict[str, Any]:
+def _diagnosis_part(diagnosis: Diagnosis | None) -> dict[str, Any]:
     if diagnosis is None:
-        return {key: [] for key in ("steps", "cards", "worth", "warnings")} | {
+        return {key: [] for key in ("steps", "cards", "ranking", "warnings")} | {
             "remainder": "",
             "next_experiment": "",
         }
     return {
         "steps": step_rows(diagnosis),
         "cards": finding_cards(diagnosis.findings),
-        "worth": worth_rows(worth_table(problem, diagnosis)),
+        "ranking": ranking_rows(diagnosis.ranking),
         "warnings": list(diagnosis.warnings),
         "remainder": diagnosis.remainder,
         "next_experiment": diagnosis.next_experiment,
