@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Memory, Motion, Parameter, Robot
 
 
 @final
@@ -17,8 +17,10 @@ from wbc.robot import Motion, Parameter, Robot
 class ActuationDelay(JointEffect):
     """The drive delivers its reported torque `delay` later.
 
-    It needs a series of samples; a single sample passes unchanged, because a simulator or a
-    controller that steps through time holds back its own commands.
+    Along a log the torque is that of `delay` earlier. A simulator carries the torque that is on
+    its way: what it delivers over a step is the mean of the command over the same time `delay`
+    earlier, and nothing before the first command. A lone sample without past passes unchanged,
+    because a controller cannot undo a delay.
 
     Attributes:
         delay: [s].
@@ -37,13 +39,40 @@ class ActuationDelay(JointEffect):
         "and follows the rate of change of the torque."
     )
 
+    def first_memory(self, robot: Robot) -> FloatArray:
+        """Return the torque on its way, rows (since how long [s], torque [N m]): none."""
+        return np.array([[self.delay, 0.0]])
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque on its way (p, 2) after a step; what has arrived is forgotten."""
+        if motion.memory is None:
+            return self.first_memory(robot)
+        step = motion.memory.step
+        older = motion.memory.value + np.array([step, 0.0])
+        sent = np.vstack((older, [step, torque[robot.transmission.index(self.where)]]))
+        arrived = int((sent[1:, 0] >= self.delay).sum())
+        return sent[arrived:]
+
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque of `delay` earlier for this gear, (..., m)."""
+        if motion.memory is not None:
+            result = np.array(torque)
+            column = robot.transmission.index(self.where)
+            result[column] = self._arriving(motion.memory, float(torque[column]))
+            return result
         return self._shifted(robot, motion, torque, -self.delay)
 
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque of `delay` later for this gear, (..., m)."""
         return self._shifted(robot, motion, torque, self.delay)
+
+    def _arriving(self, memory: Memory, torque: float) -> float:
+        """Return the mean of the command (steps, the last one now) over a step `delay` earlier."""
+        starts = np.concatenate((-memory.value[:, 0], [0.0, memory.step]))
+        starts[0] = -np.inf
+        held = np.append(memory.value[:, 1], torque)
+        passed = np.clip(starts, -self.delay, memory.step - self.delay)
+        return float(np.diff(passed) @ held) / memory.step
 
     def _shifted(
         self, robot: Robot, motion: Motion, torque: FloatArray, shift: float

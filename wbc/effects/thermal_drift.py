@@ -19,8 +19,9 @@ _LEAST = 0.05  # share of the torque that is always left
 class ThermalDrift(JointEffect):
     """The delivered torque falls as the motor warms up: 1 - rate tau (1 - exp(-t/tau)).
 
-    t counts from the start of the log. A negative rate is a motor that grows stronger; a time
-    constant much longer than the log is a steady drift.
+    t counts from the start of the log; a simulator carries the warmth from step to step, so that a
+    motor stays warm where a run is taken up again. A negative rate is a motor that grows
+    stronger; a time constant much longer than the log is a steady drift.
 
     Attributes:
         rate: share of the torque lost per second at the start [1/s].
@@ -58,6 +59,14 @@ class ThermalDrift(JointEffect):
 
         return tuple(screen(float(np.clip(s * length, 1.0, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
 
+    def first_memory(self, robot: Robot) -> FloatArray:
+        """Return how warm the motor is, as the drift's warm seconds (1,): cold."""
+        return np.zeros(1)
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the warm seconds (1,) at the end of a step."""
+        return np.array([self._warm(motion, 1.0)])
+
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque left for this gear, (..., m)."""
         return torque * self._factor(robot, motion)
@@ -67,10 +76,19 @@ class ThermalDrift(JointEffect):
         return torque / self._factor(robot, motion)
 
     def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
-        time = np.zeros(motion.velocity.shape[:-1]) if motion.time is None else motion.time
-        warm = -self.time_constant * np.expm1(-np.asarray(time) / self.time_constant)
-        factor = np.ones((*np.shape(time), robot.transmission.size))
+        warm = self._warm(motion, 0.5)
+        factor = np.ones((*np.shape(warm), robot.transmission.size))
         factor[..., robot.transmission.index(self.where)] = np.maximum(
             1.0 - self.rate * warm, _LEAST
         )
         return factor
+
+    def _warm(self, motion: Motion, share: float) -> FloatArray:
+        """Return w, dw/dt = 1 - w/tau, from w = 0: along a log, or `share` of a step onward."""
+        if motion.memory is not None:
+            time, start = np.asarray(share * motion.memory.step), motion.memory.value[0]
+        else:
+            none = np.zeros(motion.velocity.shape[:-1])
+            time, start = none if motion.time is None else np.asarray(motion.time), 0.0
+        gone = -np.expm1(-time / self.time_constant)
+        return np.asarray(start + (self.time_constant - start) * gone)

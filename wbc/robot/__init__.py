@@ -4,7 +4,7 @@ from wbc.robot.contact import ContactPoint
 from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
 from wbc.robot.effect import Effect, Parameter
 from wbc.robot.library import find_description, robot_names, robots_directory
-from wbc.robot.motion import Motion
+from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, LinkResponse, Screen
@@ -14,6 +14,7 @@ __all__ = [
     "Effect",
     "Evidence",
     "LinkResponse",
+    "Memory",
     "Motion",
     "Parameter",
     "Robot",

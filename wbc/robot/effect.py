@@ -173,6 +173,31 @@ class Effect(ABC):
         """Return the torque that the drive reports when it delivers `torque`, (..., m)."""
         return torque
 
+    def first_memory(self, robot: Robot) -> FloatArray | None:
+        """Return the effect's own state at the start of a simulation; None if it has none.
+
+        An effect whose action depends on more than the present motion (a temperature, torque on
+        its way) keeps that here. A simulator carries it from step to step and shows it to every
+        hook as `motion.memory`; along a log `motion.memory` is None and the hook works it out from
+        the series.
+        """
+        return None
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the effect's own state a step after `motion.memory`.
+
+        Args:
+            robot: the robot.
+            motion: in the middle of the step.
+            torque: rotor torque (m,) that reaches this effect's `drive` during the step.
+
+        Raises:
+            EffectError: the effect has a memory and does not say how it goes on.
+        """
+        raise EffectError(
+            f"{self.name} has a memory (first_memory) but no next_memory; give it both."
+        )
+
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray | None:
         """Return how far the link behind a gear strays from its motor, (N, 3), along a log.
 

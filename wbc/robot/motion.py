@@ -8,6 +8,19 @@ from typing import Any
 from wbc.arrays import FloatArray
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Memory:
+    """An effect's own state in one step of a simulator.
+
+    Attributes:
+        value: the state at the start of the step, laid out by the effect.
+        step: length of the step [s]; the motion's sample is its middle.
+    """
+
+    value: FloatArray
+    step: float
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Positions, velocities and what else was known at the same instants.
@@ -21,6 +34,7 @@ class Motion:
         time: (...) [s], or None.
         temperature: (..., m) of the motors [deg C], or None.
         supply_voltage: (..., m) [V] at the motor drives, or None.
+        memory: own state of the effect that is asked, where a simulator carries it; else None.
     """
 
     position: FloatArray
@@ -29,6 +43,7 @@ class Motion:
     time: FloatArray | None = None
     temperature: FloatArray | None = None
     supply_voltage: FloatArray | None = None
+    memory: Memory | None = None
 
     def replace(self, **changes: Any) -> Motion:
         """Return a copy with some fields changed."""

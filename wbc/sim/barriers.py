@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import Workspace
@@ -16,6 +15,8 @@ from wbc.sim.terrain import Terrain
 
 TOUCH = 1e-6
 """Gap [m, rad] up to which a barrier counts as closed."""
+
+_NOWHERE = (np.zeros(0), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,6 +30,21 @@ class Clearance:
 
     gap: FloatArray
     normal: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ClosedRows:
+    """The rows of the barriers that are closed.
+
+    Attributes:
+        unilateral: their laws.
+        limits: (l,) indices of the closed joint limits.
+        which: (c,) indices of the closed contacts.
+    """
+
+    unilateral: Unilateral
+    limits: IntArray
+    which: IntArray
 
 
 class Barriers:
@@ -51,6 +67,9 @@ class Barriers:
         self._lower, self._upper = low[self._position], high[self._position]
         self._friction = np.array([contact.friction for contact in robot.contacts])
         self._nv = model.nv
+        forward = np.zeros((len(single), model.nv))
+        forward[np.arange(len(single)), self._velocity] = 1.0
+        self._turning = np.concatenate((forward, -forward))
         self.planar = moves_in_plane(space)
         self.limits = 2 * len(single)
         self.contacts = len(robot.contacts)
@@ -62,49 +81,42 @@ class Barriers:
 
     def clearance(self, position: FloatArray) -> Clearance:
         """Return all gaps at q (nq,), for the placements held in the workspace."""
-        here = position[self._position]
-        below, above = here - self._lower, self._upper - here
-        if self.contacts == 0:
-            return Clearance(np.concatenate((below, above)), np.zeros((0, 3)))
-        gap, normal = self._terrain.gap(contact_points(self._space))
-        return Clearance(np.concatenate((below, above, gap)), normal)
+        gap, normal = self._terrain.gap(contact_points(self._space)) if self.contacts else _NOWHERE
+        if self.limits:
+            here = position[self._position]
+            gap = np.concatenate((here - self._lower, self._upper - here, gap))
+        return Clearance(gap, normal)
 
-    def approach(self, normal: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return how fast every gap opens (2 j + k,) at v (nv,), for the held Jacobians."""
-        speeds = np.empty(self.size)
+    def contact_rows(self, clearance: Clearance) -> ContactRows:
+        """Return the rows of all contacts, for the Jacobians held in the workspace."""
+        return contact_rows(self._space, clearance.normal, self.planar)
+
+    def approach(self, contacts: ContactRows, velocity: FloatArray) -> FloatArray:
+        """Return how fast every gap opens (2 j + k,) at v (nv,)."""
+        leaving = contacts.rows[:, 0] @ velocity
+        if not self.limits:
+            return leaving
         turning = velocity[self._velocity]
-        j = len(turning)
-        speeds[:j], speeds[j : 2 * j] = turning, -turning
-        space, world = self._space, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        for i, frame in enumerate(space.frames):
-            jacobian = pin.getFrameJacobian(space.model, space.data, frame, world)
-            speeds[2 * j + i] = normal[i] @ (jacobian[:3] @ velocity)
-        return speeds
+        return np.concatenate((turning, -turning, leaving))
 
-    def rows(
-        self, closed: BoolArray, normal: FloatArray, target: FloatArray
-    ) -> tuple[Unilateral, ContactRows, IntArray]:
-        """Return the rows of the closed barriers, for the held Jacobians.
+    def closed_rows(
+        self, closed: BoolArray, contacts: ContactRows, target: FloatArray
+    ) -> ClosedRows:
+        """Return the rows of the closed barriers.
 
         Args:
             closed: (2 j + k,).
-            normal: (k, 3).
+            contacts: rows of all contacts.
             target: (2 j + k,) lowest speed at which each gap may open.
-
-        Returns:
-            the rows, those of contacts with their axes, and the indices (l,) of closed limits.
         """
-        limits = np.flatnonzero(closed[: self.limits])
-        rows = np.zeros((len(limits), self._nv))
-        j = len(self._velocity)
-        for i, limit in enumerate(limits):
-            rows[i, self._velocity[limit % j]] = 1.0 if limit < j else -1.0
-        which = np.flatnonzero(closed[self.limits :])
-        contacts = contact_rows(self._space, which, normal[which], self.planar)
+        limits = closed[: self.limits].nonzero()[0]
+        which = closed[self.limits :].nonzero()[0]
+        turning, rows = self._turning[limits], contacts.rows[which]
+        tangents = rows[:, 1:].reshape(-1, self._nv)
         unilateral = Unilateral(
-            rows, contacts.normals, contacts.tangents, self._friction[which], target[closed]
+            turning, rows[:, 0], tangents, self._friction[which], target[closed]
         )
-        return unilateral, contacts, limits
+        return ClosedRows(unilateral, limits, which)
 
 
 def _finite(limits: FloatArray) -> FloatArray:

@@ -31,27 +31,37 @@ class Sliding:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Branches:
-    """One linear piece, on_speed w + on_impulse p = constant, of every row's law.
+    """One linear piece, on_speed dw + on_impulse dp = missing, of every row's law about a point.
 
     Attributes:
-        on_speed: (r,).
-        on_impulse: (r,), zero where a row is rigid.
-        constant: (r,).
-        distance: natural residual (r,) of every row at the point the pieces were looked up for,
-            as a speed; zero exactly at a solution. The line of slope `reduced.slope` through
-            (speed, impulse) meets a monotone law in one point, and this is how far away it is; for
-            contacts it is Alart and Curnier's map, the normal projected onto the half line, the
-            tangents onto the disc of radius mu p_n.
-        worst: its largest size.
+        pieces: (on_speed, on_impulse, missing, distance) of every row. on_impulse is zero where
+            the row is rigid. The distance is the natural residual of the point as a speed, zero
+            exactly at a solution: the line of slope `reduced.slope` through (speed, impulse) meets
+            a monotone law in one point, and this is how far away it is; for contacts it is Alart
+            and Curnier's map, the normal projected onto the half line, the tangents onto the disc
+            of radius mu p_n.
+        worst: the largest distance.
         sliding: the contacts that slide; their rows lack the coupling to normal and slip.
     """
 
-    on_speed: FloatArray
-    on_impulse: FloatArray
-    constant: FloatArray
-    distance: FloatArray
+    pieces: list[tuple[float, float, float, float]]
     worst: float
-    sliding: tuple[Sliding, ...]
+    sliding: list[Sliding]
+
+    @property
+    def on_impulse(self) -> FloatArray:
+        """(r,), zero where a row is rigid."""
+        return np.array([piece[1] for piece in self.pieces])
+
+    @property
+    def distance(self) -> FloatArray:
+        """Natural residual (r,) of every row, as a speed."""
+        return np.array([piece[3] for piece in self.pieces])
+
+    @property
+    def merit(self) -> float:
+        """Sum of the squared distances."""
+        return sum([piece[3] * piece[3] for piece in self.pieces])
 
 
 def branches_at(reduced: Reduced, impulse: FloatArray, speed: FloatArray) -> Branches:
@@ -67,9 +77,10 @@ def branches_at(reduced: Reduced, impulse: FloatArray, speed: FloatArray) -> Bra
         row = m + i
         push = impulses[row] - slopes[row] * (speeds[row] - targets[i])
         if push > 0.0:
-            pieces.append((1.0, 0.0, targets[i], (push - impulses[row]) / slopes[row]))
+            short = targets[i] - speeds[row]
+            pieces.append((1.0, 0.0, short, short))
         else:
-            pieces.append((0.0, 1.0, 0.0, -impulses[row] / slopes[row]))
+            pieces.append((0.0, 1.0, -impulses[row], -impulses[row] / slopes[row]))
         pressed.append(push)
     sliding = []
     d, friction = reduced.tangents, reduced.frictions
@@ -79,75 +90,83 @@ def branches_at(reduced: Reduced, impulse: FloatArray, speed: FloatArray) -> Bra
         closed = pressed[reduced.limits + contact] > 0.0
         wish = [impulses[j] - slopes[j] * speeds[j] for j in range(first, first + d)]
         size = abs(wish[0]) if d == 1 else (wish[0] ** 2 + wish[1] ** 2) ** 0.5
+        if closed and size < bound:
+            pieces += [(1.0, 0.0, -speeds[j], -speeds[j]) for j in range(first, first + d)]
+            continue
         share = bound / size if size > 0.0 else 1.0
-        slides = closed and size >= bound
-        kept = share if size > bound else 1.0
-        piece = (1.0, 0.0, 0.0) if closed and not slides else (0.0, 1.0, 0.0)
         for j, part in zip(range(first, first + d), wish, strict=True):
-            pieces.append((*piece, (kept * part - impulses[j]) / slopes[j]))
-        if slides:
+            short = share * part - impulses[j]
+            pieces.append((0.0, 1.0, short, short / slopes[j]))
+        if closed:
             direction = np.array(wish) / (size or 1.0)
             sliding.append(Sliding(contact, direction, share))
-    on_speed, on_impulse, constant, distance = np.array(pieces).reshape(-1, 4).T
     worst = max([abs(piece[3]) for piece in pieces], default=0.0)
-    return Branches(on_speed, on_impulse, constant, distance, worst, tuple(sliding))
+    return Branches(pieces, worst, sliding)
 
 
 def _element_piece(law: tuple[float, ...], T: float, w: float) -> tuple[float, float, float, float]:
-    """Return s, b, c of the piece s w + b T = c of an element's law, and the distance from it."""
+    """Return on_speed, on_impulse, missing and distance of the piece of an element's law."""
     up, down, inertia, inverse, backward, friction, damping, slope = law
     point = T - slope * w
     load = point + friction
     if up > max(load * inverse, load * backward):
         driving = inertia * load + (damping + slope) * up > 0.0
-        gain = inverse if driving else backward
-        met = (up - gain * load) / (inertia + gain * (damping + slope))
-        return inertia + gain * damping, gain, up - gain * friction, met - w
-    load = point - friction
-    if down < min(load * inverse, load * backward):
+        sign, bring = 1.0, up
+    else:
+        load = point - friction
+        if not down < min(load * inverse, load * backward):
+            return 1.0, 0.0, -w, -w
         driving = -inertia * load - (damping + slope) * down > 0.0
-        gain = inverse if driving else backward
-        met = (down - gain * load) / (inertia + gain * (damping + slope))
-        return inertia + gain * damping, gain, down + gain * friction, met - w
-    return 1.0, 0.0, 0.0, -w
+        sign, bring = -1.0, down
+    gain = inverse if driving else backward
+    on_speed = inertia + gain * damping
+    missing = bring - gain * (T + sign * friction) - on_speed * w
+    return on_speed, gain, missing, missing / (on_speed + gain * slope)
 
 
-def solve_branches(reduced: Reduced, branches: Branches, anchor: FloatArray) -> FloatArray | None:
+def solve_branches(reduced: Reduced, branches: Branches, impulse: FloatArray) -> FloatArray | None:
     """Return the row impulses (r,) that solve the linear pieces of `branches`.
 
     Rows that depend on each other (more stuck gears and sticking contacts than the robot has
-    freedoms) leave their split open; what is left open stays near `anchor` (r,), by a proximal
-    term whose effect on the rest a second solve with the same factors removes. None where the
-    pieces contradict each other.
+    freedoms) leave their split open; what is left open stays near `impulse` (r,), the point of the
+    branches, by a proximal term whose effect on the rest a second solve with the same factors
+    removes. None where the pieces contradict each other.
     """
-    on_speed = branches.on_speed
-    spring = 1e-9 * reduced.diagonal * on_speed
-    total = np.asfortranarray(on_speed[:, None] * reduced.delassus)
-    total.T.ravel()[:: len(total) + 1] += branches.on_impulse + spring
-    right = branches.constant - on_speed * reduced.free
+    on_speed, on_impulse, missing, _ = np.array(branches.pieces).T
+    spring = reduced.spring * on_speed
+    total = reduced.delassus * on_speed[:, None]
+    total.ravel()[:: len(total) + 1] += on_impulse + spring
     if branches.sliding:
-        _add_sliding(reduced, branches, total, right)
-    factor, pivots, info = lapack.dgetrf(total, overwrite_a=1)
+        _add_sliding(reduced, branches, total, missing, impulse)
+    factor, pivots, info = lapack.dgetrf(total)
     if info != 0:
         return None
-    solution, _ = lapack.dgetrs(factor, pivots, right + spring * anchor)
-    correction, _ = lapack.dgetrs(factor, pivots, spring * (solution - anchor))
-    return np.asarray(solution + correction)
+    change, _ = lapack.dgetrs(factor, pivots, missing)
+    correction, _ = lapack.dgetrs(factor, pivots, spring * change)
+    return np.asarray(impulse + change + correction)
 
 
 def _add_sliding(
-    reduced: Reduced, branches: Branches, total: FloatArray, right: FloatArray
+    reduced: Reduced,
+    branches: Branches,
+    total: FloatArray,
+    missing: FloatArray,
+    impulse: FloatArray,
 ) -> None:
-    """Add p_t = mu p_n direction, and how the direction turns with the slip, in place."""
+    """Add p_t = mu p_n direction, and how the direction turns with the slip, in place.
+
+    What the rows miss was taken at the bound mu times the *projected* normal impulse; the piece is
+    linear in the present one.
+    """
     d, first = reduced.tangents, reduced.tangent_rows.start
     normals = reduced.elements + reduced.limits
     for slide in branches.sliding:
         rows = slice(first + slide.contact * d, first + (slide.contact + 1) * d)
-        direction = slide.direction
-        total[rows, normals + slide.contact] -= reduced.frictions[slide.contact] * direction
+        normal, direction = normals + slide.contact, slide.direction
+        along = reduced.frictions[slide.contact] * direction
+        total[rows, normal] -= along
+        missing[rows] = along * impulse[normal] - impulse[rows]
         if d == 2:
             turn = slide.turning * (np.eye(2) - direction[:, None] * direction)
             total[rows, rows] -= turn
-            turn *= reduced.slope[rows.start]
-            total[rows] += turn @ reduced.delassus[rows]
-            right[rows] -= turn @ reduced.free[rows]
+            total[rows] += (reduced.slopes[rows.start] * turn) @ reduced.delassus[rows]

@@ -7,14 +7,14 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
-from wbc.sim.barriers import TOUCH, Clearance
+from wbc.sim.barriers import TOUCH
 from wbc.sim.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
     COUPLING_TOLERANCE,
     step_coupling,
 )
-from wbc.sim.ground import world_impulse
+from wbc.sim.ground import ContactRows, world_impulse
 from wbc.sim.impact import Impact, impact_elements, impact_mesh_loss
 from wbc.sim.kinetic_energy import kinetic_energy
 from wbc.sim.motor_motion import MotorMotion
@@ -40,12 +40,13 @@ def settle(setup: Setup, state: SimState) -> tuple[SimState, Impact | None]:
     fresh = ~closed & (clearance.gap <= TOUCH)
     if not fresh.any():
         return (state.replace(closed=closed) if unknown else state), None
-    approach = barriers.approach(clearance.normal, state.velocity)
+    contacts = barriers.contact_rows(clearance)
+    approach = barriers.approach(contacts, state.velocity)
     together = closed | fresh
     if not np.any(fresh & (approach < -_SLOW)):
         return state.replace(closed=together), None
-    impact = _collide(setup, state, together, clearance, approach)
-    after = barriers.approach(clearance.normal, impact.after)
+    impact = _collide(setup, state, together, contacts, approach)
+    after = barriers.approach(contacts, impact.after)
     state = state.replace(velocity=impact.after, closed=together & (after <= TOUCH))
     return state, impact
 
@@ -54,14 +55,14 @@ def _collide(
     setup: Setup,
     state: SimState,
     closed: BoolArray,
-    clearance: Clearance,
+    contacts: ContactRows,
     approach: FloatArray,
 ) -> Impact:
     """Return the impact of the `closed` barriers, for the kinematics held in the workspace."""
-    drive, barriers = setup.drive, setup.barriers
+    drive = setup.drive
     target = -setup.restitution * np.minimum(approach, 0.0)
-    unilateral, contacts, limits = barriers.rows(closed, clearance.normal, target)
-    solution = _solve(setup, state, unilateral)
+    hit = setup.barriers.closed_rows(closed, contacts, target)
+    solution = _solve(setup, state, hit.unilateral)
     after = np.array(solution.velocity)
     motor = MotorMotion.of(drive, state).speed
     following = np.where(drive.loose, motor, drive.rows @ after)
@@ -69,12 +70,7 @@ def _collide(
     mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], solution.element_impulse)
     given = kinetic_energy(setup, state.position, state.velocity, motor)
     given -= kinetic_energy(setup, state.position, after, following)
-    impulse = world_impulse(
-        contacts,
-        solution.normal_impulse[len(limits) :],
-        solution.tangent_impulse,
-        barriers.contacts,
-    )
+    impulse = world_impulse(contacts, hit.which, solution)
     return Impact(state.time, state.velocity, after, impulse, mesh, given - mesh, solution)
 
 

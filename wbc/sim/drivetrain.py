@@ -29,6 +29,8 @@ class Drivetrain:
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row.
         actuated: (m,) rows of v.
+        every: (m,) 0 .. m - 1.
+        zero: (m,) zeros.
     """
 
     rows: FloatArray
@@ -45,6 +47,8 @@ class Drivetrain:
     any_loose: bool
     direct: bool
     actuated: IntArray
+    every: IntArray
+    zero: FloatArray
 
     @property
     def size(self) -> int:
@@ -79,4 +83,6 @@ def drivetrain(robot: Robot) -> Drivetrain:
         any_loose=bool(loose.any()),
         direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
         actuated=robot.actuated,
+        every=frozen(np.arange(gears.size), np.int_),
+        zero=frozen(np.zeros(gears.size)),
     )

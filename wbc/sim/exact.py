@@ -20,6 +20,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.drivetrain import drivetrain
+from wbc.sim.forces import first_memory
 from wbc.sim.mechanism import Input, Mechanism, Piece
 
 _MAX_PIECES = 2000
@@ -70,10 +71,12 @@ def integrate_exactly(
         SimulationError: a robot that this method cannot follow, or modes that change without end.
     """
     model, drive = robot.model, drivetrain(robot)
-    if model.nq != model.nv or drive.any_loose or robot.rotors_turn_with_links:
+    coupled = drive.any_loose or robot.rotors_turn_with_links
+    if model.nq != model.nv or coupled or first_memory(robot):
         raise SimulationError(
             f"'{robot.name}' cannot be integrated event by event: that needs joints of one degree "
-            "of freedom each, rigid gears and rotors without inertial coupling. Use Plant.step."
+            "of freedom each, rigid gears, rotors without inertial coupling and effects without a "
+            "state of their own. Use Plant.step."
         )
     mechanism = Mechanism(robot, rotor_torque, external)
     state = np.concatenate((position, velocity))

@@ -6,6 +6,8 @@ q_m = q + h/2 v;  H(q_m)(v' - v) = h (forces at q_m) + row impulses;  q' = q_m +
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +16,7 @@ from scipy.linalg import lapack
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import SimulationError
 from wbc.robot import Motion
-from wbc.sim.barriers import TOUCH
+from wbc.sim.barriers import TOUCH, ClosedRows
 from wbc.sim.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
@@ -23,41 +25,61 @@ from wbc.sim.coupling import (
     step_coupling,
 )
 from wbc.sim.energy import EnergyFlow
-from wbc.sim.flow_energy import flow_energy
+from wbc.sim.flow_energy import Transit, flow_energy
 from wbc.sim.forces import EffectForces, effect_forces
 from wbc.sim.gear_rows import GearRows, gear_rows
 from wbc.sim.ground import ContactRows, world_impulse
 from wbc.sim.motor_motion import MotorMotion
-from wbc.sim.program import StepProgram, Unilateral
+from wbc.sim.program import StepProgram
 from wbc.sim.reduced import NOT_POSITIVE
 from wbc.sim.setup import Setup
 from wbc.sim.solution import StepSolution
 from wbc.sim.solver import solve_program
 from wbc.sim.state import SimState
-from wbc.sim.warm_start import recall_impulse, row_places, store_impulse
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Flow:
     """What happened in one smooth part.
 
     Attributes:
         state: at its end.
         gap: (2 j + k,) at its end, to first order.
-        contact_impulse: (k, 3) [N s], world.
-        mesh_impulse: T (m,) [N m s].
-        rotor_impulse: (m,) [N m s] delivered on the rotors.
-        energy: work and losses.
-        solution: of the step program.
+        contacts: rows of all contact points.
+        touching: (c,) indices of the closed ones.
+        transit: how the gears passed.
     """
 
     state: SimState
     gap: FloatArray
-    contact_impulse: FloatArray
-    mesh_impulse: FloatArray
-    rotor_impulse: FloatArray
-    energy: EnergyFlow
-    solution: StepSolution
+    contacts: ContactRows
+    touching: IntArray
+    transit: Transit
+
+    @cached_property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return world_impulse(self.contacts, self.touching, self.solution)
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self.transit.mesh
+
+    @property
+    def rotor_impulse(self) -> FloatArray:
+        """Impulse (m,) [N m s] delivered on the rotors."""
+        return self.transit.step * self.transit.forces.rotor
+
+    @property
+    def solution(self) -> StepSolution:
+        """Of the step program."""
+        return self.transit.solution
+
+    @cached_property
+    def energy(self) -> EnergyFlow:
+        """Work and losses."""
+        return flow_energy(self.transit)
 
 
 def flow(
@@ -71,49 +93,58 @@ def flow(
 
     Args:
         setup: the plant's.
-        state: with known `closed`.
+        state: with known `closed`, and with the memory of its effects.
         command: (m,) rotor torque [N m].
         step: h [s].
         external: generalised force (nv,), None for none.
     """
     model, data, barriers = setup.space.model, setup.space.data, setup.barriers
-    velocity = state.velocity
-    middle = pin.integrate(model, state.position, 0.5 * step * velocity)
-    motion = Motion(middle, velocity, time=np.asarray(state.time + 0.5 * step))
-    forces = effect_forces(setup.robot, motion, command)
+    velocity, half = state.velocity, 0.5 * step
+    middle = pin.integrate(model, state.position, half * velocity)
+    motion = Motion(middle, velocity, time=np.asarray(state.time + half))
+    forces = effect_forces(setup.robot, motion, command, state.memory, step)
     coupling = step_coupling(setup.robot, setup.space, middle, velocity)
     pin.crba(model, data, middle, pin.Convention.WORLD)
     force = forces.joint - pin.nonLinearEffects(model, data, middle, velocity)
     if external is not None:
         force += external
     clearance = barriers.clearance(middle)
-    unilateral, contacts, limits = barriers.rows(
-        state.closed, clearance.normal, clearance.gap / -step
-    )
+    contacts = barriers.contact_rows(clearance)
+    held = barriers.closed_rows(state.closed, contacts, clearance.gap / -step)
     motor = MotorMotion.of(setup.drive, state)
-    problem = _Problem(setup, state, motor, step, forces, force, unilateral, contacts, limits)
-    gears, solution = _solve_released(problem, coupling)
-    energy, mesh, motor_after = flow_energy(
-        setup.drive, velocity, motor, solution, gears, forces, external, step
-    )
+    problem = _Problem(setup, state, motor, step, forces, force, held)
+    gears, places, solution = _solve_released(problem, coupling)
     after = solution.velocity
-    end_gap = clearance.gap + 0.5 * step * barriers.approach(clearance.normal, after)
-    normal_impulse = solution.normal_impulse
-    closed = state.closed.copy()
-    closed[state.closed] = (end_gap[state.closed] <= TOUCH) | (normal_impulse > 0.0)
-    world = world_impulse(
-        contacts, normal_impulse[len(limits) :], solution.tangent_impulse, barriers.contacts
-    )
+    mesh, speed = gears.passed(solution)
+    motor_after = motor.after(setup.drive, after, speed, step)
+    end_gap = clearance.gap + half * barriers.approach(contacts, after)
     following = SimState(
-        pin.integrate(model, middle, 0.5 * step * after),
+        pin.integrate(model, middle, half * after),
         after,
         state.time + step,
-        closed,
-        store_impulse(setup, solution.impulse, row_places(setup, gears, contacts, limits)),
+        _still_closed(state.closed, end_gap, solution.normal_impulse),
+        setup.layout.store(solution.impulse, places),
         motor_after.deflection,
         motor_after.speed,
+        forces.memory,
     )
-    return Flow(following, end_gap, world, mesh, step * forces.rotor, energy, solution)
+    transit = Transit(
+        setup.drive, velocity, motor, motor_after, mesh, solution, gears, forces, external, step
+    )
+    return Flow(following, end_gap, contacts, held.which, transit)
+
+
+def _still_closed(closed: BoolArray, gap: FloatArray, pressed: FloatArray) -> BoolArray:
+    """Return which barriers (2 j + k,) stay closed: those that are pressed, and those in touch."""
+    if min(pressed.tolist(), default=1.0) > 0.0:
+        return closed
+    after = closed.copy()
+    after[closed] = (gap[closed] <= TOUCH) | (pressed > 0.0)
+    return after
+
+
+_Solved: TypeAlias = tuple[GearRows, IntArray, StepSolution]
+"""The gears' rows, the places of all rows in `SimState.impulse`, and the solution."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -126,34 +157,29 @@ class _Problem:
     step: float
     forces: EffectForces
     force: FloatArray
-    unilateral: Unilateral
-    contacts: ContactRows
-    limits: IntArray
+    held: ClosedRows
 
 
-def _solve_released(
-    problem: _Problem, coupling: StepCoupling | None
-) -> tuple[GearRows, StepSolution]:
+def _solve_released(problem: _Problem, coupling: StepCoupling | None) -> _Solved:
     """Solve the step, letting go of gears that would pull on a flank of their play."""
     drive = problem.setup.drive
     released = np.zeros(drive.size, dtype=bool)
     for _ in range(drive.size + 1):
         if coupling is None:
-            gears, solution = _solve(problem, released, None, None)
+            solved = _solve(problem, released, None, None)
         else:
-            gears, solution = _solve_coupled(problem, released, coupling)
+            solved = _solve_coupled(problem, released, coupling)
         if not drive.any_loose:
             break
+        gears, _, solution = solved
         pulling = gears.side[gears.engaged] * solution.impulse[: len(gears.engaged)] < 0.0
         if not pulling.any():
             break
         released[gears.engaged[pulling]] = True
-    return gears, solution
+    return solved
 
 
-def _solve_coupled(
-    problem: _Problem, released: BoolArray, coupling: StepCoupling
-) -> tuple[GearRows, StepSolution]:
+def _solve_coupled(problem: _Problem, released: BoolArray, coupling: StepCoupling) -> _Solved:
     """Repeat the step with the rotor coupling of its last iterate until the velocity repeats."""
     drive, velocity = problem.setup.drive, problem.state.velocity
     last = velocity
@@ -161,11 +187,12 @@ def _solve_coupled(
         change = last - velocity
         links = coupling.inertia.T @ (drive.rows @ change) + problem.step * coupling.link_bias
         rotors = coupling.inertia @ change + problem.step * coupling.rotor_bias
-        gears, solution = _solve(problem, released, links, rotors)
-        moved = np.abs(solution.velocity - last).max(initial=0.0)
+        solved = _solve(problem, released, links, rotors)
+        reached = solved[2].velocity
+        moved = np.abs(reached - last).max(initial=0.0)
         if moved <= COUPLING_TOLERANCE * (1.0 + np.abs(last).max(initial=0.0)):
-            return gears, solution
-        last = solution.velocity
+            return solved
+        last = reached
     raise SimulationError(COUPLING_FAILED)
 
 
@@ -174,7 +201,7 @@ def _solve(
     released: BoolArray,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
-) -> tuple[GearRows, StepSolution]:
+) -> _Solved:
     """Solve the step once, less the impulses (nv,) and (m,) that the rotor coupling takes."""
     setup, state, step, motor = problem.setup, problem.state, problem.step, problem.motor
     inertia = setup.space.data.M.copy()
@@ -186,15 +213,9 @@ def _solve(
     _, change, info = lapack.dposv(inertia, push)
     if info != 0:
         raise SimulationError(NOT_POSITIVE)
-    gears = gear_rows(
-        setup.drive,
-        driven,
-        problem.forces.friction,
-        step,
-        (motor.speed, motor.relative, motor.deflection),
-        released,
-    )
-    places = row_places(setup, gears, problem.contacts, problem.limits)
-    guess = recall_impulse(setup, state.impulse, places)
-    program = StepProgram(inertia, state.velocity + change, gears.elements, problem.unilateral)
-    return gears, solve_program(program, guess)
+    gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, released)
+    places = setup.layout.places(gears, problem.held)
+    guess = setup.layout.recall(state.impulse, places)
+    free = state.velocity + change
+    program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
+    return gears, places, solve_program(program, guess)

@@ -1,6 +1,8 @@
-"""Work and losses of a smooth part of a step, and where the motor outputs end up."""
+"""Work and losses of a smooth part of a step."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,51 +15,54 @@ from wbc.sim.motor_motion import MotorMotion
 from wbc.sim.solution import StepSolution
 
 
-def flow_energy(
-    drive: Drivetrain,
-    velocity: FloatArray,
-    motor: MotorMotion,
-    solution: StepSolution,
-    gears: GearRows,
-    forces: EffectForces,
-    external: FloatArray | None,
-    step: float,
-) -> tuple[EnergyFlow, FloatArray, MotorMotion]:
-    """Return work and losses, the mesh impulses T (m,) and the motor outputs' motion after.
+@dataclass(frozen=True, eq=False, slots=True)
+class Transit:
+    """How the gears passed a smooth part of a step.
 
-    Args:
+    Attributes:
         drive: constant part of the rows.
         velocity: v (nv,) before.
         motor: motion of the motor outputs before.
+        motor_after: after.
+        mesh: T (m,) [N m s].
         solution: of the step program.
         gears: its dissipative rows.
         forces: of the effects.
         external: joint-space force given by the user (nv,), None for none.
         step: h [s].
     """
-    elements, reduced = solution.reduced.program.elements, solution.reduced
-    speed, impulse = solution.element_speed, solution.element_impulse
-    own, rub = impulse, 0.0
-    if gears.rubbing:
-        size = np.abs(speed)
+
+    drive: Drivetrain
+    velocity: FloatArray
+    motor: MotorMotion
+    motor_after: MotorMotion
+    mesh: FloatArray
+    solution: StepSolution
+    gears: GearRows
+    forces: EffectForces
+    external: FloatArray | None
+    step: float
+
+
+def flow_energy(part: Transit) -> EnergyFlow:
+    """Return work and losses of a smooth part of a step."""
+    drive, step, forces, solution = part.drive, part.step, part.forces, part.solution
+    elements, reduced = part.gears.elements, solution.reduced
+    mesh, after, rub = part.mesh, part.motor_after.speed, 0.0
+    if part.gears.rubbing:
+        size = np.abs(solution.element_speed)
         rub = float(((elements.friction + elements.damping * size) * size).sum())
-        own = impulse + np.sign(speed) * elements.friction + elements.damping * speed
-    count = len(gears.engaged)
-    mesh, after = np.zeros(drive.size), gears.free_speed.copy()
-    mesh[gears.engaged], after[gears.engaged] = own[:count], speed[:count]
-    following = motor.after(drive, solution.velocity, after, step)
     gain = np.where(after * mesh > 0.0, 1.0 / drive.forward, drive.backward)
-    mean = 0.5 * (velocity + solution.velocity)
+    mean = 0.5 * (part.velocity + solution.velocity)
     tangent = reduced.tangent_rows
-    motor_work = 0.5 * step * drive.ratio * forces.rotor * (motor.speed + after)
+    motor_work = 0.5 * step * drive.ratio * forces.rotor * (part.motor.speed + after)
     rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
-    lost = (gain - 1.0) * mesh * after
-    damped = 0.0
+    lost, damped = (gain - 1.0) * mesh * after, 0.0
     if drive.any_loose:
-        lost, damped = _loose_losses(drive, (motor, following), mesh, motor_work - rotor_loss, lost)
-    energy = EnergyFlow(
+        lost, damped = _loose_losses(part, motor_work - rotor_loss, lost)
+    return EnergyFlow(
         motor=float(motor_work.sum()),
-        external=0.0 if external is None else float(step * (external @ mean)),
+        external=0.0 if part.external is None else float(step * (part.external @ mean)),
         effects=float(step * (forces.joint @ mean)),
         mesh=float(lost.sum()),
         rotor_friction=float(rotor_loss.sum()),
@@ -65,16 +70,9 @@ def flow_energy(
         joint_friction=rub,
         contact=-float(solution.impulse[tangent] @ solution.speed[tangent]),
     )
-    return energy, mesh, following
 
 
-def _loose_losses(
-    drive: Drivetrain,
-    motors: tuple[MotorMotion, MotorMotion],
-    mesh: FloatArray,
-    work: FloatArray,
-    lost: FloatArray,
-) -> tuple[FloatArray, float]:
+def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[FloatArray, float]:
     """Return the mesh losses (m,) and the loss between meshes and joints [J] where gears are loose.
 
     A spring's loss is what it takes and does not store. A rotor that hits the rigid flank of its
@@ -82,7 +80,7 @@ def _loose_losses(
     O(h): there the loss of mesh and flank together is what the rotor gives and the joint does not
     get, and the mesh has no more than that of it.
     """
-    before, after = motors
+    drive, mesh, before, after = part.drive, part.mesh, part.motor, part.motor_after
     damped = 0.5 * mesh * (before.relative + after.relative)
     flanks = drive.loose & ~np.isfinite(drive.stiffness)
     stored = 0.5 * drive.inertia * (after.speed**2 - before.speed**2)

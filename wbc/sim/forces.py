@@ -7,39 +7,90 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.robot import Motion, Robot
+from wbc.errors import SimulationError
+from wbc.robot import Memory, Motion, Robot
+from wbc.sim.state import EffectMemory
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EffectForces:
-    """Forces of all effects at one state.
+    """Forces of all effects over one step.
 
     Attributes:
         joint: smooth torque on the coordinates (nv,).
         friction: level of dry friction on the coordinates (nv,), None where no effect has any.
         rotor: torque delivered on the rotors (m,), the drive's and what effects add to it.
+        memory: of the effects, at the end of the step.
     """
 
     joint: FloatArray
     friction: FloatArray | None
     rotor: FloatArray
+    memory: EffectMemory
 
 
-def effect_forces(robot: Robot, motion: Motion, command: FloatArray) -> EffectForces:
-    """Return what the effects do with a commanded rotor torque (m,) at a motion."""
+def first_memory(robot: Robot) -> EffectMemory:
+    """Return the states of their own that the effects of `robot` start with."""
+    held = tuple(effect.first_memory(robot) for effect in robot.effects)
+    return held if any(memory is not None for memory in held) else ()
+
+
+def checked_memory(robot: Robot, first: EffectMemory, given: EffectMemory) -> EffectMemory:
+    """Return `given`, or `first` where it is empty.
+
+    Raises:
+        SimulationError: `given` belongs to other effects than those of `robot`.
+    """
+    if not given:
+        return first
+    if [memory is None for memory in given] != [memory is None for memory in first]:
+        own = [e.name for e in robot.effects if e.first_memory(robot) is not None]
+        raise SimulationError(
+            f"the memory of the state does not fit '{robot.name}' (effects with a memory: "
+            f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
+            "empty to start anew."
+        )
+    return given
+
+
+def effect_forces(
+    robot: Robot,
+    motion: Motion,
+    command: FloatArray,
+    memory: EffectMemory = (),
+    step: float = 0.0,
+) -> EffectForces:
+    """Return what the effects do with a commanded rotor torque (m,) over a step.
+
+    Args:
+        robot: whose effects.
+        motion: in the middle of the step.
+        command: rotor torque (m,) [N m].
+        memory: of the effects at the start of the step; empty where none has any.
+        step: h [s].
+    """
     joint = np.zeros(robot.model.nv)
+    if not robot.effects:
+        return EffectForces(joint, None, command, ())
     friction: FloatArray | None = None
-    rotor = command
-    for effect in robot.effects:
-        rotor = effect.drive(robot, motion, rotor)
-        smooth = effect.joint_torque(robot, motion)
+    rotor, seen = command, [motion] * len(robot.effects)
+    following: list[FloatArray | None] = []
+    for i, effect in enumerate(robot.effects):
+        own = memory[i] if memory else None
+        if own is not None:
+            seen[i] = motion.replace(memory=Memory(own, step))
+            own = effect.next_memory(robot, seen[i], rotor)
+        if memory:
+            following.append(own)
+        rotor = effect.drive(robot, seen[i], rotor)
+        smooth = effect.joint_torque(robot, seen[i])
         if smooth is not None:
             joint += smooth
-        level = effect.joint_friction(robot, motion)
+        level = effect.joint_friction(robot, seen[i])
         if level is not None:
             friction = level if friction is None else friction + level
-    for effect in robot.effects:
-        added = effect.rotor_torque(robot, motion)
+    for effect, view in zip(robot.effects, seen, strict=True):
+        added = effect.rotor_torque(robot, view)
         if added is not None:
             rotor = rotor + added
-    return EffectForces(joint, friction, rotor)
+    return EffectForces(joint, friction, rotor, tuple(following))

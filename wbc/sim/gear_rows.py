@@ -9,6 +9,8 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.sim.drivetrain import Drivetrain
 from wbc.sim.elements import Elements, meeting_speed, modes_at
+from wbc.sim.motor_motion import MotorMotion
+from wbc.sim.solution import StepSolution
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,13 +33,26 @@ class GearRows:
     alone: IntArray
     free_speed: FloatArray
 
+    def passed(self, solution: StepSolution) -> tuple[FloatArray, FloatArray]:
+        """Return the mesh impulses T (m,) [N m s] and the motor outputs' speeds after (m,)."""
+        speed, mesh = solution.element_speed, solution.element_impulse
+        if self.rubbing:
+            own = self.elements
+            mesh = mesh + np.sign(speed) * own.friction + own.damping * speed
+        count = len(self.engaged)
+        if count == len(self.free_speed):
+            return mesh[:count], speed[:count]
+        every, after = np.zeros(len(self.free_speed)), self.free_speed.copy()
+        every[self.engaged], after[self.engaged] = mesh[:count], speed[:count]
+        return every, after
+
 
 def gear_rows(
     drive: Drivetrain,
     impulse: FloatArray,
     friction: FloatArray | None,
     step: float,
-    motor: tuple[FloatArray, FloatArray, FloatArray],
+    motor: MotorMotion,
     released: BoolArray,
 ) -> GearRows:
     """Return the dissipative rows of a step.
@@ -47,16 +62,14 @@ def gear_rows(
         impulse: (m,) motor impulse at the motor output, N h tau_phi.
         friction: level of dry friction (nv,) on the coordinates, None for none.
         step: h [s].
-        motor: speed (m,) of the motor outputs before, their speed relative to the joints (m,) and
-            the deflection (m,).
+        motor: motion of the motor outputs before.
         released: (m,) gears found to pull on their flank, which they cannot.
     """
-    before, relative, deflection = motor
-    brought = impulse + drive.inertia * before
+    brought = impulse + drive.inertia * motor.speed
     dry = step * drive.coulomb
     inertia = drive.inertia + step * drive.viscous
-    zero = np.zeros(drive.size)
-    shared, alone = zero, np.zeros(0, dtype=np.int_)
+    zero = drive.zero
+    shared, alone = zero, drive.every[:0]
     if friction is not None:
         level = step * friction
         if drive.direct:
@@ -75,11 +88,9 @@ def gear_rows(
         zero,
         zero,
     )
-    engaged, side, free_speed = np.arange(drive.size), zero, zero
+    engaged, side, free_speed = drive.every, zero, zero
     if drive.any_loose:
-        elements, engaged, side, free_speed = _hold(
-            drive, elements, step, relative, deflection, released
-        )
+        elements, engaged, side, free_speed = _hold(drive, elements, step, motor, released)
     if alone.size:
         elements = _with_friction(elements, alone, step * friction[alone])  # type: ignore[index]
     return GearRows(elements, engaged, side, friction is not None, alone, free_speed)
@@ -89,8 +100,7 @@ def _hold(
     drive: Drivetrain,
     elements: Elements,
     step: float,
-    relative: FloatArray,
-    deflection: FloatArray,
+    motor: MotorMotion,
     released: BoolArray,
 ) -> tuple[Elements, IntArray, FloatArray, FloatArray]:
     """Put springs and play into the rows; leave out gears that hang in their play.
@@ -99,7 +109,7 @@ def _hold(
     damper the final speed. A rigid flank that is reached stops the relative motion; what it is
     overrun by, at most one step, stays.
     """
-    half = 0.5 * drive.play
+    relative, deflection, half = motor.relative, motor.deflection, 0.5 * drive.play
     middle = deflection + 0.5 * step * relative
     side = np.where(drive.play > 0.0, np.sign(middle), 0.0)
     free = drive.loose & (drive.play > 0.0) & ((np.abs(middle) < half) | released)
@@ -109,7 +119,7 @@ def _hold(
     stretch = deflection - side * half + 0.25 * step * relative
     compliance = np.where(soft, 1.0 / gain, 0.0)
     offset = np.where(soft, -step * stiffness * stretch / gain, 0.0)
-    zero = np.zeros(drive.size)
+    zero = drive.zero
     alone = meeting_speed(elements, modes_at(elements, zero, zero), zero, zero)
     engaged = np.flatnonzero(~free)
     names = Elements.__slots__

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
+from wbc.sim.solution import StepSolution
 
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+_IN_PLANE = np.array([[1.0, 0, 0, 0, 0, -1], [0, 1, 0, 0, 0, 0], [0, 0, 1, 1, 0, 0]])
+"""A normal (x, y, z) times this is (x, y, z, z, 0, -x): the normal and its tangent."""
 
 
 def contact_points(space: Workspace) -> FloatArray:
@@ -24,59 +29,49 @@ def contact_points(space: Workspace) -> FloatArray:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactRows:
-    """Jacobian rows of some contact points in their ground frames.
+    """Jacobian rows of all contact points in their ground frames.
 
     Attributes:
-        which: (c,) indices of the contacts.
-        axes: (c, 1 + d, 3) unit vectors, the normal first, world.
-        normals: (c, nv).
-        tangents: (c d, nv).
+        axes: (k, 1 + d, 3) unit vectors, the normal first, world.
+        rows: (k, 1 + d, nv), velocity of the point along them.
     """
 
-    which: IntArray
     axes: FloatArray
-    normals: FloatArray
-    tangents: FloatArray
+    rows: FloatArray
 
 
-def contact_rows(
-    space: Workspace, which: IntArray, normal: FloatArray, planar: bool
-) -> ContactRows:
-    """Return the rows of contacts `which` for the Jacobians held in `space`.
+def contact_rows(space: Workspace, normal: FloatArray, planar: bool) -> ContactRows:
+    """Return the rows of all contacts for the Jacobians held in `space`.
 
     Args:
         space: workspace with joint Jacobians computed.
-        which: (c,) contact indices.
-        normal: (c, 3) unit normals.
+        normal: (k, 3) unit normals of the ground at the points.
         planar: whether the points move in x-z only, so that one tangent is enough.
     """
-    d = 1 if planar else 2
-    nv = space.model.nv
-    axes = np.empty((len(which), 1 + d, 3))
-    rows = np.empty((len(which), 1 + d, nv))
-    for i, contact in enumerate(which):
-        axes[i] = ground_axes(normal[i], planar)
-        jacobian = pin.getFrameJacobian(space.model, space.data, space.frames[contact], _WORLD)
-        rows[i] = axes[i] @ jacobian[:3]
-    return ContactRows(which, axes, rows[:, 0], rows[:, 1:].reshape(-1, nv))
+    model, data = space.model, space.data
+    jacobian = np.empty((len(normal), 3, model.nv))
+    for i, frame in enumerate(space.frames):
+        jacobian[i] = pin.getFrameJacobian(model, data, frame, _WORLD)[:3]
+    axes = planar_axes(normal) if planar else spatial_axes(normal)
+    return ContactRows(axes, axes @ jacobian)
 
 
-def ground_axes(normal: FloatArray, planar: bool) -> FloatArray:
-    """Return normal and tangents (1 + d, 3) as unit vectors; in a plane the tangent along +x."""
-    x, _, z = normal
-    if planar:
-        return np.array([normal, [z, 0.0, -x]])
-    first = np.array([1.0, 0.0, 0.0]) if abs(x) < 0.9 else np.array([0.0, 1.0, 0.0])
-    first = first - (first @ normal) * normal
-    first /= np.sqrt(first @ first)
-    second = np.array(
-        [
-            normal[1] * first[2] - normal[2] * first[1],
-            normal[2] * first[0] - normal[0] * first[2],
-            normal[0] * first[1] - normal[1] * first[0],
-        ]
-    )
-    return np.array([normal, first, second])
+def planar_axes(normal: FloatArray) -> FloatArray:
+    """Return normal and tangent (k, 2, 3) as unit vectors in x-z; on level ground along +x."""
+    return np.asarray(normal @ _IN_PLANE).reshape(-1, 2, 3)
+
+
+def spatial_axes(normal: FloatArray) -> FloatArray:
+    """Return normal and two tangents (k, 3, 3) as unit vectors; on level ground along x and y."""
+    axes = np.empty((len(normal), 3, 3))
+    for i, (x, y, z) in enumerate(normal.tolist()):
+        # The world axis less its normal part: x, or y where x is nearly along the normal.
+        along_x = abs(x) < 0.9
+        first = (1.0 - x * x, -x * y, -x * z) if along_x else (-y * x, 1.0 - y * y, -y * z)
+        size = hypot(*first)
+        a, b, c = first[0] / size, first[1] / size, first[2] / size
+        axes[i] = (x, y, z), (a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)
+    return axes
 
 
 def moves_in_plane(space: Workspace) -> bool:
@@ -93,12 +88,11 @@ def moves_in_plane(space: Workspace) -> bool:
     return True
 
 
-def world_impulse(
-    rows: ContactRows, normal: FloatArray, tangent: FloatArray, count: int
-) -> FloatArray:
-    """Return impulses (count, 3) in world axes from normal (c,) and tangential (c, d) parts."""
-    total = np.zeros((count, 3))
-    if len(rows.which):
-        parts = np.concatenate((normal[:, None], tangent), axis=1)
-        total[rows.which] = (parts[:, :, None] * rows.axes).sum(axis=1)
+def world_impulse(contacts: ContactRows, which: IntArray, solution: StepSolution) -> FloatArray:
+    """Return impulses (k, 3) on all contacts in world axes; `which` (c,) are closed."""
+    total = np.zeros((len(contacts.axes), 3))
+    if len(which):
+        normal = solution.normal_impulse[solution.reduced.limits :]
+        parts = np.concatenate((normal[:, None], solution.tangent_impulse), axis=1)
+        total[which] = (parts[:, None] @ contacts.axes[which])[:, 0]
     return total

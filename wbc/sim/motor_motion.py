@@ -29,12 +29,11 @@ class MotorMotion:
     def of(cls, drive: Drivetrain, state: SimState) -> MotorMotion:
         """Return the motion that a state holds; gears that are not loose follow the joints."""
         joint = drive.rows @ state.velocity
-        zero = np.zeros(drive.size)
         if not drive.any_loose:
-            return cls(joint, zero, zero)
+            return cls(joint, drive.zero, drive.zero)
         given = state.motor_velocity if len(state.motor_velocity) else joint
         motor = np.where(drive.loose, given, joint)
-        deflection = state.deflection if len(state.deflection) else zero
+        deflection = state.deflection if len(state.deflection) else drive.zero
         return cls(motor, motor - joint, deflection)
 
     def after(

@@ -41,7 +41,7 @@ def _damped(
 ) -> tuple[FloatArray, int, bool]:
     impulse = start
     branches = branches_at(reduced, impulse, reduced.speeds(impulse))
-    merit = float(branches.distance @ branches.distance)
+    merit = branches.merit
     for iteration in range(1, limit + 1):
         aim = solve_branches(reduced, branches, impulse)
         if aim is None:
@@ -50,7 +50,7 @@ def _damped(
         while True:
             trial = impulse + share * (aim - impulse)
             branches = branches_at(reduced, trial, reduced.speeds(trial))
-            lower = float(branches.distance @ branches.distance)
+            lower = branches.merit
             if lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
                 break
             share *= 0.5

@@ -43,4 +43,6 @@ class Plane(Terrain):
         """See `Terrain.gap`."""
         distance = points @ self.normal
         distance -= self.height * self.normal[2]
-        return distance, self.normal[None].repeat(len(points), axis=0)
+        normals = np.empty((len(points), 3))
+        normals[:] = self.normal
+        return distance, normals

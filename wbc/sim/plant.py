@@ -15,13 +15,14 @@ from wbc.robot import Robot
 from wbc.sim.barriers import TOUCH
 from wbc.sim.collision import settle
 from wbc.sim.flow import Flow, flow
+from wbc.sim.forces import checked_memory
 from wbc.sim.impact import Impact
 from wbc.sim.kinetic_energy import kinetic_energy
 from wbc.sim.motor_motion import MotorMotion
 from wbc.sim.plane import Plane
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
-from wbc.sim.step_result import StepResult, merged
+from wbc.sim.step_result import StepResult
 from wbc.sim.terrain import Terrain
 
 _MAX_PARTS = 12
@@ -102,6 +103,8 @@ class Plant:
         parts: list[Flow] = []
         impacts: list[Impact] = []
         impact = None
+        if state.memory or setup.memory:
+            state = state.replace(memory=checked_memory(setup.robot, setup.memory, state.memory))
         if len(state.closed) != setup.barriers.size:
             state, impact = settle(setup, state)
         left = dt
@@ -116,7 +119,7 @@ class Plant:
             if left <= 1e-9 * dt:
                 break
             state, impact = settle(setup, part.state)
-        return merged(dt, parts, impacts)
+        return StepResult(part.state, dt, tuple(parts), tuple(impacts))
 
     def run(
         self,
@@ -157,7 +160,7 @@ class Plant:
                 f"rotor_torque has shape {torque.shape}; '{self.robot.name}' has {gears.size} "
                 f"rotors: {', '.join(gears.joints)}."
             )
-        if not isfinite(torque.sum()):
+        if not all(map(isfinite, torque.tolist())):
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
         limit = gears.torque_limit
         return np.minimum(np.maximum(torque, -limit), limit)
@@ -192,6 +195,8 @@ class Plant:
 
 
 def _lands(state: SimState, part: Flow) -> bool:
+    if min(part.gap.tolist(), default=0.0) >= -TOUCH:
+        return False
     return bool((part.gap[~state.closed] < -TOUCH).any())
 
 

@@ -50,5 +50,6 @@ def _softened(reduced: Reduced, compliance: float, about: FloatArray) -> Reduced
         delassus=delassus,
         free=reduced.free - own * about,
         diagonal=(1.0 + compliance) * reduced.diagonal,
+        spring=(1.0 + compliance) * reduced.spring,
     )
     return with_slope(softened, reduced.slope / (1.0 + compliance))

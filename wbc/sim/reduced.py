@@ -28,6 +28,7 @@ class Reduced:
         delassus: G H^-1 G' (r, r), with the elements' own compliance on the diagonal.
         free: (r,) row speeds without impulses.
         diagonal: (r,) of `delassus`, made positive where a row moves nothing.
+        spring: (r,) compliance with which rows hold on to a split of forces that is left open.
         slope: (r,) [impulse/speed] of the line on which each row meets its law.
         slopes: the same as plain floats, for the loops over rows.
         laws: per element up, down, inertia, 1/eta_f, eta_b, friction, damping, slope.
@@ -44,6 +45,7 @@ class Reduced:
     delassus: FloatArray
     free: FloatArray
     diagonal: FloatArray
+    spring: FloatArray
     slope: FloatArray
     slopes: list[float]
     laws: list[tuple[float, ...]]
@@ -88,28 +90,28 @@ def reduce_program(program: StepProgram) -> Reduced:
     delassus = rows @ response
     free = rows @ program.free_velocity
     if m:
-        own = np.arange(m)
-        delassus[own, own] += elements.compliance
+        delassus.ravel()[: m * (len(free) + 1) : len(free) + 1] += elements.compliance
         free[:m] += elements.offset
-    diagonal = delassus.diagonal().copy()
-    floor = 1e-9 * max(diagonal.tolist(), default=1e-12)
-    np.maximum(diagonal, max(floor, 1e-21), out=diagonal)
+    own = delassus.diagonal().tolist()
+    floor = max(1e-9 * max(own, default=0.0), 1e-21)
+    own = [max(value, floor) for value in own]
+    slopes = [1.0 / value for value in own]
     d = unilateral.tangent_size
-    slope = 1.0 / diagonal
-    first = m + len(unilateral.limits) + k
-    for j in range(first, len(free), max(d, 1)):
-        slope[j : j + d] = 1.0 / diagonal[j : j + d].sum()
-    if m and min(elements.backward.tolist()) < 0.0:
-        safe = 0.5 * elements.inertia / np.maximum(-elements.backward, 1e-300)
-        np.minimum(slope[:m], safe, out=slope[:m])
-    slopes = slope.tolist()
+    if d == 2:
+        for j in range(m + len(unilateral.target), len(own), 2):
+            slopes[j] = slopes[j + 1] = 1.0 / (own[j] + own[j + 1])
+    for i, backward in enumerate(elements.backward.tolist()):
+        if backward < 0.0:
+            slopes[i] = min(slopes[i], 0.5 * float(elements.inertia[i]) / -backward)
+    diagonal = np.array(own)
     return Reduced(
         program,
         response,
         delassus,
         free,
         diagonal,
-        slope,
+        1e-9 * diagonal,
+        np.array(slopes),
         slopes,
         _laws(elements, slopes[:m]),
         unilateral.target.tolist(),

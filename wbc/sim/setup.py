@@ -8,7 +8,10 @@ from wbc.dynamics import Workspace
 from wbc.robot import Robot
 from wbc.sim.barriers import Barriers
 from wbc.sim.drivetrain import Drivetrain, drivetrain
+from wbc.sim.forces import first_memory
+from wbc.sim.state import EffectMemory
 from wbc.sim.terrain import Terrain
+from wbc.sim.warm_start import ImpulseLayout
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,8 +24,8 @@ class Setup:
         drive: its gears.
         barriers: its limits and contacts.
         restitution: normal speed after over before an impact.
-        stored_size: entries of `SimState.impulse`: gears, coordinates, limits and contacts,
-            tangents.
+        layout: of `SimState.impulse`.
+        memory: what the robot's effects start with.
     """
 
     robot: Robot
@@ -30,7 +33,8 @@ class Setup:
     drive: Drivetrain
     barriers: Barriers
     restitution: float
-    stored_size: int
+    layout: ImpulseLayout
+    memory: EffectMemory
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float) -> Setup:
@@ -38,6 +42,5 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float) -> Setup:
     space = Workspace(robot)
     barriers = Barriers(robot, terrain, space)
     drive = drivetrain(robot)
-    d = 1 if barriers.planar else 2
-    stored = drive.size + space.model.nv + barriers.size + d * barriers.contacts
-    return Setup(robot, space, drive, barriers, restitution, int(stored))
+    layout = ImpulseLayout.of(drive.size, space.model.nv, barriers)
+    return Setup(robot, space, drive, barriers, restitution, layout, first_memory(robot))

@@ -17,7 +17,7 @@ from wbc.sim.sweeps import sweep
 from wbc.sim.uniqueness import check_uniqueness
 
 TOLERANCE = 1e-10
-"""Accepted distance of a row from its law, as a share of the largest row speed plus 1."""
+"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1."""
 
 
 def solve_program(program: StepProgram, guess: FloatArray | None = None) -> StepSolution:
@@ -33,7 +33,9 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     """
     reduced = reduce_program(program)
     start = np.zeros(len(reduced.free)) if guess is None else guess
-    tolerance = TOLERANCE * (1.0 + max(map(abs, reduced.free.tolist()), default=0.0))
+    tolerance = TOLERANCE * (
+        1.0 + max(map(abs, reduced.free.tolist() + reduced.targets), default=0)
+    )
     if len(reduced.free) > len(program.free_velocity):
         impulse, used, done = proximal(reduced, start, tolerance)
         method = "proximal"

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+
+EffectMemory: TypeAlias = tuple[FloatArray | None, ...]
+"""Own states of a robot's effects, one per effect, None where it has none."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,6 +28,8 @@ class SimState:
         deflection: (m,) [rad] of the motor's output ahead of the joint, where a gear is compliant
             or has backlash; empty means none.
         motor_velocity: (m,) [rad/s] of the motor's output; empty means that of the joints.
+        memory: own states of the robot's effects (a motor's warmth, torque on its way); empty
+            means as at the start, or that no effect has any.
     """
 
     position: FloatArray
@@ -34,6 +39,7 @@ class SimState:
     impulse: FloatArray = field(default_factory=lambda: np.zeros(0))
     deflection: FloatArray = field(default_factory=lambda: np.zeros(0))
     motor_velocity: FloatArray = field(default_factory=lambda: np.zeros(0))
+    memory: EffectMemory = ()
 
     def replace(self, **changes: Any) -> SimState:
         """Return a copy with some fields changed."""

@@ -2,41 +2,58 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.sim.barriers import Barriers, ClosedRows
 from wbc.sim.gear_rows import GearRows
-from wbc.sim.ground import ContactRows
-from wbc.sim.setup import Setup
 
 
-def row_places(setup: Setup, gears: GearRows, contacts: ContactRows, limits: IntArray) -> IntArray:
-    """Return where the rows of a step (r,) sit in the layout of `SimState.impulse`."""
-    m, nv, barriers = setup.drive.size, setup.space.model.nv, setup.barriers
-    first = m + nv
-    tangents = first + barriers.size
-    d = 1 if barriers.planar else 2
-    which = contacts.which
-    return np.concatenate(
-        (
-            gears.engaged,
-            m + gears.alone,
-            first + limits,
-            first + barriers.limits + which,
-            (tangents + d * which[:, None] + np.arange(d)).ravel(),
-        )
-    )
+@dataclass(frozen=True, eq=False, slots=True)
+class ImpulseLayout:
+    """Where each row sits in `SimState.impulse`: gears, coordinates, barriers, tangents.
 
+    Attributes:
+        coordinates: place of the first coordinate with friction of its own.
+        limits: place of the first joint limit.
+        normals: place of the first contact normal.
+        tangents: (k, d) places of the contact tangents.
+        size: of the whole.
+    """
 
-def store_impulse(setup: Setup, impulse: FloatArray, places: IntArray) -> FloatArray:
-    """Return row impulses (r,) in the layout of `SimState.impulse`."""
-    stored = np.zeros(setup.stored_size)
-    stored[places] = impulse
-    return stored
+    coordinates: int
+    limits: int
+    normals: int
+    tangents: IntArray
+    size: int
 
+    @classmethod
+    def of(cls, gears: int, coordinates: int, barriers: Barriers) -> ImpulseLayout:
+        """Return the layout for m `gears`, nv `coordinates` and the barriers."""
+        limits = gears + coordinates
+        first, d = limits + barriers.size, 1 if barriers.planar else 2
+        tangents = first + np.arange(d * barriers.contacts).reshape(-1, d)
+        return cls(gears, limits, limits + barriers.limits, tangents, first + tangents.size)
 
-def recall_impulse(setup: Setup, stored: FloatArray, places: IntArray) -> FloatArray | None:
-    """Return a start for the rows of a step, None where nothing fitting is stored."""
-    if len(stored) != setup.stored_size:
-        return None
-    return np.asarray(stored[places])
+    def places(self, gears: GearRows, closed: ClosedRows) -> IntArray:
+        """Return the places (r,) of the rows of a step."""
+        parts = [gears.engaged]
+        if len(gears.alone):
+            parts.append(self.coordinates + gears.alone)
+        if len(closed.limits):
+            parts.append(self.limits + closed.limits)
+        if len(closed.which):
+            parts += [self.normals + closed.which, self.tangents[closed.which].ravel()]
+        return np.concatenate(parts)
+
+    def store(self, impulse: FloatArray, places: IntArray) -> FloatArray:
+        """Return row impulses (r,) in this layout, zero where a row is not there."""
+        stored = np.zeros(self.size)
+        stored[places] = impulse
+        return stored
+
+    def recall(self, stored: FloatArray, places: IntArray) -> FloatArray | None:
+        """Return a start for the rows of a step, None where nothing fitting is stored."""
+        return np.asarray(stored[places]) if len(stored) == self.size else None

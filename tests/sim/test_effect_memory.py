@@ -1,0 +1,181 @@
+"""Effects with a state of their own: the plant carries it, as independent solutions do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+from wbc import Robot, load_robot
+from wbc.effects import ActuationDelay, JointEffect, ThermalDrift
+from wbc.errors import EffectError, SimulationError
+from wbc.sim import Plane, Plant, SimState, simulate
+from wbc.sim.exact import integrate_exactly
+
+START = np.array([0.3, -0.6])
+RATIO = 20.0
+
+
+@pytest.fixture(scope="module")
+def leg() -> Robot:
+    return load_robot("planar_leg_fixed").lossless()
+
+
+def truth(
+    robot: Robot, rate: Callable[[float, np.ndarray, np.ndarray], tuple], extra: list, marks: list
+) -> np.ndarray:
+    """Integrate q, v and further states; rate(t, v, z) returns joint torques and dz/dt."""
+    model = robot.model.copy()
+    armature = np.zeros(model.nv)
+    armature[robot.actuated] = robot.transmission.reflected_inertia
+    model.armature = armature
+    data = model.createData()
+
+    def derivative(t: float, y: np.ndarray) -> np.ndarray:
+        torque, change = rate(t, y[2:4], y[4:])
+        return np.concatenate((y[2:4], pin.aba(model, data, y[:2], y[2:4], torque), change))
+
+    y = np.concatenate((START, np.zeros(2), extra))
+    for begin, end in pairwise(marks):
+        y = solve_ivp(derivative, (begin, end), y, rtol=1e-10, atol=1e-12).y[:, -1]
+    return y
+
+
+def march(
+    robot: Robot, command: Callable[[float], np.ndarray], h: float, steps: int, **start
+) -> SimState:
+    plant = Plant(robot, terrain=Plane(height=-9.0))
+    state = plant.state(START).replace(**start)
+    for i in range(steps):
+        state = plant.step(state, command(i * h), h).state
+    return state
+
+
+def test_a_motor_that_is_already_warm_warms_on_from_there(leg: Robot) -> None:
+    drift = ThermalDrift("knee", rate=0.3, time_constant=1.2)
+    push = np.array([0.3, -0.1])
+
+    def rate(t: float, v: np.ndarray, z: np.ndarray) -> tuple:
+        left = np.array([1.0, 1.0 - 0.3 * z[0]])
+        return RATIO * push * left, [1.0 - z[0] / 1.2]
+
+    for warm in (0.0, 0.9):
+        y = truth(leg, rate, [warm], [0.0, 0.4])
+        errors = []
+        for h in (1e-3, 5e-4):
+            memory = (np.array([warm]),)
+            end = march(leg.with_effect(drift), lambda t: push, h, round(0.4 / h), memory=memory)
+            errors.append(np.abs(np.r_[end.position, end.velocity] - y[:4]).max())
+            assert end.memory[0] == pytest.approx(y[4:], abs=1e-9)
+        assert errors[1] < 1e-3
+        assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0004, 0.0037, 0.012])
+def test_a_delayed_command_acts_when_it_arrives(leg: Robot, delay: float) -> None:
+    steps = np.array([[0.3, -0.4], [0.6, 0.2], [-0.2, 0.3], [0.4, -0.4]])
+
+    def command(t: float) -> np.ndarray:
+        return steps[min(int(t / 0.025 + 1e-9), 3)]
+
+    def rate(t: float, v: np.ndarray, z: np.ndarray) -> tuple:
+        late = command(t - delay)[1] if t >= delay else 0.0
+        return RATIO * np.array([command(t)[0], late]), []
+
+    jumps = {*(0.025 * i for i in range(5)), *(0.025 * i + delay for i in range(4))}
+    y = truth(leg, rate, [], sorted(t for t in jumps if t <= 0.1))
+    robot = leg.with_effect(ActuationDelay("knee", delay))
+    errors = []
+    for h in (1e-3, 5e-4):
+        end = march(robot, command, h, round(0.1 / h))
+        errors.append(np.abs(np.r_[end.position, end.velocity] - y[:4]).max())
+    assert errors[1] < 3e-4
+    assert errors[1] < 0.6 * errors[0]
+    assert len(end.memory[0]) <= delay / h + 2
+
+
+@dataclass(frozen=True)
+class Maxwell(JointEffect):
+    """Spring and damper in series, unknown to every part of the library: dz/dt = v - k z / c."""
+
+    stiffness: float
+    damping: float
+    name: ClassVar[str] = "maxwell"
+    parameters: ClassVar = ()
+    explanation: ClassVar[str] = "-"
+    experiment: ClassVar[str] = "-"
+
+    def first_memory(self, robot):
+        return np.zeros(1)
+
+    def stretch(self, robot, motion, share):
+        decay = np.exp(-share * motion.memory.step * self.stiffness / self.damping)
+        steady = self.joint_velocity(robot, motion) * self.damping / self.stiffness
+        return steady + (motion.memory.value - steady) * decay
+
+    def next_memory(self, robot, motion, torque):
+        return self.stretch(robot, motion, 1.0)
+
+    def joint_torque(self, robot, motion):
+        return self.on_joint(robot, motion, -self.stiffness * self.stretch(robot, motion, 0.5)[0])
+
+
+def test_any_hook_of_an_effect_nobody_knows_sees_its_own_state(leg: Robot) -> None:
+    robot = leg.with_effects(Maxwell("hip", 60.0, 3.0), ThermalDrift("knee", 0.3, 1.2))
+
+    def rate(t: float, v: np.ndarray, z: np.ndarray) -> tuple:
+        return np.array([-60.0 * z[0], -4.0 * (1.0 - 0.3 * z[1])]), [
+            v[0] - 20.0 * z[0],
+            1.0 - z[1] / 1.2,
+        ]
+
+    y = truth(robot, rate, [0.0, 0.0], [0.0, 0.4])
+    errors = []
+    for h in (1e-3, 5e-4):
+        end = march(robot, lambda t: np.array([0.0, -0.2]), h, round(0.4 / h))
+        reached = np.concatenate((end.position, end.velocity, *end.memory))
+        errors.append(np.abs(reached - y).max())
+    assert errors[1] < 5e-3
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_a_run_taken_up_again_goes_on_to_the_same_bits(leg: Robot) -> None:
+    robot = leg.with_effects(ActuationDelay("hip", 0.0035), ThermalDrift("knee", 0.3, 1.2))
+    plant = Plant(robot, terrain=Plane(height=-9.0))
+
+    def command(state: SimState) -> np.ndarray:
+        return np.array([np.sin(40.0 * state.time), 0.2])
+
+    whole = simulate(plant, command, plant.state(START), 0.1).state
+    half = simulate(plant, command, plant.state(START), 0.05).state
+    rest = simulate(Plant(robot, terrain=Plane(height=-9.0)), command, half, 0.05).state
+    assert np.array_equal(whole.velocity, rest.velocity)
+    assert all(np.array_equal(a, b) for a, b in zip(whole.memory, rest.memory, strict=True))
+    cold = simulate(plant, command, half.replace(memory=()), 0.05).state
+    assert not np.array_equal(whole.velocity, cold.velocity)
+
+
+def test_memory_of_other_effects_is_refused(leg: Robot) -> None:
+    @dataclass(frozen=True)
+    class Forgetful(Maxwell):
+        def next_memory(self, robot, motion, torque):
+            return JointEffect.next_memory(self, robot, motion, torque)
+
+    deep = Plane(height=-9.0)
+    drifting = Plant(leg.with_effect(ThermalDrift("knee", 0.3, 1.2)), deep)
+    state = drifting.step(drifting.state(START), np.zeros(2), 1e-3).state
+    with pytest.raises(SimulationError, match="effects with a memory: none"):
+        Plant(leg, deep).step(state, np.zeros(2), 1e-3)
+    forgetful = Plant(leg.with_effect(Forgetful("hip", 1.0, 1.0)), deep)
+    with pytest.raises(EffectError, match="no next_memory"):
+        forgetful.step(forgetful.state(START), np.zeros(2), 1e-3)
+    with pytest.raises(SimulationError, match="state of their own"):
+        integrate_exactly(
+            drifting.robot, lambda t: np.zeros(2), START, np.zeros(2), np.array([0.0, 0.1])
+        )
