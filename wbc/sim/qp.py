@@ -1,155 +1,156 @@
-"""The step as a quadratic program with piecewise quadratic costs: the certified way.
+"""The step as a convex program with second-order friction cones, by quadratic programs.
 
-Each monotone law is a convex, piecewise quadratic cost psi(w) whose pieces become slack speeds:
-w = sum of the pieces' lengths, each with a linear and a quadratic cost that grow from one piece to
-the next, so that the minimum fills them in order. Contacts with friction along one tangent are
-linear complementarity; Coulomb's law is reached from the associated problem (which lifts off while
-it slides) by De Saxce's correction, the normal target lowered by mu |u_t| until it repeats.
+Each monotone law is a convex, piecewise quadratic cost of its speed; the pieces become slack
+speeds with a linear and a quadratic cost that grow from one piece to the next, so that the minimum
+fills them in order. A friction cone, u_n - target >= mu |u_t| and its dual |p_t| <= mu p_n, stands
+as u_n - mu d'u_t >= target for some directions d, of which every round adds the one in which the
+point slides (cutting planes). Coulomb's law is reached from this associated law, which lifts a
+point off while it slides, by De Saxce's correction: the normal target is lowered by mu |u_t| of
+the round before.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from proxsuite import proxqp
 
 from wbc.arrays import FloatArray
-from wbc.sim.elements import Elements
+from wbc.sim.law_cost import CostPiece, cost_pieces
 from wbc.sim.reduced import Reduced
 
-_OUTER = 200
+_ROUNDS = 120
+_FIRST_DIRECTIONS = 8
+_INFINITE = 1e20
 
 
-def solve_qp(reduced: Reduced, start: FloatArray) -> FloatArray | None:
-    """Return row impulses (r,), or None where the program is no quadratic program.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Costs:
+    """What stays the same from round to round: unknowns v, slack speeds, spring speeds.
 
-    That is so with two tangents per contact (a second-order cone) and with self-locking gears.
+    Attributes:
+        quadratic: (z, z).
+        linear: (z,).
+        equal: (m, z), right side `right` (m,).
+        right: (m,).
+        pieces: whose slack speeds follow v.
     """
-    elements = reduced.program.elements
-    if reduced.tangents == 2 or (elements.size and elements.backward.min() <= 0.0):
-        return None
-    pieces = [_pieces(elements, i) for i in range(elements.size)]
-    impulse = start
+
+    quadratic: FloatArray
+    linear: FloatArray
+    equal: FloatArray
+    right: FloatArray
+    pieces: list[CostPiece]
+
+
+def qp_candidates(reduced: Reduced) -> Iterator[FloatArray]:
+    """Yield row impulses (r,) ever nearer to a solution; none where a gear is self-locking.
+
+    The first one solves the step as it stands if no contact slides; the later ones approach
+    Coulomb's law. They are starts for Newton's iteration, which certifies.
+    """
+    pieces = cost_pieces(reduced.program.elements)
+    if pieces is None:
+        return
+    costs, d = _costs(reduced, pieces), reduced.tangents
+    directions = [_first_directions(d)] * reduced.contacts
     slip = np.zeros(reduced.contacts)
-    for _ in range(_OUTER if reduced.tangents and reduced.contacts else 1):
-        found = _solve(reduced, pieces, slip)
-        if found is None:
-            return None
-        impulse = found
-        speeds = reduced.speeds(impulse)[reduced.tangent_rows]
-        following = np.abs(speeds) if reduced.tangents else slip
-        if np.abs(following - slip).max(initial=0.0) < 1e-10:
-            break
-        slip = following
-    return impulse
+    for _ in range(_ROUNDS if d else 1):
+        impulse = _solve(reduced, costs, directions, slip)
+        if impulse is None:
+            return
+        yield impulse
+        sliding = reduced.speeds(impulse)[reduced.tangent_rows].reshape(reduced.contacts, d)
+        slip = np.linalg.norm(sliding, axis=1)
+        if d == 2:
+            directions = [
+                np.vstack((known, along / speed)) if speed > 0.0 else known
+                for known, along, speed in zip(directions, sliding, slip, strict=True)
+            ]
 
 
-def _pieces(elements: Elements, i: int) -> list[tuple[float, float, float, float]]:
-    """Return (direction, length, slope at its start, curvature) of the pieces of psi_i."""
-    up, down, inertia = elements.up[i], elements.down[i], elements.inertia[i]
-    forward, backward = 1.0 / elements.forward[i], elements.backward[i]
-    friction, damping = elements.friction[i], elements.damping[i]
-    result = []
-    for sign, bring in ((1.0, up), (-1.0, -down)):
-        # Along this direction everything is as for turning forward with `bring`.
-        if bring > 0.0:
-            length = bring / inertia if inertia > 0.0 else np.inf
-            gains = [(length, bring, forward)]
-            if np.isfinite(length):
-                gains.append((np.inf, 0.0, backward))
-        else:
-            gains = [(np.inf, bring, backward)]
-        passed = 0.0
-        for length, rest, gain in gains:
-            level = -rest / gain + friction + damping * passed
-            result.append((sign, length, level, inertia / gain + damping))
-            passed += length
-    return result
+def _first_directions(d: int) -> FloatArray:
+    """Return unit vectors (c, d): both ways along one tangent, all round in a plane."""
+    if d == 2:
+        angle = 2.0 * np.pi * np.arange(_FIRST_DIRECTIONS) / _FIRST_DIRECTIONS
+        return np.column_stack((np.cos(angle), np.sin(angle)))
+    return np.array([[1.0], [-1.0]]) if d == 1 else np.zeros((1, 0))
 
 
-def _solve(
-    reduced: Reduced, pieces: list[list[tuple[float, float, float, float]]], slip: FloatArray
-) -> FloatArray | None:
-    """Solve the convex program with normal targets lowered by mu `slip`."""
+def _costs(reduced: Reduced, pieces: list[CostPiece]) -> _Costs:
     program = reduced.program
-    n, m, u = len(program.free_velocity), reduced.elements, program.unilateral
-    flat = [(i, *piece) for i, row in enumerate(pieces) for piece in row]
-    size = n + len(flat) + m
-    cost = np.zeros((size, size))
-    cost[:n, :n] = program.inertia
-    linear = np.zeros(size)
+    n, m = len(program.free_velocity), reduced.elements
+    first_spring = n + len(pieces)
+    size = first_spring + m
+    quadratic, linear = np.zeros((size, size)), np.zeros(size)
+    quadratic[:n, :n] = program.inertia
     linear[:n] = -program.inertia @ program.free_velocity
     equal = np.zeros((m, size))
     equal[:, :n] = program.elements.rows
-    for i in range(m):
-        equal[i, n + len(flat) + i] = -1.0
-    # The last m unknowns are the element speeds beside their spring, w - W v.
-    low, high = np.full(len(flat), 0.0), np.zeros(len(flat))
-    for j, (i, sign, length, level, curvature) in enumerate(flat):
-        cost[n + j, n + j] = curvature
-        linear[n + j] = level
-        equal[i, n + j] = -sign
-        high[j] = length
-    spring = program.elements.compliance
-    for i in range(m):
-        j = n + len(flat) + i
-        equal[i, j] = 1.0 if spring[i] > 0.0 else 0.0
-        cost[j, j] = 1.0 / spring[i] if spring[i] > 0.0 else 1.0
-    right = -program.elements.offset
-    bounds = np.zeros((len(flat), size))
-    bounds[:, n : n + len(flat)] = np.eye(len(flat))
-    push = np.zeros((reduced.limits + reduced.contacts * (1 + reduced.tangents), size))
-    floor = np.zeros(len(push))
-    nl, k = reduced.limits, reduced.contacts
-    push[:nl, :n], floor[:nl] = u.limits, u.target[:nl]
-    wanted = u.target[nl:] - u.friction * slip
-    if reduced.tangents:
-        push[nl : nl + k, :n] = u.normals + u.friction[:, None] * u.tangents
-        push[nl + k :, :n] = u.normals - u.friction[:, None] * u.tangents
-        floor[nl:] = np.concatenate((wanted, wanted))
-    else:
-        push[nl:, :n], floor[nl:] = u.normals, wanted
-    inequality = np.vstack((bounds, push))
-    lower = np.concatenate((low, floor))
-    upper = np.concatenate((high, np.full(len(push), np.inf)))
-    lower[: len(flat)] = 0.0
-    dual = _run(cost, linear, equal, right, inequality, np.minimum(lower, upper), upper)
+    for j, piece in enumerate(pieces, start=n):
+        quadratic[j, j], linear[j] = piece.curvature, piece.level
+        equal[piece.element, j] = -piece.sign
+    # The speed of a spring in series, w - W v - offset; where there is none it stays zero.
+    for i, spring in enumerate(program.elements.compliance.tolist()):
+        j = first_spring + i
+        equal[i, j] = 1.0 if spring > 0.0 else 0.0
+        quadratic[j, j] = 1.0 / spring if spring > 0.0 else 1.0
+    return _Costs(quadratic, linear, equal, -program.elements.offset, pieces)
+
+
+def _solve(
+    reduced: Reduced, costs: _Costs, directions: list[FloatArray], slip: FloatArray
+) -> FloatArray | None:
+    """Return the row impulses of one round, None where proxsuite fails."""
+    u, n = reduced.program.unilateral, len(reduced.program.free_velocity)
+    nl, d, count = reduced.limits, reduced.tangents, len(costs.pieces)
+    rows, floors = [u.limits], [u.target[:nl]]
+    for i, along in enumerate(directions):
+        tangents = u.tangents[i * d : (i + 1) * d]
+        rows.append(u.normals[i] - u.friction[i] * (along @ tangents))
+        floors.append(np.full(len(along), u.target[nl + i] - u.friction[i] * slip[i]))
+    push = np.vstack(rows)
+    inequality = np.zeros((count + len(push), len(costs.linear)))
+    inequality[np.arange(count), n + np.arange(count)] = 1.0
+    inequality[count:, :n] = push
+    lower = np.concatenate((np.zeros(count), *floors))
+    upper = np.full(len(lower), _INFINITE)
+    upper[:count] = [min(piece.length, _INFINITE) for piece in costs.pieces]
+    dual = _run(costs, inequality, lower, upper)
     if dual is None:
         return None
-    equal_dual, push_dual = dual[:m], dual[m + len(flat) :]
-    return _impulses(reduced, equal_dual, push_dual)
-
-
-def _impulses(reduced: Reduced, equal_dual: FloatArray, push_dual: FloatArray) -> FloatArray:
-    """Return row impulses from proxsuite's multipliers (negative where a lower bound acts)."""
-    m, nl, k = reduced.elements, reduced.limits, reduced.contacts
+    m, k = reduced.elements, reduced.contacts
     impulse = np.zeros(len(reduced.free))
-    impulse[:m] = -equal_dual
-    impulse[m : m + nl] = -push_dual[:nl]
-    if reduced.tangents:
-        one, other = -push_dual[nl : nl + k], -push_dual[nl + k :]
-        impulse[m + nl : m + nl + k] = one + other
-        impulse[m + nl + k :] = reduced.program.unilateral.friction * (one - other)
-    else:
-        impulse[m + nl : m + nl + k] = -push_dual[nl:]
+    impulse[:m] = -dual[:m]
+    pressed = -dual[m + count :]
+    impulse[m : m + nl] = pressed[:nl]
+    first = nl
+    for i, along in enumerate(directions):
+        share = pressed[first : first + len(along)]
+        first += len(along)
+        impulse[m + nl + i] = share.sum()
+        tangent = m + nl + k + i * d
+        impulse[tangent : tangent + d] = -u.friction[i] * (share @ along)
     return impulse
 
 
 def _run(
-    cost: FloatArray,
-    linear: FloatArray,
-    equal: FloatArray,
-    right: FloatArray,
-    inequality: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
+    costs: _Costs, inequality: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray | None:
     """Return the multipliers of equalities and inequalities, None where proxsuite fails."""
-    solver = proxqp.dense.QP(len(linear), len(equal), len(inequality))
+    solver = proxqp.dense.QP(len(costs.linear), len(costs.equal), len(inequality))
     solver.settings.eps_abs = 1e-11
     solver.settings.eps_rel = 0.0
     solver.settings.max_iter = 2000
-    solver.init(cost, linear, equal, right, inequality, lower, np.minimum(upper, 1e20))
+    solver.init(costs.quadratic, costs.linear, costs.equal, costs.right, inequality, lower, upper)
     solver.solve()
-    if solver.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
+    failed = (
+        proxqp.QPSolverOutput.PROXQP_PRIMAL_INFEASIBLE,
+        proxqp.QPSolverOutput.PROXQP_DUAL_INFEASIBLE,
+    )
+    if solver.results.info.status in failed:
         return None
-    return np.concatenate((solver.results.y, solver.results.z))
+    multipliers = np.concatenate((solver.results.y, solver.results.z))
+    return multipliers if np.isfinite(multipliers).all() else None

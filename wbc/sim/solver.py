@@ -1,4 +1,4 @@
-"""Solving one step: Newton, then in proximal rounds, then after sweeps, then as a QP."""
+"""Solving one step: Newton, in proximal rounds, after quadratic programs, after sweeps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wbc.sim.branches import branches_at
 from wbc.sim.newton import newton
 from wbc.sim.program import StepProgram
 from wbc.sim.proximal import proximal
-from wbc.sim.qp import solve_qp
+from wbc.sim.qp import qp_candidates
 from wbc.sim.reduced import Reduced, reduce_program
 from wbc.sim.solution import StepSolution
 from wbc.sim.sweeps import sweep
@@ -54,11 +54,25 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
 def _fall_back(
     reduced: Reduced, start: FloatArray, tolerance: float, used: int
 ) -> tuple[FloatArray, int, str]:
+    if not np.isfinite(reduced.delassus).all() or not np.isfinite(reduced.free).all():
+        raise SimulationError(
+            "the step holds values that are no numbers: the state is not finite or has blown up."
+        )
     for origin in (start, np.zeros_like(start)):
         impulse, count, done = proximal(reduced, origin, tolerance)
         used += count
         if done:
             return impulse, used, "proximal"
+    nearest = start
+    for candidate in qp_candidates(reduced):
+        impulse, count, done = newton(reduced, candidate, tolerance, 10)
+        used += count
+        if done:
+            return impulse, used, "qp"
+        if _distance(reduced, candidate) < _distance(reduced, nearest):
+            nearest = candidate
+    if _distance(reduced, nearest) <= 1e3 * tolerance:
+        return nearest, used, "qp"
     impulse = np.zeros_like(start)
     for sweeps in (5, 10, 20, 40, 80, 160):
         impulse = sweep(reduced, impulse, sweeps)
@@ -66,14 +80,6 @@ def _fall_back(
         used += count
         if done:
             return better, used, "sweeps"
-    certified = solve_qp(reduced, impulse)
-    if certified is not None:
-        better, count, done = newton(reduced, certified, tolerance, 10)
-        used += count
-        if done:
-            return better, used, "qp"
-        if _distance(reduced, certified) <= 1e3 * tolerance:
-            return certified, used, "qp"
     raise SimulationError(
         f"a step with {reduced.elements} gears and joints and {reduced.contacts} contacts has no "
         f"solution within {tolerance:.1e} (nearest: {_distance(reduced, impulse):.1e}). Usual "
