@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.atoms import evidence
 from wbc.identification.diagnosis import ErrorLevel, Estimate
 from wbc.identification.discovery.discovery import Discovery, Outcome, Proposal
-from wbc.identification.discovery.formula import STABLE, Formula, find_formula
+from wbc.identification.discovery.formula import Formula, find_formula
 from wbc.identification.discovery.library import torque_terms
 from wbc.identification.discovery.term_table import term_table
 from wbc.identification.fit import Fit
@@ -24,6 +24,9 @@ from wbc.robot import Effect, Robot
 
 _EXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, below which nothing is left
 _EXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
+
+_LEAST_GAIN = 0.05  # of the floor's mean square
+_LEAST_SHARE = 0.02  # of an output's excess over the floor
 
 Report = Callable[[str], None]
 
@@ -79,15 +82,15 @@ def discover(
     """
     problem = Problem.from_logs(robot, logs)
     start = _attempt(problem, known, {})
-    found = _search(problem, known, progress)
+    found = _search(problem, start, progress)
     if known:
-        fresh = _search(problem, (), progress)
+        fresh = _search(problem, _attempt(problem, (), {}), progress)
         found = _preferred(problem, fresh, found)
-    found = found if found.formulas else start
     outcome = _outcome(start, found)
+    estimates = _estimates(problem, found.fit)
     return Discovery(
         outcome=outcome,
-        proposals=_proposals(problem, found),
+        proposals=_proposals(found, estimates),
         known=found.known,
         dropped=_dropped(known, found),
         error=ErrorLevel(
@@ -98,6 +101,7 @@ def discover(
         ),
         remainder="" if outcome == "formula" else describe_remainder(problem, found.fit),
         robot=found.fit.robot,
+        intervals={key: (e.low, e.high) for key, e in estimates.items()},
     )
 
 
@@ -106,30 +110,46 @@ def _attempt(problem: Problem, effects: Sequence[Effect], formulas: dict[str, Fo
     return _Attempt(fit, problem.held_out(fit), formulas)
 
 
-def _search(problem: Problem, known: Sequence[Effect], progress: Report) -> _Attempt:
-    """Return the formulas that pay, joint by joint, the worst joint first."""
-    current = _attempt(problem, known, {})
-    size = np.mean(problem.residual**2, axis=0) / problem.floor.values**2
-    gears = problem.robot.transmission
-    for column in np.argsort(-size[: gears.size]):
-        joint = gears.joints[int(column)]
-        progress(f"searching a formula for {joint}")
-        terms = _library(problem, current.fit, joint)
-        formula = find_formula(term_table(problem, current.fit, joint, terms))
-        if formula is None:
-            continue
-        effect = CustomTorque(joint, formula.terms)
-        effects = (*current.fit.effects, effect)
+def _search(problem: Problem, start: _Attempt, progress: Report) -> _Attempt:
+    """Return `start` with the formulas that pay, the one that explains most of its joint first."""
+    current = start
+    waiting = list(problem.robot.transmission.joints)
+    offers = _offers(problem, current.fit, waiting, progress)
+    while offers:
+        joint = max(offers, key=lambda name: offers[name].share)
+        formula = offers.pop(joint)
+        waiting.remove(joint)
+        effects = (*current.fit.effects, CustomTorque(joint, formula.terms))
         wider = _attempt(problem, effects, current.formulas | {joint: formula})
-        if problem.significant(current.squares, wider.squares):
+        if _better_somewhere(problem, current, wider):
             current = wider
-            progress(f"{joint}: {' ; '.join(effect.values)}")
+            progress(f"formula at {joint}")
+            again = _coupled(problem.robot, joint, waiting)
+            offers = {name: offer for name, offer in offers.items() if name not in again}
+            offers |= _offers(problem, current.fit, again, progress)
     return _pruned(problem, current)
 
 
-def _library(problem: Problem, fit: Fit, joint: str) -> tuple[TorqueTerm, ...]:
-    seen = evidence(fit.robot, problem.records)
-    return torque_terms(fit.robot, joint, seen.motions, seen.unexplained)
+def _offers(
+    problem: Problem, fit: Fit, joints: Sequence[str], progress: Report
+) -> dict[str, Formula]:
+    """Return the formula of every joint that has one."""
+    found = {}
+    for joint in joints:
+        progress(f"searching a formula for {joint}")
+        seen = evidence(fit.robot, problem.records)
+        terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained)
+        formula = find_formula(term_table(problem, fit, joint, terms))
+        if formula is not None:
+            found[joint] = formula
+    return found
+
+
+def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
+    """Return those of `others` whose torque reaches a motor that the torque of `joint` reaches."""
+    gears = robot.transmission
+    reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
+    return [other for other in others if (reaches[joint] & reaches[other]).any()]
 
 
 def _pruned(problem: Problem, attempt: _Attempt) -> _Attempt:
@@ -140,20 +160,29 @@ def _pruned(problem: Problem, attempt: _Attempt) -> _Attempt:
             e for e in current.fit.effects if (e.name, e.where) != (effect.name, effect.where)
         ]
         smaller = _attempt(problem, effects, current.formulas)
-        if not problem.significant(smaller.squares, current.squares):
+        if not _better_somewhere(problem, smaller, current):
             current = smaller
     return current
 
 
 def _preferred(problem: Problem, fresh: _Attempt, beside: _Attempt) -> _Attempt:
-    """Return the attempt that does better; the simpler one where neither does."""
-    if not fresh.formulas:
+    """Return formulas instead of the named effects where they do no worse, else beside them."""
+    if not fresh.formulas or _better_somewhere(problem, fresh, beside):
         return beside
-    if problem.significant(fresh.squares, beside.squares):
-        return beside
-    if problem.significant(beside.squares, fresh.squares) or not beside.formulas:
+    if _better_somewhere(problem, beside, fresh):
         return fresh
-    return min((fresh, beside), key=lambda a: a.freedom)
+    # Names are worth more than formulas that explain the same.
+    return fresh if beside.formulas and fresh.freedom < beside.freedom else beside
+
+
+def _better_somewhere(problem: Problem, worse: _Attempt, better: _Attempt) -> bool:
+    """Whether an output's held-out error falls by more than chance; a bad joint hides no other."""
+    for one, other in zip(worse.squares.T, better.squares.T, strict=True):
+        least = max(_LEAST_GAIN, _LEAST_SHARE * (float(np.mean(one)) - 1.0))
+        pays = float(np.mean(one - other)) > least
+        if pays and problem.significant(one[:, None], other[:, None]):
+            return True
+    return False
 
 
 def _outcome(start: _Attempt, found: _Attempt) -> Outcome:
@@ -169,59 +198,57 @@ def _dropped(known: Sequence[Effect], found: _Attempt) -> tuple[tuple[str, str],
     return tuple((e.name, e.where) for e in known if (e.name, e.where) not in kept)
 
 
-def _proposals(problem: Problem, found: _Attempt) -> tuple[Proposal, ...]:
-    fit = found.fit
+def _estimates(problem: Problem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
+    """Return every parameter with its interval, by effect, place and name."""
+    model = problem.robot.model
+    slides = {
+        name
+        for name in problem.robot.single_joints
+        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
+    }
     bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
-    slides = _sliding(problem.robot)
+    result = {}
+    for (number, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+        effect, unit = fit.effects[number], parameter.unit
+        if isinstance(effect, CustomTorque):
+            unit = TorqueTerm.parse(parameter.name).unit(slides, at_slide=effect.where in slides)
+        value = effect.values[parameter.name]
+        key = (effect.name, effect.where, parameter.name)
+        result[key] = Estimate(value, unit, float(low), float(high))
+    return result
+
+
+def _proposals(
+    found: _Attempt, estimates: Mapping[tuple[str, str, str], Estimate]
+) -> tuple[Proposal, ...]:
     proposals = []
-    for number, effect in enumerate(fit.effects):
+    for effect in found.fit.effects:
         if not isinstance(effect, CustomTorque):
             continue
         formula = found.formulas[effect.where]
-        spans = [bounds[row] for row, (owner, _) in enumerate(fit.parameters) if owner == number]
-        estimates = {
-            term.text: Estimate(
-                term.coefficient,
-                term.unit(slides, at_slide=effect.where in slides),
-                float(low),
-                float(high),
-            )
-            for term, (low, high) in zip(effect.terms, spans, strict=True)
-        }
-        texts = [term.text for term in formula.terms]
+        terms = [term.text for term in effect.terms]
+        own = {term: estimates[effect.name, effect.where, term] for term in terms}
         others = dict.fromkeys(joint for term in effect.terms for joint in term.joints)
         others.pop(effect.where, None)
         proposals.append(
             Proposal(
                 effect=effect,
-                coefficients=estimates,
+                coefficients=own,
                 share=formula.share,
-                stability=dict(zip(texts, formula.stability, strict=True)),
-                rivals=dict(zip(texts, formula.rivals, strict=True)),
+                stability=dict(zip(terms, formula.stability, strict=True)),
+                rivals=dict(zip(terms, formula.rivals, strict=True)),
                 joints=(effect.where, *others),
-                warnings=tuple(_warnings(effect, formula, estimates)),
+                warnings=tuple(_warnings(effect, own)),
             )
         )
     return tuple(proposals)
 
 
-def _warnings(effect: CustomTorque, formula: Formula, estimates: dict[str, Estimate]) -> list[str]:
+def _warnings(effect: CustomTorque, estimates: Mapping[str, Estimate]) -> list[str]:
     texts = []
-    shaky = [t.text for t, s in zip(formula.terms, formula.stability, strict=True) if s < STABLE]
-    if shaky:
-        texts.append(f"most folds choose another term than {', '.join(shaky)}")
     loose = [name for name, e in estimates.items() if e.low <= 0.0 <= e.high]
     if loose:
         texts.append(f"the interval of {', '.join(loose)} holds zero")
     if effect.needs_acceleration:
         texts.append("needs accelerations: for logs only, not for controller or simulator")
     return texts
-
-
-def _sliding(robot: Robot) -> frozenset[str]:
-    model = robot.model
-    return frozenset(
-        name
-        for name in robot.single_joints
-        if "P" in model.joints[model.getJointId(name)].shortname().removeprefix("JointModel")[:1]
-    )

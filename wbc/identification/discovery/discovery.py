@@ -61,6 +61,7 @@ class Discovery:
         error: held-out error without formulas, with them, and the noise floor.
         remainder: what is left, in words; empty when little is.
         robot: the robot with the named effects that stay and the formulas.
+        intervals: (effect, where, parameter) -> (low, high), as `save_robot` takes them.
     """
 
     outcome: Outcome
@@ -70,14 +71,7 @@ class Discovery:
     error: ErrorLevel
     remainder: str
     robot: Robot
-
-    def intervals(self) -> dict[tuple[str, str, str], tuple[float, float]]:
-        """Return (effect, where, parameter) -> (low, high), as `save_robot` takes them."""
-        return {
-            (p.effect.name, p.effect.where, name): (e.low, e.high)
-            for p in self.proposals
-            for name, e in p.coefficients.items()
-        }
+    intervals: Mapping[tuple[str, str, str], tuple[float, float]]
 
     @property
     def summary(self) -> str:

@@ -21,9 +21,10 @@ from wbc.identification.discovery.term_table import TermTable
 MOST_TERMS = 4
 _STANDARD_ERRORS = 2.0
 _LEAST_GAIN = 0.05  # of the floor's mean square
-_LEAST_SHARE = 0.1  # of the joint's excess over the floor that a formula must remove
-_SHARE_PER_TERM = 0.02
-STABLE = 0.5  # share of the folds that must choose a term
+_LEAST_SHARE = 0.35  # of the excess over the floor: what leaves more is no law of this joint
+_LEAST_LOG_SHARE = 0.1  # ... that terms which only logs know must add
+_SHARE_PER_TERM = 0.001
+_STABLE = 0.5  # share of the folds that must choose a term
 _SAME = 0.98  # cosine above which two terms are the same choice
 _RIVALS = 3
 
@@ -70,7 +71,7 @@ def find_formula(table: TermTable) -> Formula | None:
     if widest is None or not widest.needs_acceleration:
         return widest
     plain = _formula(table.only([not term.needs_acceleration for term in table.terms]))
-    if plain is None or _pays(plain.after, widest.after, _excess(plain.before)):
+    if plain is None or _pays(plain.after, widest.after, _LEAST_LOG_SHARE * _excess(plain.before)):
         return widest
     return plain
 
@@ -78,16 +79,16 @@ def find_formula(table: TermTable) -> Formula | None:
 def _formula(table: TermTable) -> Formula | None:
     paths, losses = _nested(table)
     errors = [block_errors(table, loss) for loss in losses]
-    count = _fewest(errors)
-    if count == 0 or not _pays(errors[0], errors[count], _excess(errors[0])):
+    count, least = _fewest(errors), _LEAST_SHARE * _excess(errors[0])
+    if count == 0 or not _pays(errors[0], errors[count], least):
         return None
     for fewer in range(count, 0, -1):
         support = _everything(table, fewer)
-        if support is None or not _pays(errors[0], errors[fewer], _excess(errors[0])):
+        if support is None or not _pays(errors[0], errors[fewer], least):
             continue
         stability = _stability(table, support, [path[fewer] for path in paths])
-        # Terms that most folds do without are dropped, unless nothing else is left.
-        if min(stability) >= STABLE or fewer == 1:
+        # A term that most folds do without is no law of this joint.
+        if min(stability) >= _STABLE:
             return Formula(
                 terms=tuple(
                     TorqueTerm(float(c), table.terms[k].factors)
@@ -135,13 +136,13 @@ def _fewest(errors: Sequence[FloatArray]) -> int:
     return best
 
 
-def _pays(without: FloatArray, with_it: FloatArray, excess: float) -> bool:
+def _pays(without: FloatArray, with_it: FloatArray, least: float) -> bool:
     difference, ratio = without - with_it, np.log(without / with_it)
     gain = float(np.mean(difference))
     certain = gain > _STANDARD_ERRORS * _standard_error(difference) or float(
         np.mean(ratio)
     ) > _STANDARD_ERRORS * _standard_error(ratio)
-    return certain and gain > max(_LEAST_GAIN, _LEAST_SHARE * excess)
+    return certain and gain > max(_LEAST_GAIN, least)
 
 
 def _excess(errors: FloatArray) -> float:

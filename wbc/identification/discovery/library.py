@@ -80,7 +80,7 @@ def _waves(position: str, orders: Iterable[float]) -> list[str]:
 
 def _turns(robot: Robot, joint: str) -> bool:
     number = robot.model.getJointId(joint)
-    return "P" not in robot.model.joints[number].shortname().removeprefix("JointModel")[:1]
+    return not robot.model.joints[number].shortname().startswith("JointModelP")
 
 
 def _weighs(robot: Robot, joint: str, motions: Sequence[Motion]) -> bool:
