@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from wbc.cli.discovery import print_discovery
 from wbc.cli.inputs import (
     add_log_options,
     add_output_options,
@@ -21,6 +22,7 @@ from wbc.cli.inputs import (
 )
 from wbc.effects import EFFECTS, effect_class, save_robot
 from wbc.identification import Diagnosis, diagnose
+from wbc.identification.discovery import discover
 from wbc.robot import Effect
 
 _EPILOG = """example:
@@ -44,6 +46,11 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--save", metavar="FILE.toml", help="write the robot with the effects found"
     )
+    parser.add_argument(
+        "--discover",
+        action="store_true",
+        help="propose formulas for what no effect explains (--save then writes them, too)",
+    )
     add_output_options(parser)
     parser.set_defaults(run=run)
 
@@ -57,13 +64,21 @@ def run(options: argparse.Namespace, console: Console) -> int:
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress=progress)
     print_diagnosis(shown, diagnosis)
-    write_json(options.json, diagnosis.to_json(), console)
+    content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
+    if options.discover:
+        with working(shown, "discovering") as progress:
+            discovery = discover(robot, logs, progress, diagnosis.effects)
+        print_discovery(shown, discovery)
+        content["discovery"] = discovery.to_json()
+        if discovery.proposals:
+            fitted, intervals = discovery.robot, dict(discovery.intervals)
+    write_json(options.json, content, console)
     if options.save:
         provenance = {
             "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
             "command": command_line(),
         }
-        path = save_robot(diagnosis.robot, options.save, diagnosis.intervals(), provenance)
+        path = save_robot(fitted, options.save, intervals, provenance)
         shown.print(f"wrote {path}")
     write_report_file(options, robot, logs, shown, diagnosis)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
