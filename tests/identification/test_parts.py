@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFriction, load_robot
-from wbc.effects.link_motion import link_deflection
 from wbc.effects.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
@@ -22,7 +20,6 @@ from wbc.identification.problem import Problem
 from wbc.identification.residual import condensed_residual
 from wbc.identification.smoothing import low_pass, white_level
 from wbc.measurement import Log
-from wbc.robot import LinkResponse
 
 
 @pytest.fixture(scope="module")
@@ -132,25 +129,6 @@ def test_a_periodic_torque_shows_its_order() -> None:
     position = np.cumsum(np.sin(np.linspace(0.0, 12.0, 4000))) * 1e-3
     torque = 0.3 * np.sin(36.0 * position + 1.0)
     assert strongest_orders([position], [torque])[0] == pytest.approx(36.0, rel=0.02)
-
-
-def test_the_link_behind_a_soft_gear_moves_as_an_ode_solver_says() -> None:
-    step, stiffness, damping, play = 0.004, 800.0, 6.0, 0.02
-    t = np.arange(500) * step
-    load = 2.0 * np.sin(2 * np.pi * 0.8 * t) + 0.3
-    one = np.ones((t.size, 1))
-    response = LinkResponse(step, 0, load[:, None], 0.12 * one, 0.05 * one, 0.7 * one)
-    found = link_deflection(response, stiffness, damping, play)
-
-    def rate(time: float, state: np.ndarray) -> list[float]:
-        d, v = state
-        stretch = d - np.clip(d, -0.5 * play, 0.5 * play)
-        contact = stiffness * stretch + (damping * v if stretch != 0.0 else 0.0)
-        return [v, -(np.interp(time, t, load) + 0.05 * v + 0.7 * d + contact) / 0.12]
-
-    start = [found[0, 0], 0.0]
-    truth = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, max_step=2e-4, rtol=1e-8)
-    assert found[:, 0] == pytest.approx(truth.y[0], abs=6e-4)
 
 
 def test_logs_that_say_nothing_are_refused(logs: list[Log]) -> None:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-import numpy as np
-
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.effects.link_motion import best_contacts, link_deflection
+from wbc.effects.loose_link import Contact, best_contacts, loose_deflection
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
 
 
@@ -49,18 +47,10 @@ class Backlash(JointEffect):
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
         """Return the plays and flanks that explain the unexplained torque best."""
-        grid = [
-            (stiffness, damping, width)
-            for width in np.geomspace(0.002, 0.12, 9)
-            for stiffness in (1000.0, 5000.0, 25000.0)
-            for damping in (5.0, 20.0)
-        ]
-        best = best_contacts(
-            evidence.responses(where), evidence.unexplained, np.array(grid), count=2
-        )
+        best = best_contacts(evidence.responses(where), count=2)
         return tuple(
-            Screen.fixed({"width": float(w), "stiffness": float(k), "damping": float(c)})
-            for k, c, w in best
+            Screen.fixed({"width": c.play, "stiffness": c.stiffness, "damping": c.damping})
+            for c in best
         )
 
     def change(self, robot: Robot) -> Robot:
@@ -76,4 +66,4 @@ class Backlash(JointEffect):
 
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
         """Return the link's motion relative to the motor, (N, 3)."""
-        return link_deflection(response, self.stiffness, self.damping, self.width)
+        return loose_deflection(response, Contact(self.stiffness, self.damping, self.width))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-import numpy as np
-
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.effects.link_motion import best_contacts, link_deflection
+from wbc.effects.soft_link import best_springs, soft_deflection
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
 
 
@@ -45,14 +43,8 @@ class JointCompliance(JointEffect):
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
         """Return the stiffnesses that explain the unexplained torque best."""
-        stiffness = np.geomspace(20.0, 20000.0, 13)
-        responses = evidence.responses(where)
-        inertia = float(np.mean([np.mean(r.inertia[:, r.row]) for r in responses]))
-        grid = [
-            (k, 2.0 * ratio * np.sqrt(k * inertia), 0.0) for k in stiffness for ratio in (0.05, 0.3)
-        ]
-        best = best_contacts(responses, evidence.unexplained, np.array(grid), count=2)
-        return tuple(Screen.fixed({"stiffness": float(k), "damping": float(c)}) for k, c, _ in best)
+        best = best_springs(evidence.responses(where), count=2)
+        return tuple(Screen.fixed({"stiffness": k, "damping": c}) for k, c in best)
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot whose gear is that soft."""
@@ -61,4 +53,4 @@ class JointCompliance(JointEffect):
 
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
         """Return the link's motion relative to the motor, (N, 3)."""
-        return link_deflection(response, self.stiffness, self.damping, 0.0)
+        return soft_deflection(response, self.stiffness, self.damping)

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import EffectError, RobotError, TransmissionError
 from wbc.identification.record import Record
-from wbc.identification.residual import raw_residual
+from wbc.identification.residual import deflects, link_response, raw_residual, swinging_torque
 from wbc.robot import Effect, Evidence, Robot, Screen
 
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
@@ -61,7 +61,7 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         motions=tuple(record.motion for record in records),
         unexplained=tuple(unexplained),
         reported=tuple(record.torque for record in records),
-        responses=lambda joint: tuple(record.response(joint) for record in records),
+        responses=lambda joint: tuple(link_response(robot, record, joint) for record in records),
     )
 
 
@@ -109,13 +109,16 @@ def _columns(
     robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
 ) -> list[FloatArray]:
     """Return (rows, outputs, r) what the units of every offer change, filtered all at once."""
-    base = raw_residual(robot, record)
+    swinging = swinging_torque(robot, record)
+    base = raw_residual(robot, record, swinging)
     result: list[FloatArray] = []
     for first in range(0, len(offers), _BATCH):
         changes, sizes = [], []
         for offer in offers[first : first + _BATCH]:
             robots = _changed(robot, *offer) or []
-            changes += [base - raw_residual(changed, record) for changed in robots]
+            # Another effect hardly changes how a link swings; one more soft gear does.
+            held = None if deflects(offer[0]) else swinging
+            changes += [base - raw_residual(changed, record, held) for changed in robots]
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
         result += np.split(columns, np.cumsum(sizes)[:-1], axis=-1)

@@ -19,6 +19,7 @@ from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
 from wbc.identification.ranking import rank_models
 from wbc.identification.remainder import describe_remainder
+from wbc.identification.residual import deflects
 from wbc.identification.selection import Model, Selector
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
@@ -84,7 +85,7 @@ def _select(
     Effects with a hidden state are simulated, which is slow; they are tried where effects that
     act at once leave something.
     """
-    direct = tuple(c for c in classes if c.deflection is Effect.deflection)
+    direct = tuple(c for c in classes if not deflects(c))
     selector = Selector(problem, direct, progress)
     path = selector.run()
     final = selector.prune(path[-1], path[0])
@@ -102,7 +103,7 @@ def unexplained(before: float, final: Model) -> bool:
     """Whether so much is left that the cause must lie outside the candidates."""
     left = np.sqrt(max(final.error - 1.0, 0.0))
     first = np.sqrt(max(before - 1.0, 0.0))
-    bouncing = any(type(e).deflection is not Effect.deflection for e in final.effects)
+    bouncing = any(deflects(e) for e in final.effects)
     share = _UNEXPLAINED_SHARE_SIMULATED if bouncing else _UNEXPLAINED_SHARE
     return bool(left > max(_UNEXPLAINED_FLOOR, share * first))
 
@@ -133,7 +134,9 @@ def _findings(
             low, high = (float(x) for x in bounds[row])
             estimates[parameter.name] = Estimate(value, parameter.unit, low, high)
             if value in (parameter.low, parameter.high):
-                warnings.append(f"{parameter.name} is at the bound {_with_unit(value, parameter.unit)}")
+                warnings.append(
+                    f"{parameter.name} is at the bound {_with_unit(value, parameter.unit)}"
+                )
         findings.append(Finding(effect, estimates, tuple(alternatives[k]), tuple(warnings)))
     return tuple(findings)
 

@@ -10,11 +10,12 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual
+from wbc.identification.residual import condensed_residual, deflects, swinging_torque
 from wbc.robot import Effect, Parameter, Robot
 
 _ITERATIONS = 12
 _CONVERGED = 1e-4
+_CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
 
@@ -54,7 +55,7 @@ class Fit:
         The parameters of each fold are one Gauss-Newton step away from those of all records. Where
         the model is too rough for such a step (a bouncing link), the fold's parameters stay.
         """
-        if any(type(effect).deflection is not Effect.deflection for effect in self.effects):
+        if any(deflects(effect) for effect in self.effects):
             return self._held_out_damped(folds)
         squares = np.empty(self.residual.shape)
         for fold in np.unique(folds):
@@ -108,6 +109,7 @@ def refine(
     slots = tuple((k, p) for k, effect in enumerate(current) for p in effect.parameters)
     residual = _residual(robot, current, records, whitening)
     jacobian = _jacobian(robot, current, slots, records, whitening, residual)
+    least = _CONVERGED_ROUGH if any(deflects(effect) for effect in effects) else _CONVERGED
     for _ in range(iterations if slots else 0):
         step = _bounded_step(current, slots, jacobian, residual)
         moved, change = _line_search(robot, current, slots, step, records, whitening, residual)
@@ -117,7 +119,7 @@ def refine(
         gain = float(np.sum(residual**2) - np.sum(after**2)) / float(np.sum(residual**2))
         residual = after
         jacobian = _jacobian(robot, current, slots, records, whitening, residual)
-        if gain < _CONVERGED or change < _CONVERGED:
+        if gain < least or change < _CONVERGED:
             break
     return Fit(robot.with_effects(*current), tuple(current), residual, jacobian, slots)
 
@@ -137,12 +139,17 @@ def _jacobian(
     residual: FloatArray,
 ) -> FloatArray:
     columns = []
+    whole = robot.with_effects(*effects)
+    swinging = [swinging_torque(whole, record) for record in records] if slots else []
     for k, parameter in slots:
+        # What is no part of a soft gear hardly changes how its link swings.
+        held = None if deflects(effects[k]) else swinging
         for size in (1e-3, -1e-3):
             step = size * parameter.scale
             try:
                 changed = _moved(effects, {(k, parameter.name): step})
-                column = (_residual(robot, changed, records, whitening) - residual) / size
+                moved = condensed_residual(robot.with_effects(*changed), records, held)
+                column = (moved @ whitening - residual) / size
             except (EffectError, TransmissionError, DynamicsError):
                 continue
             columns.append(column)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
@@ -145,6 +145,7 @@ class Record:
         robot, motion = self.robot, self.motion
         row = robot.velocity_index(joint)
         unit = np.eye(robot.model.nv)[row]
+        column = int(np.flatnonzero(robot.actuated == row)[0])
         position = np.array(motion.position)
         position[:, robot.position_index(joint)] += _SMALL
         acceleration = np.zeros_like(motion.velocity) + unit
@@ -162,7 +163,13 @@ class Record:
             inertia=link_torque(robot, pushed) - self.links,
             damping=(link_torque(robot, faster) - self.links) / _SMALL,
             stiffness=(bent - load) / _SMALL,
+            unexplained=np.zeros(len(load)),
+            band=partial(self._own_band, column=column),
         )
+
+    def _own_band(self, values: FloatArray, column: int) -> FloatArray:
+        weight = self.weight[:, column].reshape(-1, *(1,) * (values.ndim - 1))
+        return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
 
     def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:
         """Return the torque of an additional uniform field, linear in it, (N, nv)."""

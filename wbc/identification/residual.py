@@ -10,12 +10,12 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
 from wbc.identification.record import Record
-from wbc.robot import Effect, Motion, Robot
+from wbc.robot import Effect, LinkResponse, Motion, Robot
 
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
 
-def raw_residual(robot: Robot, record: Record) -> FloatArray:
+def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = None) -> FloatArray:
     """Return (N, m + b) measured minus modelled, before weights and filters.
 
     The m driven joints come first (torque at the motor output, reported minus needed), then the b
@@ -24,18 +24,94 @@ def raw_residual(robot: Robot, record: Record) -> FloatArray:
     Reported torque goes through the robot's drives forward, so that a drive that clips, sags or
     lags needs no inverse; the result is divided by what the drive's slope does to the size of the
     noise, or else a factor that shrinks everything would explain everything.
+
+    Args:
+        robot: with its effects.
+        record: one log.
+        swinging: what `swinging_torque` returned for a robot that differs little; None has links
+            behind soft gears simulated again.
     """
+    motion, links, contacts = _loads(robot, record, swinging)
+    return _unexplained(robot, record, motion, links, contacts)
+
+
+def swinging_torque(robot: Robot, record: Record) -> FloatArray | None:
+    """Return what links that swing behind their gears need more (N, nv), None if none does."""
+    if not any(deflects(effect) for effect in robot.effects):
+        return None
+    motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
+    return _swinging(robot, record, motion, links, contacts)
+
+
+def _loads(
+    robot: Robot, record: Record, swinging: FloatArray | None
+) -> tuple[Motion, FloatArray, FloatArray]:
+    """Return the true motion, what the links then need, and what the contacts give."""
     motion = record.motion
     for effect in reversed(robot.effects):
         motion = effect.true(robot, motion)
     links = record.links_of(robot, motion)
     contacts = record.contacts_along(motion)
-    for effect in robot.effects:
-        if type(effect).deflection is not Effect.deflection:
-            response = replace(record.response(effect.where), load=links - contacts)
-            bent = effect.deflection(robot, response)
-            if bent is not None:
-                links = links + response.torque(bent)
+    if swinging is None and any(deflects(effect) for effect in robot.effects):
+        swinging = _swinging(robot, record, motion, links, contacts)
+    if swinging is not None:
+        links = links + swinging
+    return motion, links, contacts
+
+
+def deflects(effect: Effect | type[Effect]) -> bool:
+    """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
+    kind = effect if isinstance(effect, type) else type(effect)
+    return kind.deflection is not Effect.deflection
+
+
+def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
+    """Return how the link behind a gear of `robot` reacts, and what of the log it may explain."""
+    motion, links, contacts = _loads(robot, record, None)
+    left = _unexplained(robot, record, motion, links, contacts)
+    return _response(record, joint, links - contacts, _on_joints(robot, left))
+
+
+def _swinging(
+    robot: Robot,
+    record: Record,
+    motion: Motion,
+    links: FloatArray,
+    contacts: FloatArray,
+) -> FloatArray:
+    """Return the torque (N, nv) of links that swing behind their gears.
+
+    Every link is driven by its motor and by the others; with several, twice round.
+    """
+    soft = [effect for effect in robot.effects if deflects(effect)]
+    torques = {effect: np.zeros_like(links) for effect in soft}
+    for effect in (*soft, *soft) if len(soft) > 1 else soft:
+        others = links + sum(t for other, t in torques.items() if other is not effect)
+        left = _unexplained(robot, record, motion, others, contacts)
+        response = _response(record, effect.where, others - contacts, _on_joints(robot, left))
+        bent = effect.deflection(robot, response)
+        if bent is not None:
+            torques[effect] = response.torque(bent)
+    return np.asarray(sum(torques.values()))
+
+
+def _response(record: Record, joint: str, load: FloatArray, left: FloatArray) -> LinkResponse:
+    response = record.response(joint)
+    return replace(response, load=load, unexplained=left[:, response.row])
+
+
+def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
+    """Return the residual of the driven joints (N, nv), as torque on the links' side."""
+    gears = robot.transmission
+    torque = np.zeros((len(residual), robot.model.nv))
+    output = residual[:, : gears.size] * np.sign(gears.gear_ratio)
+    torque[:, robot.actuated] = output @ gears.motor_from_joint
+    return torque
+
+
+def _unexplained(
+    robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
+) -> FloatArray:
     needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
     delivered, slope = _delivered(robot, motion, record.torque)
     share = record.reported_share
@@ -44,9 +120,15 @@ def raw_residual(robot: Robot, record: Record) -> FloatArray:
     return np.concatenate([driven, -wrench], axis=1)
 
 
-def condensed_residual(robot: Robot, records: Sequence[Record]) -> FloatArray:
+def condensed_residual(
+    robot: Robot,
+    records: Sequence[Record],
+    swinging: Sequence[FloatArray | None] | None = None,
+) -> FloatArray:
     """Return weighted, low-passed and thinned residuals of all records, (rows, m + b)."""
-    return np.concatenate([record.condense(raw_residual(robot, record)) for record in records])
+    held = swinging or [None] * len(records)
+    pairs = zip(records, held, strict=True)
+    return np.concatenate([record.condense(raw_residual(robot, record, s)) for record, s in pairs])
 
 
 def _without_drives(robot: Robot) -> Robot:

@@ -12,6 +12,7 @@ from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.fit import Fit
 from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
+from wbc.identification.residual import deflects
 from wbc.identification.search import BeamSearch, Subset
 from wbc.robot import Effect
 
@@ -94,7 +95,7 @@ class Selector:
         if not self.problem.significant(small.squares, large.squares):
             return False
         by_output = np.mean(small.squares - large.squares, axis=0)
-        simulated = any(type(e).deflection is not Effect.deflection for e in small.effects)
+        simulated = any(deflects(e) for e in small.effects)
         share = _SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
         distorted = share**2 * np.mean(first.squares, axis=0)
         return float(np.mean(np.maximum(by_output - distorted, 0.0))) > _LEAST_GAIN
@@ -183,9 +184,12 @@ class Selector:
         problem, fit = self.problem, model.fit
         known = evidence(fit.robot, problem.records)
         taken = {(e.name, e.where) for e in model.effects} | set(exclude)
+        excess, first = model.error - 1.0, self.model(()).error - 1.0
+        simulated = excess > _SYSTEMATIC_SIMULATED**2 * first
+        offered = [c for c in self.candidates if simulated or not deflects(c)]
         atoms = [
             atom
-            for atom in make_atoms(fit.robot, problem.records, self.candidates, known)
+            for atom in make_atoms(fit.robot, problem.records, offered, known)
             if atom.key not in taken
         ]
         search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)

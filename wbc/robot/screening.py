@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,10 @@ class LinkResponse:
         inertia: (N, nv) column of the mass matrix [kg m^2].
         damping: (N, nv) derivative of the load by this joint's velocity [N m s/rad].
         stiffness: (N, nv) derivative of the load by this joint's position [N m/rad].
+        unexplained: (N,) torque that the log shows and the stiff robot does not explain [N m]: what
+            the deflection may account for. How the link moved when the log began is in no
+            channel, and is chosen by it.
+        band: filter along the first axis to the frequencies in which the torques are compared.
     """
 
     step: float
@@ -34,6 +38,8 @@ class LinkResponse:
     inertia: FloatArray
     damping: FloatArray
     stiffness: FloatArray
+    unexplained: FloatArray
+    band: Callable[[FloatArray], FloatArray]
 
     def torque(self, deflection: FloatArray) -> FloatArray:
         """Return the additional torque (N, nv) of a deflection (N, 3): d, its rate, its second."""
@@ -42,6 +48,18 @@ class LinkResponse:
             + self.damping * deflection[:, [1]]
             + self.inertia * deflection[:, [2]]
         )
+
+    def left(self, torques: FloatArray) -> FloatArray:
+        """Return what additional torques (N, ...) at the joint leave unexplained, in the band."""
+        size = (len(self.unexplained),) + (1,) * (np.ndim(torques) - 1)
+        return self.band(self.unexplained.reshape(size) - torques)
+
+    def own_torque(self, deflections: Sequence[FloatArray]) -> FloatArray:
+        """Return the additional torque (N, B) at the joint itself of B deflections (N, 3)."""
+        stacked = np.stack(deflections, axis=1)
+        columns = (self.stiffness, self.damping, self.inertia)
+        terms = [c[:, [self.row]] * stacked[..., k] for k, c in enumerate(columns)]
+        return np.asarray(terms[0] + terms[1] + terms[2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,85 @@
+"""Links behind soft and loose gears, against an ODE solver that shares nothing with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from wbc.effects.loose_link import Contact, best_contacts, loose_deflection
+from wbc.effects.soft_link import best_springs, soft_deflection
+from wbc.robot import LinkResponse
+
+STEP = 0.004
+TIME = np.arange(1000) * STEP
+LOAD = 2.0 * np.sin(2 * np.pi * 0.8 * TIME) + 0.3
+INERTIA, DRAG, PULL = 0.12, 0.05, 0.7
+
+
+def _truth(contact: Contact, start: tuple[float, float]) -> np.ndarray:
+    """Return deflection, rate and second derivative (N, 3), by an adaptive solver."""
+
+    def rate(time: float, state: np.ndarray) -> list[float]:
+        d, v = state
+        stretch = d - np.clip(d, -0.5 * contact.play, 0.5 * contact.play)
+        held = contact.stiffness * stretch + (contact.damping * v if stretch != 0.0 else 0.0)
+        return [v, -(np.interp(time, TIME, LOAD) + DRAG * v + PULL * d + held) / INERTIA]
+
+    span = (0.0, float(TIME[-1]))
+    path = solve_ivp(rate, span, start, t_eval=TIME, max_step=2e-4, rtol=1e-9, atol=1e-9).y
+    second = [rate(t, state)[1] for t, state in zip(TIME, path.T, strict=True)]
+    return np.column_stack([*path, second])
+
+
+def _response(truth: np.ndarray, inertia: float = INERTIA) -> LinkResponse:
+    """Return a log whose unexplained torque is that of the true deflection."""
+    d, v, a = truth.T
+    torque = INERTIA * a + DRAG * v + PULL * d
+    one = np.ones((TIME.size, 1))
+    return LinkResponse(
+        step=STEP,
+        row=0,
+        load=LOAD[:, None],
+        inertia=inertia * one,
+        damping=DRAG * one,
+        stiffness=PULL * one,
+        unexplained=torque,
+        band=lambda values: values,
+    )
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (0.01, -0.2)])
+@pytest.mark.parametrize("damping", [0.1, 6.0])
+def test_a_soft_link_swings_as_an_ode_solver_says(
+    start: tuple[float, float], damping: float
+) -> None:
+    truth = _truth(Contact(300.0, damping, 0.0), start)
+    found = soft_deflection(_response(truth), 300.0, damping)
+    assert found[:, 0] == pytest.approx(truth[:, 0], abs=0.01 * np.abs(truth[:, 0]).max())
+    assert found[:, 1] == pytest.approx(truth[:, 1], abs=0.02 * np.abs(truth[:, 1]).max())
+
+
+def test_the_spring_behind_a_swing_is_found() -> None:
+    truth = _truth(Contact(300.0, 0.5, 0.0), (0.01, 0.0))
+    stiffness, damping = best_springs([_response(truth)], count=1)[0]
+    assert stiffness == pytest.approx(300.0, rel=0.05)
+    assert damping == pytest.approx(0.5, rel=0.6)
+
+
+def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
+    contact = Contact(800.0, 6.0, 0.02)
+    truth = _truth(contact, (0.01, 0.0))
+    found = loose_deflection(_response(truth), contact)
+    assert found[:, 0] == pytest.approx(truth[:, 0], abs=8e-4)
+
+
+def test_the_play_behind_a_bounce_is_found_well_enough_to_start_a_fit() -> None:
+    response = _response(_truth(Contact(3000.0, 6.0, 0.02), (0.01, 0.0)))
+    found = best_contacts([response], count=1)[0]
+    assert found.play == pytest.approx(0.02, rel=0.15)
+
+
+def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:
+    response = _response(_truth(Contact(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
+    assert best_springs([response], count=1) == []
+    assert best_contacts([response], count=1) == []
