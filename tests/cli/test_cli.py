@@ -4,52 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import json
-import shutil
-import subprocess
 
-import numpy as np
 import pytest
 
-from wbc import load_robot
 from wbc.cli import main
-from wbc.dynamics import link_torque, rotor_torque
-from wbc.effects import CoulombFriction
 from wbc.measurement import Log, save_log
-from wbc.robot import Motion
-
-
-def excited_log(effects=(), seed=0, duration=8.0):
-    """Return what noisy sensors report while a multi-sine moves the fixed leg."""
-    robot = load_robot("planar_leg_fixed").lossless().with_effects(*effects)
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, duration, 0.002)
-    omega = 2.0 * np.pi * np.array([[0.37, 0.83, 1.31], [0.29, 0.71, 1.57]])
-    size = np.array([[0.4, 0.25, 0.1], [0.4, 0.3, 0.1]])
-    angle = omega[:, :, None] * time + np.array([[0.1, 1.0, 2.0], [0.5, 1.9, 0.3]])[:, :, None]
-    q = (size[:, :, None] * np.sin(angle)).sum(1).T + np.array([0.4, -0.7])
-    v = ((size * omega)[:, :, None] * np.cos(angle)).sum(1).T
-    a = -((size * omega**2)[:, :, None] * np.sin(angle)).sum(1).T
-    motion = Motion(q, v, a, time)
-    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
-    columns = {}
-    for i, joint in enumerate(("hip", "knee")):
-        columns[f"{joint}.position"] = q[:, i] + 2e-5 * rng.standard_normal(time.size)
-        columns[f"{joint}.velocity"] = v[:, i] + 3e-3 * rng.standard_normal(time.size)
-        columns[f"{joint}.rotor_torque"] = torque[:, i] + 2e-3 * rng.standard_normal(time.size)
-    return Log(time, columns)
-
-
-@pytest.fixture(scope="module")
-def rubbing(tmp_path_factory):
-    """Two repeated runs of a leg whose hip rubs, as files."""
-    folder = tmp_path_factory.mktemp("logs")
-    paths = []
-    for seed in (1, 2):
-        path = folder / f"run{seed}.csv"
-        save_log(excited_log([CoulombFriction("hip", 0.7)], seed), path)
-        paths.append(str(path))
-    return paths
-
 
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
@@ -108,24 +67,7 @@ def test_help_fits_one_screen_and_shows_examples(capsys):
     assert "wbc diagnose" in printed
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["compare", "nowhere.csv", *LEG], "nowhere.csv"),
-        (["compare", "nowhere.csv", "--robot", "planar_lag"], "Did you mean 'planar_leg'?"),
-        (["diagnose", "x.csv", *LEG, "--add", "colomb_friction"], "coulomb_friction"),
-        (["metrics", "planar_leg", "--pose", "hip=high"], "JOINT=VALUE"),
-        (["metrics", "planar_leg", "--contact", "hand"], "foot"),
-    ],
-)
-def test_bad_input_exits_with_two_and_names_the_way_out(arguments, says, capsys):
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    assert says in captured.err
-    assert "Traceback" not in captured.err
-
-
-def test_a_column_that_is_missing_is_named_with_those_there_are(tmp_path, capsys):
+def test_a_column_that_is_missing_is_named_with_those_there_are(tmp_path, capsys, excited_log):
     log = excited_log()
     columns = {n: v for n, v in log.columns.items() if n != "knee.rotor_torque"}
     path = tmp_path / "short.csv"
@@ -134,35 +76,6 @@ def test_a_column_that_is_missing_is_named_with_those_there_are(tmp_path, capsys
     message = capsys.readouterr().err
     assert "knee" in message
     assert "hip.rotor_torque" in message
-
-
-def test_a_failed_run_leaves_no_file_behind(tmp_path):
-    target = tmp_path / "fitted.toml"
-    assert main(["diagnose", "nowhere.csv", *LEG, "--save", str(target)]) == 2
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("words", "offered"),
-    [
-        (["wbc", "dia"], "diagnose"),
-        (["wbc", "compare", "--loss"], "--lossless"),
-        (["wbc", "compare", "--robot", "planar_leg_f"], "planar_leg_fixed"),
-        (["wbc", "diagnose", "--add", "coul"], "coulomb_friction"),
-        (["wbc", "compare", "run_"], "run_1.csv"),
-    ],
-)
-def test_bash_completes_commands_options_robots_effects_and_files(words, offered, tmp_path, capsys):
-    bash = shutil.which("bash")
-    if bash is None:
-        pytest.skip("bash is not installed")
-    assert main(["completion", "bash"]) == 0
-    (tmp_path / "wbc.sh").write_text(capsys.readouterr().out)
-    (tmp_path / "run_1.csv").touch()
-    typed = f"COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}"
-    script = f'source wbc.sh; {typed}; _shtab_wbc; echo "${{COMPREPLY[@]}}"'
-    shown = subprocess.run([bash, "-c", script], cwd=tmp_path, capture_output=True, text=True)
-    assert offered in shown.stdout.split()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +72,40 @@ def test_without_a_browser_the_package_is_named(
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(ViewError, match="apt-get install chromium"):
         write_picture(tmp_path / "no.png", page, 0.0)
+
+
+@pytest.mark.usefixtures("chromium")
+def test_an_mp4_has_the_frames_and_the_size_asked_for(page: Path, tmp_path: Path) -> None:
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is None:
+        pytest.skip("no ffmpeg on the PATH (Debian: apt-get install ffmpeg)")
+    told: list[str] = []
+    path = write_animation(
+        tmp_path / "squat.mp4",
+        page,
+        start=0.3,
+        stop=0.7,
+        frame_rate=10.0,
+        width=321,
+        height=240,
+        progress=told.append,
+    )
+    raw = [ffmpeg, "-v", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    film = np.frombuffer(subprocess.run(raw, capture_output=True, check=True).stdout, np.uint8)
+    frames = film.reshape(-1, 240, 322, 3).astype(int)
+    assert len(frames) == 4
+    assert told[-1] == "4 of 4"
+    assert np.abs(frames[3] - frames[0]).max() > 60
+
+
+def test_without_ffmpeg_the_packages_are_named_before_any_picture_is_taken(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ViewError, match=r"apt-get install ffmpeg.*wbc\[video\]"):
+        write_animation(tmp_path / "film.mp4", page)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_unknown_ending_is_refused(page: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from wbc.cli.inputs import add_log_options, logs_from, robot_from, table_console, write_json
+from wbc.cli.outputs import require_outputs
 from wbc.measurement import check_logs
 
 
@@ -25,6 +26,7 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Print the quality of every log; exit code 1 if one of them would give wrong results."""
+    require_outputs(options)
     robot = robot_from(options)
     qualities = check_logs(logs_from(options, robot), robot)
     shown = table_console(options, console)
@@ -38,6 +40,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
                 "duration": quality.duration,
                 "rate": quality.rate,
                 "jitter": quality.jitter,
+                "longest_gap": quality.longest_gap,
                 "findings": [
                     {
                         "severity": finding.severity,

@@ -18,6 +18,7 @@ from wbc.cli.inputs import (
     write_json,
     write_report_file,
 )
+from wbc.cli.outputs import require_outputs
 from wbc.identification import Comparison, compare
 
 
@@ -36,6 +37,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace, console: Console) -> int:
     """Compare, print, write."""
     shown = table_console(options, console)
+    require_outputs(options)
     robot = robot_from(options)
     logs = logs_from(options, robot)
     with working(shown, "comparing"):

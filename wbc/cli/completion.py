@@ -12,18 +12,24 @@ from rich.console import Console
 from wbc.effects import EFFECTS
 from wbc.robot import robot_names
 
-SHELLS = ("bash", "zsh", "tcsh")
+SHELLS = ("bash", "zsh", "fish", "tcsh")
 
 _EPILOG = """examples:
   bash:  wbc completion bash > ~/.local/share/bash-completion/completions/wbc
   zsh:   wbc completion zsh > "${fpath[1]}/_wbc"
+  fish:  wbc completion fish > ~/.config/fish/completions/wbc.fish
   tcsh:  wbc completion tcsh > ~/.wbc.completion.csh; source it in ~/.cshrc
 
 The script holds the names of the shipped robots; write it again after an update."""
 
-_FILES = {"bash": "_wbc_files", "zsh": "_files", "tcsh": "f"}
-_ROBOTS = {"bash": "_wbc_robots", "zsh": "_wbc_robots", "tcsh": "f"}
-_EFFECTS = {"bash": "_wbc_effects", "zsh": "_wbc_effects", "tcsh": "f"}
+_FILES = {
+    "bash": "_wbc_files",
+    "zsh": "_files",
+    "fish": "(__fish_complete_path (commandline -ct))",
+    "tcsh": "f",
+}
+_ROBOTS = {"bash": "_wbc_robots", "zsh": "_wbc_robots", "fish": "(_wbc_robots)", "tcsh": "f"}
+_EFFECTS = {"bash": "_wbc_effects", "zsh": "_wbc_effects", "fish": "(_wbc_effects)", "tcsh": "f"}
 
 
 def add_to(commands: Any, parser: Callable[[], argparse.ArgumentParser]) -> None:
@@ -79,4 +85,8 @@ _wbc_effects() {{ compgen -W "{effects}" -- "$1"; }}
 _wbc_robots() {{ compadd {robots}; _files; }}
 _wbc_effects() {{ compadd {effects}; }}
 """
-    return {"bash": bash, "zsh": zsh}
+    fish = f"""
+function _wbc_robots; printf '%s\\n' {robots}; __fish_complete_path (commandline -ct); end
+function _wbc_effects; printf '%s\\n' {effects}; end
+"""
+    return {"bash": bash, "zsh": zsh, "fish": fish}

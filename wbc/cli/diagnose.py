@@ -20,7 +20,9 @@ from wbc.cli.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.effects import EFFECTS, effect_class, save_robot
+from wbc.cli.outputs import require_outputs
+from wbc.effects import effect_class, save_robot
+from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
 from wbc.identification.discovery import discover
 from wbc.robot import Effect
@@ -58,6 +60,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace, console: Console) -> int:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
     shown = table_console(options, console)
+    require_outputs(options)
     robot = robot_from(options)
     candidates = _candidates(options.add)
     logs = logs_from(options, robot)
@@ -87,9 +90,10 @@ def run(options: argparse.Namespace, console: Console) -> int:
 def _candidates(choice: str) -> list[type[Effect]] | None:
     if choice == "auto":
         return None
-    return [effect_class(name.strip()) for name in choice.split(",") if name.strip()] or list(
-        EFFECTS.values()
-    )
+    names = [name.strip() for name in choice.split(",") if name.strip()]
+    if not names:
+        raise EffectError("--add names no effect; 'auto' considers all (wbc list effects).")
+    return [effect_class(name) for name in names]
 
 
 def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:

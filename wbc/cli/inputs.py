@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 
 from wbc.effects import load_robot
+from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis
 from wbc.measurement import Log, load_logs
@@ -48,7 +49,9 @@ def robot_from(options: argparse.Namespace) -> Robot:
 
 def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
     """Return the logs that the options name, read with the robot's gear ratios."""
-    return read_logs(options.logs, options.columns, robot)
+    logs = read_logs(options.logs, options.columns, robot)
+    require_one_robot(logs)
+    return logs
 
 
 def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[Log, ...]:
@@ -56,6 +59,26 @@ def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[
     gears = robot.transmission
     ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
     return load_logs(paths, columns, gear_ratios=ratios)
+
+
+def require_one_robot(logs: Sequence[Log]) -> None:
+    """Check that logs measure the same joints.
+
+    Raises:
+        LogError: one has joints that another one lacks.
+    """
+    first = _joints(logs[0])
+    for log in logs[1:]:
+        if _joints(log) != first:
+            extra = ", ".join(sorted(_joints(log) ^ first))
+            raise LogError(
+                f"'{logs[0].source.label}' and '{log.source.label}' are not logs of the same robot:"
+                f" only one of them holds {extra}. Compare them one by one."
+            )
+
+
+def _joints(log: Log) -> frozenset[str]:
+    return frozenset(name for name in log.names if name.endswith(".position"))
 
 
 def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:

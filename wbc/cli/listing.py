@@ -8,6 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from wbc.cli.inputs import table_console, write_json
+from wbc.cli.outputs import require_outputs
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import WbcError
 from wbc.robot import robot_names
@@ -21,31 +23,42 @@ def add_to(commands: Any) -> None:
         epilog="example: wbc list effects",
     )
     parser.add_argument("what", choices=("robots", "effects"))
+    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Print the list."""
-    console.print(_robots() if options.what == "robots" else _effects())
+    require_outputs(options)
+    rows = _robots() if options.what == "robots" else _effects()
+    table = Table(*rows[0], box=None)
+    for row in rows:
+        table.add_row(*row.values())
+    table_console(options, console).print(table)
+    write_json(options.json, {options.what: rows}, console)
     return 0
 
 
-def _robots() -> Table:
-    table = Table("robot", "driven joints", "contacts", box=None)
+def _robots() -> list[dict[str, str]]:
+    rows = []
     for name in robot_names():
         try:
             robot = load_robot(name)
+            joints = ", ".join(robot.transmission.joints)
         except WbcError as error:
-            table.add_row(name, f"not available: {error}", "")
+            rows.append({"robot": name, "driven joints": f"not available: {error}", "contacts": ""})
             continue
-        joints = ", ".join(robot.transmission.joints)
-        table.add_row(name, joints, ", ".join(c.name for c in robot.contacts))
-    return table
+        contacts = ", ".join(contact.name for contact in robot.contacts)
+        rows.append({"robot": name, "driven joints": joints, "contacts": contacts})
+    return rows
 
 
-def _effects() -> Table:
-    table = Table("effect", "what it is", "parameters", box=None)
-    for name, effect in EFFECTS.items():
-        parameters = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
-        table.add_row(name, effect.explanation, parameters)
-    return table
+def _effects() -> list[dict[str, str]]:
+    return [
+        {
+            "effect": name,
+            "what it is": effect.explanation,
+            "parameters": ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters),
+        }
+        for name, effect in EFFECTS.items()
+    ]

@@ -52,11 +52,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(options.run(options, Console(markup=False)))
     except WbcError as error:
-        Console(stderr=True, markup=False, highlight=False).print(f"wbc: {error}", soft_wrap=True)
+        _complain(str(error))
         return 2
     except BrokenPipeError:
         # The reader of our output has left (wbc ... | head); there is nobody to complain to.
         sys.stderr.close()
         return 0
+    except OSError as error:
+        place = f"'{error.filename}': " if error.filename else ""
+        _complain(f"{place}{error.strerror or error}.")
+        return 2
     except KeyboardInterrupt:
         return 130
+
+
+def _complain(text: str) -> None:
+    Console(stderr=True, markup=False, highlight=False).print(f"wbc: {text}", soft_wrap=True)

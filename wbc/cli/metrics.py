@@ -12,8 +12,9 @@ from rich.table import Table
 
 from wbc.arrays import FloatArray
 from wbc.cli.inputs import table_console, write_json
+from wbc.cli.outputs import require_outputs
 from wbc.effects import load_robot
-from wbc.errors import DynamicsError, RobotError
+from wbc.errors import DynamicsError, RobotError, ViewError, WbcError
 from wbc.metrics import (
     backward_generalized_inertia,
     force_capability,
@@ -40,12 +41,18 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--figures", nargs="?", const="out", metavar="DIR", help="write the two figures (PNG)"
     )
+    parser.add_argument(
+        "--theme", choices=("light", "dark"), default="light", help="of the figures"
+    )
     parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Print the metrics, write figures and JSON."""
+    require_outputs(options)
+    if options.figures and len(options.axes) != 2:
+        raise ViewError(f"--figures are drawn in two axes, not in '{options.axes}'.")
     robot = load_robot(options.robot)
     contact = options.contact or _first_contact(robot)
     position = _pose(robot, options.pose)
@@ -57,7 +64,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     shown.print(table)
     write_json(options.json, figures, console)
     if options.figures:
-        _draw(robot, position, contact, options.axes, Path(options.figures), shown)
+        _draw(robot, position, contact, options, shown)
     return 0
 
 
@@ -82,7 +89,11 @@ def _pose(robot: Robot, text: str | None) -> FloatArray:
 
 def _figures(robot: Robot, q: FloatArray, contact: str, axes: str) -> dict[str, Any]:
     """Return the metrics by name, tensors as nested lists."""
-    up = np.array([1.0 if axis == "z" else 0.0 for axis in axes])
+    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set("xyz"):
+        raise WbcError(f"--axes '{axes}': name some of x, y, z, each once.")
+    main = "z" if "z" in axes else axes[-1]
+    way = "up" if main == "z" else f"along {main}"
+    up = np.array([1.0 if axis == main else 0.0 for axis in axes])
     force = force_capability(robot, q, contact, axes).along(up)
     found: dict[str, Any] = {
         "GIT [kg]": generalized_inertia(robot, q, contact, axes).tolist(),
@@ -93,12 +104,12 @@ def _figures(robot: Robot, q: FloatArray, contact: str, axes: str) -> dict[str, 
         found["Forward-GIT [kg]"] = forward.tolist()
     except DynamicsError as reason:
         found["Forward-GIT [kg]"] = str(reason)
-    found["force up, lossless [N]"] = force.conventional
-    found["force up, lift [N]"] = force.lift
-    found["force up, hold [N]"] = force.hold if np.isfinite(force.hold) else "unlimited"
+    found[f"force {way}, lossless [N]"] = force.conventional
+    found[f"force {way}, lift [N]"] = force.lift
+    found[f"force {way}, hold [N]"] = force.hold if np.isfinite(force.hold) else "unlimited"
     for name, directions in (("conservative", 0.0), ("dissipative", -1.0)):
         mitigation = impact_mitigation(robot, q, contact, axes, directions)
-        found[f"IMF up, {name}"] = mitigation.along(up)
+        found[f"IMF {way}, {name}"] = mitigation.along(up)
     return found
 
 
@@ -111,13 +122,15 @@ def _text(value: Any) -> str:
 
 
 def _draw(
-    robot: Robot, q: FloatArray, contact: str, axes: str, folder: Path, console: Console
+    robot: Robot, q: FloatArray, contact: str, options: argparse.Namespace, console: Console
 ) -> None:
+    from wbc.view import DARK, LIGHT
     from wbc.view.plots import leg_figure, tradeoff_figure, write_figure
 
+    theme, axes = (DARK if options.theme == "dark" else LIGHT), options.axes
     for name, figure in (
-        ("leg", leg_figure(robot, q, contact, axes=axes)),
-        ("tradeoff", tradeoff_figure(robot, q, contact, axes=axes)),
+        ("leg", leg_figure(robot, q, contact, theme, axes)),
+        ("tradeoff", tradeoff_figure(robot, q, contact, theme=theme, axes=axes)),
     ):
-        path = write_figure(folder / f"{robot.name}_{name}.png", figure)
+        path = write_figure(Path(options.figures) / f"{robot.name}_{name}.png", figure)
         console.print(f"wrote {path}")

@@ -30,7 +30,8 @@ def configuration(robot: Robot, log: Log) -> FloatArray:
         position[:, 3:7] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
         found = True
     if not found:
-        names = ", ".join(f"{joint}.position" for joint in robot.single_joints)
+        some = [f"{joint}.position" for joint in robot.single_joints[:4]]
+        names = ", ".join(some) + (", ..." if len(robot.single_joints) > 4 else "")
         raise LogError(
             f"{log.source.label}: no position of any joint of '{robot.name}'; expected {names}."
         )

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import io
-import shutil
-import subprocess
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -17,9 +13,9 @@ from wbc.arrays import FloatArray
 from wbc.errors import ViewError
 from wbc.files import atomic_write
 from wbc.view.browser import HeadlessBrowser
+from wbc.view.film import find_ffmpeg, write_gif, write_mp4
 
 _READY = "window.player"
-_PALETTE_FRAMES = 8
 
 
 def write_picture(
@@ -63,37 +59,39 @@ def write_animation(
     width: int = 640,
     height: int = 480,
     theme: str = "light",
+    progress: Callable[[str], None] = lambda line: None,
 ) -> Path:
     """Write a GIF or an MP4 of a playback page; the ending of `path` decides.
 
     Args:
-        path: ends in .gif, or in .mp4 (needs ffmpeg).
+        path: ends in .gif, or in .mp4 (needs ffmpeg, or the extra `wbc[video]`).
         playback: HTML written by `write_playback`.
         start, stop: [s] on the log's clock; the whole log when left out.
         speed: 0.5 shows it at half speed.
         frame_rate: frames per second of the animation.
-        width, height: [px], even numbers for an MP4.
+        width, height: [px].
         theme: "light" or "dark".
+        progress: called with a line of text as pictures are taken.
 
     Raises:
         ViewError: no Chromium or ffmpeg (the message names the package), an unknown ending, or a
             span of time that is empty.
     """
     destination = Path(path)
-    if destination.suffix not in (".gif", ".mp4"):
+    if destination.suffix.lower() not in (".gif", ".mp4"):
         raise ViewError(f"'{destination}': an animation ends in .gif or .mp4.")
-    if destination.suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise ViewError("an MP4 needs ffmpeg: apt-get install ffmpeg. A .gif needs nothing more.")
+    # Asked for before any picture is taken.
+    encoder = find_ffmpeg() if destination.suffix.lower() == ".mp4" else None
     with HeadlessBrowser(Path(playback), width, height, _fragment(False)) as browser:
         _prepare(browser, theme)
         begin = float(browser.evaluate("player.start")) if start is None else start
         end = float(browser.evaluate("player.stop")) if stop is None else stop
         if not (end > begin and speed > 0.0 and frame_rate > 0.0):
             raise ViewError(f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}.")
-        instants = np.arange(begin, end, speed / frame_rate)
-        if destination.suffix == ".gif":
-            return _write_gif(destination, _pictures(browser, instants), frame_rate)
-        return _write_mp4(destination, _pictures(browser, instants), frame_rate)
+        pictures = _pictures(browser, np.arange(begin, end, speed / frame_rate), progress)
+        if encoder is None:
+            return write_gif(destination, pictures, frame_rate)
+        return write_mp4(destination, pictures, frame_rate, encoder)
 
 
 def _fragment(controls: bool) -> str:
@@ -109,56 +107,10 @@ def _show(browser: HeadlessBrowser, at: float) -> None:
     browser.evaluate(f"player.seek({at!r}), player.picture()")
 
 
-def _pictures(browser: HeadlessBrowser, instants: FloatArray) -> Iterator[Image.Image]:
-    for instant in instants:
+def _pictures(
+    browser: HeadlessBrowser, instants: FloatArray, progress: Callable[[str], None]
+) -> Iterator[Image.Image]:
+    for number, instant in enumerate(instants, 1):
         _show(browser, float(instant))
+        progress(f"{number} of {len(instants)}")
         yield Image.open(io.BytesIO(browser.screenshot())).convert("RGB")
-
-
-def _write_gif(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
-    films = list(pictures)
-    # One palette for all frames: no flicker, and pixels that stay compress away. It is made from
-    # frames all over the film, so that a colour that comes late is in it.
-    sample = films[:: max(1, len(films) // _PALETTE_FRAMES)]
-    width, height = films[0].size
-    mosaic = Image.new("RGB", (width, height * len(sample)))
-    for i, picture in enumerate(sample):
-        mosaic.paste(picture, (0, i * height))
-    palette = _palette(mosaic)
-    frames = [film.quantize(palette=palette, dither=Image.Dither.NONE) for film in films]
-
-    def write(file: BinaryIO) -> None:
-        frames[0].save(
-            file,
-            format="GIF",
-            save_all=True,
-            append_images=frames[1:],
-            duration=round(1000.0 / frame_rate),
-            loop=0,
-            optimize=False,
-        )
-
-    return atomic_write(path, write)
-
-
-def _palette(picture: Image.Image) -> Image.Image:
-    """Return 256 colours: most for the shades that fill a picture, some for small marks."""
-    shades = picture.quantize(colors=200, method=Image.Quantize.MEDIANCUT).getpalette() or []
-    marks = picture.quantize(colors=56, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(shades[:600] + marks[:168])
-    return palette
-
-
-def _write_mp4(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
-    with tempfile.TemporaryDirectory(prefix="wbc-view-") as folder:
-        for i, picture in enumerate(pictures):
-            picture.save(Path(folder) / f"{i:06d}.png")
-        film = Path(folder) / "film.mp4"
-        command = ["ffmpeg", "-y", "-loglevel", "error", "-framerate", f"{frame_rate:g}"]
-        command += ["-i", f"{folder}/%06d.png", "-pix_fmt", "yuv420p", "-crf", "20", str(film)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise ViewError(f"ffmpeg could not write '{path}': {done.stderr.strip()}")
-        content = film.read_bytes()
-    return atomic_write(path, lambda file: file.write(content))

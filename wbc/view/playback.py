@@ -41,6 +41,7 @@ def write_playback(
     marks: Mapping[str, float] | None = None,
     title: str | None = None,
     theme: str = "",
+    at: float | None = None,
 ) -> Path:
     """Write one HTML file that shows a log or recording in motion, without any network.
 
@@ -58,12 +59,13 @@ def write_playback(
         marks: label -> time [s] to mark on the timeline beside the impacts found.
         title: headline, the robot's name when left out.
         theme: "light", "dark", or "" for what the reader's system prefers.
+        at: [s] where the page waits; it plays at once when left out.
 
     Raises:
         LogError: the log holds no position of the robot.
     """
     page = playback_page(
-        robot, log, ghost=ghost, ground=ground, marks=marks, title=title, theme=theme
+        robot, log, ghost=ghost, ground=ground, marks=marks, title=title, theme=theme, at=at
     )
     return write_text(path, page)
 
@@ -79,7 +81,7 @@ def playback_page(
     theme: str = "",
     at: float | None = None,
 ) -> str:
-    """Return the HTML text of `write_playback`; it waits at `at` [s] instead of playing at once."""
+    """Return the HTML text of `write_playback`, with the same arguments."""
     track = make_track(robot, log)
     recorder = CommandRecorder()
     root = recorder.visualizer()["/wbc"]

@@ -1,0 +1,150 @@
+"""Every kind of bad input: one message that names the way out, exit code 2, nothing written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.cli import main
+from wbc.measurement import Log, save_log
+
+LEG = ["--robot", "planar_leg_fixed", "--lossless"]
+BAD = [
+    # logs
+    ("compare nowhere.csv LEG", "no log at 'nowhere.csv'"),
+    ("compare empty.csv LEG", "is empty"),
+    ("compare header.csv LEG", "no rows"),
+    ("compare one.csv LEG", "at least two"),
+    ("compare folder LEG", "is a folder"),
+    ("compare cut.parquet LEG", "cut off or damaged"),
+    ("compare noise.npz LEG", "as NPZ"),
+    ("compare words.csv LEG", "invalid value 'abc'"),
+    ("compare ragged.csv LEG", "Expected 7 columns"),
+    ("compare back.csv LEG", "time goes back"),
+    ("compare hole.csv LEG", "missing ="),
+    ("compare twice.csv LEG", "more than one column"),
+    ("compare degrees.csv LEG", "in degrees?"),
+    ("compare other.csv LEG", "Did you mean"),
+    ("compare good.csv floating.csv LEG", "not logs of the same robot"),
+    ("check header.csv LEG", "no rows"),
+    # robots, effects, maps
+    ("compare good.csv --robot planar_lag", "Did you mean 'planar_leg'?"),
+    ("compare good.csv --robot wrong.toml", "Unknown key"),
+    ("compare good.csv --robot anymal", "needs the contact forces"),
+    ("compare good.csv LEG --columns nomap.toml", "No such file"),
+    ("compare good.csv LEG --columns words.csv", "column map"),
+    ("compare good.csv LEG --columns typo.toml", "Did you mean 'hip.position'?"),
+    ("diagnose good.csv LEG --add colomb_friction", "coulomb_friction"),
+    ("diagnose good.csv LEG --add ,", "names no effect"),
+    # what would be written
+    ("compare good.csv LEG --json file/x.json", "'file' is a file"),
+    ("compare good.csv LEG --json folder", "is a folder"),
+    ("compare good.csv LEG --json good.csv", "would overwrite the input"),
+    ("compare good.csv LEG --report report.txt", "must end in .html"),
+    ("compare good.csv LEG --report file/x.html", "'file' is a file"),
+    ("diagnose good.csv LEG --save x.txt", "must end in .toml"),
+    ("diagnose good.csv --robot wrong.toml --save wrong.toml", "would overwrite the input"),
+    ("diagnose good.csv LEG --save a.toml --json a.toml", "what --save writes"),
+    ("play good.csv --robot planar_leg_fixed --html file/x.html", "'file' is a file"),
+    ("play good.csv --robot planar_leg_fixed --png x.jpg", "must end in .png"),
+    ("play good.csv --robot planar_leg_fixed --gif x.avi", "must end in .gif or .mp4"),
+    ("play good.csv --robot planar_leg_fixed --png x.png --at -1", "runs from 0 s to"),
+    ("play good.csv --robot planar_leg_fixed --png x.png --at 99", "runs from 0 s to"),
+    ("play good.csv --robot talos --html x.html", "no position of any joint of 'talos'"),
+    ("play good.csv --robot planar_leg_fixed --ghost no.toml --html x.html", "no.toml"),
+    ("metrics planar_leg --pose hip=high", "JOINT=VALUE"),
+    ("metrics planar_leg --pose nowhere", "There are: paper"),
+    ("metrics planar_leg --contact hand", "foot"),
+    ("metrics planar_leg --axes ab", "some of x, y, z"),
+    ("metrics planar_leg --axes zz", "each once"),
+    ("metrics planar_leg --axes xyz --figures out", "two axes"),
+    ("metrics planar_leg --figures file/out", "'file' is a file"),
+    ("metrics emps", "no contact"),
+    ("list robots --json folder", "is a folder"),
+]
+
+
+@pytest.fixture(scope="module")
+def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a good log and many bad ones."""
+    folder = tmp_path_factory.mktemp("room")
+    log = excited_log(duration=3.0)
+    save_log(log, folder / "good.csv")
+    lines = (folder / "good.csv").read_text().splitlines()
+
+    def write(name: str, rows: list[str]) -> None:
+        (folder / name).write_text("\n".join(rows) + "\n")
+
+    def replaced(row: int, column: int, text: str) -> list[str]:
+        cells = lines[row].split(",")
+        cells[column] = text
+        return [*lines[:row], ",".join(cells), *lines[row + 1 :]]
+
+    write("header.csv", lines[:1])
+    write("one.csv", lines[:2])
+    write("words.csv", replaced(700, 1, "abc"))
+    write("hole.csv", replaced(700, 1, "nan"))
+    write("ragged.csv", [*lines[:700], "1.0,2.0", *lines[700:]])
+    write("back.csv", [*lines[:700], lines[701], lines[700], *lines[702:]])
+    write("twice.csv", [lines[0].replace("hip.velocity", "hip.position"), *lines[1:]])
+    write("other.csv", [lines[0].replace("hip", "shoulder").replace("knee", "elbow"), *lines[1:]])
+    write("typo.toml", ["[columns]", '"hip.postion" = "x"'])
+    write("wrong.toml", ["x = 1"])
+    turned = {"hip.position": np.degrees(log.column("hip.position"))}
+    save_log(log.with_columns(turned), folder / "degrees.csv")
+    save_log(log.with_columns({"base_x.position": log.time}), folder / "floating.csv")
+    save_log(log, folder / "cut.parquet")
+    (folder / "cut.parquet").write_bytes((folder / "cut.parquet").read_bytes()[:3000])
+    (folder / "noise.npz").write_bytes(b"noise")
+    (folder / "empty.csv").touch()
+    (folder / "file").touch()
+    (folder / "folder").mkdir()
+    return folder
+
+
+@pytest.mark.parametrize(("command", "says"), BAD)
+def test_bad_input_exits_with_two_names_the_way_out_and_writes_nothing(
+    command: str,
+    says: str,
+    room: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(room)
+    before = {path: path.stat().st_mtime_ns for path in room.rglob("*")}
+    words = [w for word in command.split() for w in (LEG if word == "LEG" else [word])]
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert says in captured.err
+    assert captured.err.startswith("wbc: ")
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    assert {path: path.stat().st_mtime_ns for path in room.rglob("*")} == before
+
+
+def test_a_place_without_permission_is_refused_before_the_work(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("root may write everywhere")
+    tmp_path.chmod(0o500)
+    log, target = str(room / "good.csv"), str(tmp_path / "x.json")
+    assert main(["compare", log, *LEG, "--json", target]) == 2
+    assert "no permission" in capsys.readouterr().err
+
+
+def test_a_disk_that_fails_in_the_middle_is_told_without_a_traceback(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", str(tmp_path / "x.json"))
+
+    monkeypatch.setattr(os, "replace", full)
+    log, target = str(room / "good.csv"), str(tmp_path / "x.json")
+    assert main(["compare", log, *LEG, "--json", target]) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
