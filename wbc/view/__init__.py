@@ -1,11 +1,20 @@
-"""What people look at: playback, pictures, plots and the report."""
+"""What people look at: playback, pictures, plots and the report.
 
-from wbc.view.ghost import Ghost, log_ghost, model_ghost
-from wbc.view.ground import GroundSlab, flat_ground, profile_ground
-from wbc.view.live import LiveView
-from wbc.view.palette import DARK, LIGHT, Theme
-from wbc.view.pictures import write_animation, write_picture
-from wbc.view.playback import write_playback
+Names are loaded when they are first used: meshcat and the browser are needed only by who draws.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wbc.view.ghost import Ghost, log_ghost, model_ghost
+    from wbc.view.ground import GroundSlab, flat_ground, profile_ground
+    from wbc.view.live import LiveView
+    from wbc.view.palette import DARK, LIGHT, Theme
+    from wbc.view.pictures import write_animation, write_picture
+    from wbc.view.playback import write_playback
 
 __all__ = [
     "DARK",
@@ -22,3 +31,23 @@ __all__ = [
     "write_picture",
     "write_playback",
 ]
+
+_HOMES = {
+    "ghost": ("Ghost", "log_ghost", "model_ghost"),
+    "ground": ("GroundSlab", "flat_ground", "profile_ground"),
+    "live": ("LiveView",),
+    "palette": ("DARK", "LIGHT", "Theme"),
+    "pictures": ("write_animation", "write_picture"),
+    "playback": ("write_playback",),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"wbc.view.{home}"), name)
+    raise AttributeError(f"module 'wbc.view' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return __all__
