@@ -36,12 +36,10 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     tolerance = TOLERANCE * (
         1.0 + max(map(abs, reduced.free.tolist() + reduced.targets), default=0)
     )
-    if len(reduced.free) > len(program.free_velocity):
-        impulse, used, done = proximal(reduced, start, tolerance)
-        method = "proximal"
-    else:
-        impulse, used, done = newton(reduced, start, tolerance, 12)
-        method = "newton"
+    # With more rows than freedoms shortened steps crawl along directions that move nothing.
+    shortened = 0 if len(reduced.free) > len(program.free_velocity) else 12
+    impulse, used, done = newton(reduced, start, tolerance, shortened)
+    method = "newton"
     if not done:
         impulse, used, method = _fall_back(reduced, start, tolerance, used)
     if any(law[4] < 0.0 for law in reduced.laws):
