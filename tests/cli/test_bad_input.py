@@ -55,6 +55,8 @@ BAD = [
     ("play good.csv --robot planar_leg_fixed --png x.png --at -1", "runs from 0 s to"),
     ("play good.csv --robot planar_leg_fixed --png x.png --at 99", "runs from 0 s to"),
     ("play good.csv --robot talos --html x.html", "no position of any joint of 'talos'"),
+    ("play good.csv --robot planar_leg_fixed --ground flat --html x.html", "is not a profile"),
+    ("play good.csv --robot planar_leg_fixed --ground 0,0 --html x.html", "two points"),
     ("play good.csv --robot planar_leg_fixed --ghost no.toml --html x.html", "no.toml"),
     ("metrics planar_leg --pose hip=high", "JOINT=VALUE"),
     ("metrics planar_leg --pose nowhere", "There are: paper"),

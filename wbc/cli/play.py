@@ -19,8 +19,9 @@ from wbc.measurement import Log
 from wbc.robot import Robot
 
 if TYPE_CHECKING:
-    from wbc.view import Ghost
+    from wbc.view import Ghost, GroundSlab
 
+_GROUND_WIDTH = 2.0
 
 _EPILOG = """examples:
   wbc play out/landing.parquet --robot planar_leg_strong --html landing.html
@@ -42,6 +43,11 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--robot", required=True, metavar="NAME", help="whose run it is")
     parser.add_argument("--columns", metavar="MAP.toml", help="foreign column names and units")
     parser.add_argument("--ghost", metavar="FITTED", help="a model to show beside the measurement")
+    parser.add_argument(
+        "--ground",
+        metavar="X,Z ...",
+        help="slopes and steps: their profile [m], x rising",
+    )
     parser.add_argument("--html", metavar="FILE", help="write the page")
     parser.add_argument("--png", metavar="FILE", help="write a picture, taken at --at")
     parser.add_argument(
@@ -73,7 +79,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     with tempfile.TemporaryDirectory() as folder:
         page = Path(options.html) if options.html else Path(folder) / "playback.html"
         with working(console, "drawing"):
-            write_playback(page, robot, log, ghost=_ghost(options, log), at=options.at)
+            write_playback(
+                page, robot, log, ghost=_ghost(options, log), ground=_ground(options), at=options.at
+            )
         written = [page] if options.html else []
         written += _pictures(options, page, log, console)
         for path in written:
@@ -105,6 +113,25 @@ def _ghost(options: argparse.Namespace, log: Log) -> Ghost | None:
     if not options.ghost:
         return None
     return model_ghost(load_robot(options.ghost), log, label=Path(options.ghost).stem)
+
+
+def _ground(options: argparse.Namespace) -> tuple[GroundSlab, ...] | None:
+    from wbc.view import profile_ground
+
+    if options.ground is None:
+        return None
+    try:
+        points = [(float(x), float(z)) for x, z in map(_pair, options.ground.split())]
+    except ValueError as cause:
+        raise ViewError(
+            f"--ground '{options.ground}' is not a profile X,Z X,Z ...; for a step of 10 cm: "
+            '--ground "-1,0 0,0 0,0.1 1,0.1".'
+        ) from cause
+    return profile_ground(points, _GROUND_WIDTH)
+
+
+def _pair(text: str) -> list[str]:
+    return text.split(",")
 
 
 def _pictures(

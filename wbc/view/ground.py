@@ -12,6 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import ViewError
 
 _THICKNESS = 0.02
+_UPRIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ def flat_ground(height: float, center: Sequence[float], size: float) -> tuple[Gr
 def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tuple[GroundSlab, ...]:
     """Return the slabs under a profile: a polygon line through points (x, z) [m], x not falling.
 
-    A vertical piece is a step; it gets no slab of its own.
+    A vertical piece is the riser of a step.
 
     Args:
         profile: two points or more, for example [(-1, 0), (0, 0), (0, 0.1), (1, 0.1)].
@@ -65,6 +66,8 @@ def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tupl
     slabs = []
     for (x, z), (dx, dz) in zip(points[:-1], steps, strict=True):
         if dx == 0.0:
+            if dz != 0.0:
+                slabs.append(_riser(x, z, dz, width))
             continue
         turn = np.asarray(pin.utils.rotate("y", -float(np.arctan2(dz, dx))))
         middle = np.array([x + 0.5 * dx, 0.0, z + 0.5 * dz])
@@ -72,13 +75,23 @@ def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tupl
     return tuple(slabs)
 
 
+def _riser(x: float, z: float, rise: float, width: float) -> GroundSlab:
+    """Return the upright slab at `x` from `z` up (or down) by `rise`, facing the lower side."""
+    turn = np.asarray(pin.utils.rotate("y", -0.5 * np.pi * float(np.sign(rise))))
+    face = pin.SE3(turn, np.array([x, 0.0, z + 0.5 * rise]))
+    return slab_below(face, abs(rise), width)
+
+
 def surface_under(slabs: Sequence[GroundSlab], point: FloatArray) -> tuple[float, FloatArray]:
     """Return height [m] and unit normal (3,) of the ground below or above a point (3,).
 
-    Outside every slab the nearest one is taken; without any, height 0 and the vertical.
+    Outside every slab the nearest one is taken; without any, height 0 and the vertical. Nobody
+    stands on a riser.
     """
     nearest, best = (0.0, np.array([0.0, 0.0, 1.0])), np.inf
     for slab in slabs:
+        if slab.normal[2] < _UPRIGHT:
+            continue
         local = slab.placement.actInv(point)
         outside = np.maximum(np.abs(local[:2]) - 0.5 * slab.sides[:2], 0.0)
         distance = float(np.hypot(*outside))

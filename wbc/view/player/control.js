@@ -1,7 +1,12 @@
 // An impact is in the forces of the first frame that is not before it.
 const firstFrame = (t) => time.find((x) => x >= t - 1e-6) ?? stop;
 function seek(t) { now = Math.min(Math.max(t, start), stop); drawFrame(); }
-function step(count) { setPlaying(false); const i = Math.min(Math.max(locate(now)[0] + count, 0), frames - 1); seek(time[i] + 1e-7); }
+// From the frame that is shown, which is the nearest one.
+function step(count) {
+  setPlaying(false);
+  const [before, after, share] = locate(now), shown = share < 0.5 ? before : after;
+  seek(time[Math.min(Math.max(shown + count, 0), frames - 1)] + 1e-7);
+}
 function setPlaying(on) {
   playing = on;
   $("play").innerHTML = on ? "&#10074;&#10074;" : "&#9654;";

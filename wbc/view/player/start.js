@@ -13,5 +13,7 @@ requestAnimationFrame(() => {
   requestAnimationFrame(tick);
   window.player = { seek, step, frameCamera, setTheme, setPlaying, layers, start, stop, frames,
     get time() { return now; }, get playing() { return playing; },
+    visible: (path) => node(...path).visible,
+    colour(path) { const seen = []; node(...path).traverse((o) => { if (o.material) seen.push(o.material.color.toArray()); }); return seen[0]; },
     picture() { drawFrame(); viewer.render(); } };
 });

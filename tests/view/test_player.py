@@ -1,0 +1,144 @@
+"""The page in a real browser, opened as a file: what its buttons do and what it never asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view import model_ghost, write_playback
+from wbc.view.palette import BLUE, GREY, RESIDUAL_OVER, RESIDUAL_UNDER, VERMILION, YELLOW, rgb
+
+# The page's clock is in the test's hand: a frame is drawn when `pump` is called.
+CLOCK = """
+window.waiting = []; window.stamp = 0;
+window.requestAnimationFrame = (f) => window.waiting.push(f);
+window.pump = (ms) => {
+  stamp += ms; const now = waiting; waiting = []; now.forEach((f) => f(stamp));
+};
+"""
+FLAGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+]
+
+
+@pytest.fixture(scope="module")
+def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a playback whose ghost has residuals of both signs."""
+    ghost = model_ghost(leg, squat.between(0.3, 1.9), label="believed")
+    time = ghost.residual_time
+    residual = {"hip": 20.0 * np.ones_like(time), "knee": -20.0 * np.ones_like(time)}
+    path = tmp_path_factory.mktemp("player") / "squat.html"
+    return write_playback(path, leg, squat, ghost=replace(ghost, residual=residual))
+
+
+@pytest.fixture(scope="module")
+def tab(page: Path, chromium: str) -> Iterator[Any]:
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium, args=FLAGS)
+        tab = browser.new_page(viewport={"width": 1000, "height": 700})
+        tab.troubles, asked = [], []
+        tab.on("console", lambda m: tab.troubles.append(m.text) if m.type == "error" else None)
+        tab.on("pageerror", lambda error: tab.troubles.append(str(error)))
+        tab.on("request", lambda r: asked.append(r.url))
+        tab.context.set_offline(True)
+        tab.add_init_script(CLOCK)
+        tab.goto(page.as_uri())
+        tab.evaluate("pump(0), pump(0)")
+        tab.wait_for_function("() => window.player", polling=50)
+        tab.evaluate("player.setPlaying(false)")
+        tab.asked = asked
+        yield tab
+        browser.close()
+
+
+def colour_of(tab: Any, *path: str) -> list[float]:
+    return tab.evaluate("path => player.colour(path)", list(path))
+
+
+def advance(tab: Any, speed: str, milliseconds: float) -> float:
+    """Return by how much the page's time moves in some time of the clock."""
+    tab.evaluate("player.setPlaying(false), player.seek(0.2)")
+    tab.select_option("#speed", speed)
+    tab.click("#play")
+    tab.evaluate("pump(1)")
+    before = tab.evaluate("player.time")
+    tab.evaluate("ms => pump(ms)", milliseconds)
+    after = tab.evaluate("player.time")
+    tab.click("#play")
+    return float(after - before)
+
+
+@pytest.mark.parametrize("speed", ["0.05", "0.25", "1", "4"])
+def test_the_speed_chosen_is_the_speed_shown(tab: Any, speed: str) -> None:
+    assert advance(tab, speed, 100.0) == pytest.approx(0.1 * float(speed), abs=1e-6)
+
+
+def test_buttons_and_keys_step_by_frames(tab: Any) -> None:
+    tab.evaluate("player.seek(0.5)")
+    frame = "document.getElementById('clock').textContent.match(/frame (\\d+)/)[1]"
+    first = int(tab.evaluate(frame))
+    tab.click("#next")
+    assert int(tab.evaluate(frame)) == first + 1
+    tab.keyboard.press("ArrowLeft")
+    tab.keyboard.press("Shift+ArrowRight")
+    assert int(tab.evaluate(frame)) == first + 10
+    tab.keyboard.press("End")
+    assert tab.evaluate("player.time === player.stop")
+
+
+def test_the_next_mark_is_the_impact_and_its_force_shows_with_its_cone(
+    tab: Any, squat: Log
+) -> None:
+    tab.evaluate("player.seek(0)")
+    tab.click("#mark")
+    landing = squat.time[np.argmax(squat.column("foot.force.z") > 0.0)]
+    assert tab.evaluate("player.time") == pytest.approx(landing, abs=1.0 / 60.0)
+    assert tab.evaluate("player.visible(['contacts', 'foot', 'shaft'])")
+    assert colour_of(tab, "contacts", "foot", "cone") == pytest.approx(rgb(YELLOW), abs=0.01)
+    tab.get_by_label("cones").uncheck()
+    assert not tab.evaluate("player.visible(['contacts', 'foot', 'cone'])")
+    tab.get_by_label("cones").check()
+
+
+def test_joints_take_the_colour_of_power_or_of_the_residual(tab: Any, leg: Robot) -> None:
+    hubs = {name: ("robot", f"j{leg.model.getJointId(name)}", "hub") for name in ("hip", "knee")}
+    tab.evaluate("player.seek(0.45)")
+    assert colour_of(tab, *hubs["hip"]) == pytest.approx(rgb(RESIDUAL_OVER), abs=0.01)
+    assert colour_of(tab, *hubs["knee"]) == pytest.approx(rgb(RESIDUAL_UNDER), abs=0.01)
+    tab.get_by_label("residual").uncheck()
+    shown = {}
+    for instant in (0.05, 0.45, 1.1):
+        tab.evaluate("t => player.seek(t)", instant)
+        shown[instant] = tab.inner_text("#gears tr:last-child .chip")
+        expected = {"stuck": GREY, "backward": VERMILION, "forward": BLUE}[shown[instant]]
+        assert colour_of(tab, *hubs["knee"]) == pytest.approx(rgb(expected), abs=0.01)
+    assert shown == {0.05: "stuck", 0.45: "backward", 1.1: "forward"}
+    tab.get_by_label("residual").check()
+
+
+def test_the_ghost_can_be_hidden(tab: Any) -> None:
+    assert tab.evaluate("player.visible(['ghost'])")
+    tab.get_by_label("ghost").uncheck()
+    assert not tab.evaluate("player.visible(['ghost'])")
+    tab.get_by_label("ghost").check()
+
+
+def test_a_phone_shows_it_too_and_nothing_was_asked_of_the_network(tab: Any) -> None:
+    tab.set_viewport_size({"width": 390, "height": 800})
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+    assert tab.evaluate("document.documentElement.scrollHeight") <= 800
+    tab.click("#theme")
+    assert tab.troubles == []
+    assert [url for url in tab.asked if not url.startswith(("file:", "data:", "blob:"))] == []
