@@ -10,6 +10,7 @@ import pytest
 from wbc.cli import main
 from wbc.measurement import Log, save_log
 
+COMMANDS = ("compare", "diagnose", "check", "play", "metrics", "list", "completion")
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 
@@ -39,7 +40,9 @@ def test_json_to_standard_output_is_nothing_but_json(rubbing, capsys):
 
 def test_check_reports_the_rate_and_finds_nothing_wrong(rubbing, capsys):
     assert main(["check", *rubbing, *LEG]) == 0
-    assert "500.0 Hz" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "500.0" in shown
+    assert "nothing to complain about" in shown
 
 
 def test_metrics_print_the_papers_figures(tmp_path, capsys):
@@ -79,7 +82,14 @@ def test_a_column_that_is_missing_is_named_with_those_there_are(tmp_path, capsys
 
 
 @pytest.mark.parametrize(
-    "command", [["list", "effects"], ["list", "robots"], ["metrics", "planar_leg"], ["--help"]]
+    "command",
+    [
+        ["list", "effects"],
+        ["list", "robots"],
+        ["metrics", "planar_leg"],
+        ["--help"],
+        *([name, "--help"] for name in COMMANDS),
+    ],
 )
 def test_piped_output_fits_eighty_columns(command, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
@@ -91,7 +101,16 @@ def test_piped_output_fits_eighty_columns(command, monkeypatch, capsys):
     assert shown.err == ""
 
 
-@pytest.mark.parametrize("command", ["compare", "diagnose"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_shows_an_example(command, capsys):
+    with contextlib.suppress(SystemExit):
+        main([command, "--help"])
+    printed = capsys.readouterr().out
+    examples = printed[printed.index("example") :]
+    assert f"wbc {command} " in examples
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose", "check"])
 def test_piped_tables_of_logs_fit_eighty_columns(command, rubbing, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     assert main([command, *rubbing, *LEG]) == 0

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
 
 from wbc.cli.inputs import add_log_options, logs_from, robot_from, table_console, write_json
 from wbc.cli.outputs import require_outputs
-from wbc.measurement import check_logs
+from wbc.measurement import LogQuality, check_logs
 
 
 def add_to(commands: Any) -> None:
@@ -30,8 +34,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
     robot = robot_from(options)
     qualities = check_logs(logs_from(options, robot), robot)
     shown = table_console(options, console)
+    shown.print(_clock_table(qualities))
     for quality in qualities:
-        shown.print(str(quality), soft_wrap=True)
+        for finding in quality.findings:
+            text = f"{_short(quality)}: {finding}" if len(qualities) > 1 else str(finding)
+            shown.print(Padding(text, (0, 0, 0, 2)))
+    if not any(quality.findings for quality in qualities):
+        shown.print("nothing to complain about")
     write_json(
         options.json,
         {
@@ -57,3 +66,27 @@ def run(options: argparse.Namespace, console: Console) -> int:
         console,
     )
     return 0 if all(quality.usable for quality in qualities) else 1
+
+
+def _short(quality: LogQuality) -> str:
+    """Return the name of a log without its folders."""
+    path, mark, part = quality.label.partition("#")
+    return Path(path).name + mark + part
+
+
+def _clock_table(qualities: Sequence[LogQuality]) -> Table:
+    """Return length and clock of every log."""
+    table = Table("log", "rows", "[s]", "[Hz]", "jitter", "longest gap", box=None)
+    table.columns[0].overflow = "fold"
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for q in qualities:
+        table.add_row(
+            _short(q),
+            str(q.rows),
+            f"{q.duration:.3f}",
+            f"{q.rate:.1f}",
+            f"{100.0 * q.jitter:.1f} %",
+            f"{1e3 * q.longest_gap:.1f} ms",
+        )
+    return table

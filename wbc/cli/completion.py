@@ -20,7 +20,8 @@ _EPILOG = """examples:
   fish:  wbc completion fish > ~/.config/fish/completions/wbc.fish
   tcsh:  wbc completion tcsh > ~/.wbc.completion.csh; source it in ~/.cshrc
 
-The script holds the names of the shipped robots; write it again after an update."""
+The script holds the names of the shipped robots; write it again after an
+update."""
 
 _FILES = {
     "bash": "_wbc_files",

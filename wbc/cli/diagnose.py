@@ -28,9 +28,10 @@ from wbc.identification.discovery import discover
 from wbc.robot import Effect
 
 _EPILOG = """example:
-  wbc diagnose run*.csv --robot planar_leg_fixed --lossless --add auto --save fitted.toml
+  wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
 
---add auto considers every effect there is (`wbc list effects`); --add NAME,NAME only these."""
+--add auto considers every effect there is (`wbc list effects`);
+--add NAME,NAME only these."""
 
 
 def add_to(commands: Any) -> None:
