@@ -23,9 +23,10 @@ _STANDARD_ERRORS = 2.0
 _LEAST_GAIN = 0.05  # of the floor's mean square
 _LEAST_SHARE = 0.35  # of the excess over the floor: what leaves more is no law of this joint
 _LEAST_LOG_SHARE = 0.1  # ... that terms which only logs know must add
-_SHARE_PER_TERM = 0.001
+_SHARE_PER_TERM = 1e-4  # of the square explained: what filters distort pays for no term
 _STABLE = 0.5  # share of the folds that must choose a term
 _SAME = 0.98  # cosine above which two terms are the same choice
+_SAME_ERROR = 1e-4  # share by which errors of equal terms differ through rounding
 _RIVALS = 3
 
 
@@ -51,7 +52,7 @@ class Formula:
     def share(self) -> float:
         """Share of the excess over the floor that the formula removes from unseen cells."""
         before, after = float(np.mean(self.before)), float(np.mean(self.after))
-        return (before - after) / max(before - 1.0, 1e-12)
+        return min((before - after) / max(before - 1.0, 1e-12), 1.0)
 
     @property
     def needs_acceleration(self) -> bool:
@@ -180,7 +181,8 @@ def _ties(table: TermTable, support: Support) -> list[list[int]]:
         for k in near:
             error = block_errors(table, held_out(table, [*rest, int(k)]))
             difference = error - present
-            if float(np.mean(difference)) <= _standard_error(difference):
+            equal = _SAME_ERROR * float(np.mean(present))
+            if float(np.mean(difference)) <= max(_standard_error(difference), equal):
                 close.append((float(np.mean(error)), int(k)))
         result.append([k for _, k in sorted(close)])
     return result
@@ -213,13 +215,18 @@ def _stability(table: TermTable, support: Support, others: Sequence[Support]) ->
 
 
 def complexity(term: TorqueTerm) -> float:
-    """Return how much a term asks one to believe; what a controller cannot know costs most."""
-    powers = sum(factor.number - 1.0 for factor in term.factors if factor.shape == "power")
-    shapes = sum(factor.shape != "power" for factor in term.factors)
+    """Return how much a term asks one to believe; what a controller cannot know costs most.
+
+    Friction that would change its direction with a position or load costs a little, too.
+    """
+    powers = [factor for factor in term.factors if factor.shape == "power"]
+    dry = any(factor.shape == "sign" for factor in term.factors)
+    turning = dry and any(factor.number % 2 == 1 for factor in powers)
     return (
         len(term.factors)
-        + 0.5 * powers
-        + 0.1 * shapes
+        + 0.5 * sum(factor.number - 1.0 for factor in powers)
+        + 0.1 * sum(factor.shape in ("sin", "cos", "size") for factor in term.factors)
+        + 0.3 * turning
         + 0.5 * len(term.joints)
         + 3.0 * term.needs_acceleration
     )

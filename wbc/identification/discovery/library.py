@@ -126,10 +126,14 @@ def _peaks(positions: Sequence[FloatArray], torques: Sequence[FloatArray]) -> se
     found: list[float] = []
     span = max(float(np.ptp(np.concatenate(list(positions)))), 1e-9)
     place, torque = np.concatenate(list(positions)), np.concatenate(list(torques))
-    for order in strongest_orders(positions, torques, 2 * _HARMONICS):
-        # A peak is placed within an eighth of its width 2 pi / span; look closer.
-        trials = order + np.linspace(-0.3, 0.3, _TRIALS) * 2.0 * np.pi / span
-        sharp = float(f"{max(trials[trials > 0.0], key=lambda k: _power(place, torque, k)):.4g}")
+    for peak in strongest_orders(positions, torques, 2 * _HARMONICS):
+        # A peak is placed within an eighth of its width 2 pi / span; look closer, twice.
+        sharp, reach = peak, 0.3 * 2.0 * np.pi / span
+        for _ in range(2):
+            trials = sharp + np.linspace(-reach, reach, _TRIALS)
+            sharp = max(trials[trials > 0.0], key=lambda k: _power(place, torque, k))
+            reach *= 2.0 / _TRIALS
+        sharp = float(f"{sharp:.4g}")
         if all(abs(sharp - other) > _DISTINCT * max(sharp, other) for other in (*found, 1.0, 2.0)):
             found.append(sharp)
     return set(found[:_HARMONICS])

@@ -12,7 +12,9 @@ from wbc.identification.discovery.term_table import TermTable
 
 _RIDGE = 1e-7
 _ROUNDS = 4  # of exchanges
-_TRIED = 12  # exchanges whose friction is checked
+_TRIED = 10  # additions to a support that are fitted
+_BEAM = 6  # supports kept per size
+_PAIRS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +53,26 @@ class SparseRegression:
         self._energy = float(table.energy[cells].sum())
 
     def path(self, most: int) -> list[Support]:
-        """Return the best supports found with 0, 1, ..., `most` terms that brake where dry."""
-        supports = [Support((), np.zeros(0), self._energy)]
-        while len(supports) <= most:
-            starts = [self._pursuit(len(supports)), supports[-1].chosen]
-            found = [self._polished(start, len(supports)) for start in starts]
-            better = [s for s in found if s is not None]
-            if not better:
+        """Return the best supports found with 0, 1, ..., `most` terms that brake where dry.
+
+        A beam of supports grows by one term at a time, joined by what orthogonal matching pursuit
+        picks and by the best of all pairs, since two terms may do together what neither does alone.
+        The best of each size is improved by exchanges.
+        """
+        best = [Support((), np.zeros(0), self._energy)]
+        beam: list[tuple[int, ...]] = [()]
+        for size in range(1, most + 1):
+            offers = [chosen for rest in beam for chosen in self._extensions(rest)]
+            offers += self._pairs() if size == 2 else []
+            offers += [self._pursuit(size)]
+            distinct = dict.fromkeys(tuple(sorted(o)) for o in offers if len(o) == size)
+            found = [s for o in distinct if (s := self._allowed(self.fitted(o))) is not None]
+            if not found:
                 break
-            supports.append(min(better, key=lambda s: s.loss))
-        return supports
+            found.sort(key=lambda s: s.loss)
+            best.append(self._exchanged(found[0]))
+            beam = list(dict.fromkeys(s.chosen for s in (best[-1], *found)))[:_BEAM]
+        return best
 
     def fitted(self, chosen: Sequence[int]) -> Support:
         """Return these terms with their coefficients."""
@@ -83,35 +95,39 @@ class SparseRegression:
         )
         return tuple(int(k) for k in usable[np.flatnonzero(weights)])
 
-    def _polished(self, start: Sequence[int], size: int) -> Support | None:
-        """Return `size` terms near `start` after exchanges of single terms; None if impossible."""
-        chosen = list(start)[:size]
-        if len(chosen) < size:
-            grown = self._best(chosen)
-            if grown is None:
-                return None
-            chosen = list(grown.chosen)
-        current = self._allowed(self.fitted(chosen))
+    def _exchanged(self, support: Support) -> Support:
+        """Return the support after exchanges of single terms, as long as they help."""
+        current = support
         for _ in range(_ROUNDS):
-            offers = [self._best([k for k in chosen if k != out]) for out in chosen]
-            usable = [s for s in offers if s is not None]
-            if not usable:
-                return current
-            best = min(usable, key=lambda s: s.loss)
-            if current is not None and best.loss > current.loss * (1.0 - 1e-9):
-                return current
-            current, chosen = best, list(best.chosen)
+            offers = [
+                offer
+                for out in current.chosen
+                for offer in self._extensions([k for k in current.chosen if k != out])
+            ]
+            found = [s for o in offers if (s := self._allowed(self.fitted(o))) is not None]
+            better = min(found, key=lambda s: s.loss, default=current)
+            if better.loss > current.loss * (1.0 - 1e-9):
+                break
+            current = better
         return current
 
-    def _best(self, rest: Sequence[int]) -> Support | None:
-        """Return the best possible support of `rest` and one term more."""
+    def _extensions(self, rest: Sequence[int]) -> list[tuple[int, ...]]:
+        """Return the most promising supports of `rest` and one term more."""
         losses = self._losses(rest)
-        for k in np.argsort(losses)[:_TRIED]:
-            if np.isfinite(losses[k]):
-                support = self._allowed(self.fitted((*rest, int(k))))
-                if support is not None:
-                    return support
-        return None
+        order = np.argsort(losses)[:_TRIED]
+        return [(*rest, int(k)) for k in order if np.isfinite(losses[k])]
+
+    def _pairs(self) -> list[tuple[int, ...]]:
+        """Return the best pairs of all."""
+        usable = np.flatnonzero(self._usable)
+        gram, b = self._gram[np.ix_(usable, usable)], self._moment[usable]
+        free = 1.0 - gram**2
+        gain = (b[:, None] ** 2 - 2.0 * gram * np.outer(b, b) + b**2) / np.maximum(free, 1e-5)
+        gain[np.tril_indices(usable.size)] = -np.inf
+        gain[free < 1e-5] = -np.inf
+        best = np.argsort(-gain, axis=None)[:_PAIRS]
+        rows, columns = np.unravel_index(best, gain.shape)
+        return [(int(usable[i]), int(usable[j])) for i, j in zip(rows, columns, strict=True)]
 
     def _losses(self, rest: Sequence[int]) -> FloatArray:
         """Return (c,) what is left with `rest` and each of the terms."""

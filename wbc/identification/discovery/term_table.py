@@ -77,7 +77,7 @@ def term_table(problem: Problem, fit: Fit, joint: str, terms: Sequence[TorqueTer
         joint: a driven joint.
         terms: the library.
     """
-    back = np.linalg.inv(problem.whitening)
+    back = np.linalg.pinv(problem.whitening)
     residual, known = fit.residual @ back, np.einsum("rpk,po->rok", fit.jacobian, back)
     cells, folds, blocks = _cells(problem)
     totals = _Totals(len(folds), len(terms) + known.shape[-1])
