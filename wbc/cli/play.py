@@ -26,7 +26,7 @@ _GROUND_WIDTH = 2.0
 _EPILOG = """examples:
   wbc play out/landing.parquet --robot planar_leg_strong --html a.html
   wbc play run.csv --robot planar_leg --ghost fitted.toml --png a.png --at 0.3
-  wbc play run.csv --robot planar_leg --gif a.mp4 --from 0.3 --to 0.6 --speed 0.1
+  wbc play run.csv --robot planar_leg --gif a.mp4 --from 0.3 --to 1 --speed 0.1
 
 Pictures need Chromium, .mp4 needs ffmpeg. Without --html, --png, --gif
 the page opens in the browser."""
