@@ -1,0 +1,61 @@
+"""Diagnose the corpus and print its scorecard.
+
+    python -m benchmarks.corpus --folder out/corpus --jobs 2
+    python -m benchmarks.corpus --folder out/corpus --half even --json scorecard.json
+
+Every case follows from the seed and its number. Results are kept one by one in the folder: a run
+that was stopped goes on where it was. Thresholds are set on odd numbers, judged on even ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from benchmarks.corpus.draw import COUNT, SEED
+from benchmarks.corpus.report import line, report
+from benchmarks.corpus.scorecard import score
+from benchmarks.corpus.trial import Result, try_cases
+from wbc.files import write_text
+
+_AT_ONCE = 26  # cases simulated side by side
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--folder", type=Path, default=Path("out/corpus"), help="of the results")
+    parser.add_argument("--cases", default=f"0:{COUNT}", help="first:end")
+    parser.add_argument("--half", choices=["even", "odd"], help="only these numbers")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--json", type=Path, help="write the scorecard here")
+    options = parser.parse_args()
+    first, end = (int(part) for part in options.cases.split(":"))
+    numbers = [n for n in range(first, end) if options.half in (None, ("even", "odd")[n % 2])]
+    folder = options.folder / f"seed{options.seed}"
+    missing = [n for n in numbers if not (folder / f"{n:04d}.json").exists()]
+    for done, result in enumerate(_run(missing, folder, options.seed, options.jobs), start=1):
+        print(f"{done}/{len(missing)} {line(result)}", flush=True)
+    results = [json.loads((folder / f"{n:04d}.json").read_text()) for n in numbers]
+    print(report(results))
+    if options.json:
+        rows = [figure._asdict() for figure in score(results)]
+        write_text(options.json, json.dumps(rows, indent=1))
+
+
+def _run(missing: list[int], folder: Path, seed: int, jobs: int) -> Iterable[Result]:
+    chunks = [missing[k : k + _AT_ONCE] for k in range(0, len(missing), _AT_ONCE)]
+    if jobs == 1:
+        for chunk in chunks:
+            yield from try_cases(chunk, folder, seed)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        for future in as_completed([pool.submit(try_cases, c, folder, seed) for c in chunks]):
+            yield from future.result()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""Draw the cases of the corpus: a case follows from the seed and its number alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.excitation import Excitation
+from benchmarks.corpus.families import CLOSED_LOOP, FAMILIES, draw_machine
+from benchmarks.corpus.flaws import WHOLE_ROBOT, Flaw
+from benchmarks.corpus.machine import Machine
+from benchmarks.corpus.recipes import Typical, flaws_of_size, recipe
+from benchmarks.corpus.sensors import Sensors
+from benchmarks.corpus.signature import Signatures
+from benchmarks.corpus.unlisted import NAMES, TWO_JOINTS
+
+SEED = 20
+COUNT = 520
+LISTED = (
+    "viscous_friction", "coulomb_friction", "stribeck_friction", "load_friction",
+    "quadratic_drag", "transmission_efficiency", "rotor_inertia", "payload_mass",
+    "center_of_mass", "joint_spring", "joint_compliance", "backlash", "torque_constant",
+    "torque_offset", "torque_ripple", "actuation_delay", "position_offset",
+    "gravity_direction", "supply_sag", "current_limit", "thermal_drift",
+)  # fmt: skip
+_ONLY_CLOSED_LOOP = ("backlash", "current_limit")
+_ALONE = ("backlash", "joint_compliance", "current_limit")
+_ALL_GEARS = {"actuation_delay": 0.7} | dict.fromkeys(
+    ("viscous_friction", "coulomb_friction", "transmission_efficiency", "load_friction",
+     "torque_constant", "thermal_drift"), 0.25
+)  # fmt: skip
+_SIZES, _SIZES_OUTSIDE = (0.7, 80.0), (8.0, 300.0)  # drawn, in floors
+_TRIES = 6
+
+
+def draw_case(number: int, seed: int = SEED) -> Case:
+    """Return case `number` of the corpus with this seed."""
+    random = np.random.default_rng([seed, number])
+    names, shares = zip(*FAMILIES, strict=True)
+    machine = draw_machine(random, str(random.choice(names, p=shares)))
+    sensors = _sensors(random)
+    richness = str(random.choice(["poor", "fair", "good", "rich"], p=[0.2, 0.3, 0.25, 0.25]))
+    excitations = _excitations(random, machine, richness, number)
+    signatures = Signatures(machine, excitations, sensors)
+    kind = str(random.choice(["none", "unlisted", "one", "two", "three"],
+                             p=[0.1, 0.15, 0.5, 0.18, 0.07]))  # fmt: skip
+    flaws: list[Flaw] = []
+    for effect in _effects(random, machine, kind):
+        flaws += _sized(random, effect, machine, signatures, kind)
+    return Case(number, machine, tuple(flaws), excitations, richness, sensors)
+
+
+def _sensors(random: np.random.Generator) -> Sensors:
+    velocity = float(random.choice([1e-3, 3e-3, 1e-2]))
+    return Sensors(
+        rate=float(random.choice([200.0, 250.0, 500.0, 1000.0], p=[0.15, 0.35, 0.4, 0.1])),
+        position=float(random.choice([1e-5, 3e-5, 1e-4])),
+        bits=int(random.choice([14, 16, 18])),
+        velocity=velocity if random.uniform() > 0.2 else None,
+        torque=float(random.choice([0.002, 0.005, 0.015])),
+        force=float(random.choice([0.2, 0.5, 1.0])),
+    )
+
+
+def _excitations(
+    random: np.random.Generator, machine: Machine, richness: str, number: int
+) -> tuple[Excitation, ...]:
+    pick = {
+        "poor": [("slow", "multisine", "one_joint")],
+        "fair": [("multisine",), ("slow", "holds", "sweep")],
+        "good": [("multisine",), ("repeat",), ("fast", "holds", "multisine")],
+        "rich": [("multisine",), ("repeat",), ("fast", "shake"), ("holds", "sweep", "slow")],
+    }[richness]
+    longest = 6.0 if len(machine.driven) < 4 else 5.0
+    runs: list[Excitation] = []
+    for k, choices in enumerate(pick):
+        kind = str(random.choice(choices))
+        duration = float(np.round(random.uniform(4.0 if k else 4.5, longest), 1))
+        noise = 100 * number + k
+        if kind == "repeat":
+            runs.append(Excitation(runs[0].kind, runs[0].seed, runs[0].duration, noise))
+        else:
+            runs.append(Excitation(kind, 100 * number + k, duration, noise))
+    return tuple(runs)
+
+
+def _effects(random: np.random.Generator, machine: Machine, kind: str) -> list[str]:
+    closed, single = machine.family in CLOSED_LOOP, len(machine.driven) == 1
+    if kind == "unlisted":
+        return [str(random.choice([n for n in NAMES if not (single and n in TWO_JOINTS)]))]
+    possible = [n for n in LISTED if closed or n not in _ONLY_CLOSED_LOOP]
+    if kind in ("two", "three"):
+        possible = [n for n in possible if n not in _ALONE]
+    size = {"one": 1, "two": 2, "three": 3}.get(kind, 0)
+    return [str(name) for name in random.choice(possible, size=size, replace=False)]
+
+
+def _places(random: np.random.Generator, effect: str, machine: Machine) -> tuple[str, ...]:
+    if effect in WHOLE_ROBOT:
+        return ("robot",)
+    if effect == "payload_mass":
+        return (str(random.choice([*machine.bodies, *(name for name, _, _ in machine.contacts)])),)
+    if effect == "center_of_mass":
+        return (str(random.choice(machine.bodies)),)
+    if random.uniform() < _ALL_GEARS.get(effect, 0.0):
+        return machine.driven
+    first = 1 if effect in TWO_JOINTS else 0
+    return (str(random.choice(machine.driven[first:])),)
+
+
+def _sized(
+    random: np.random.Generator,
+    effect: str,
+    machine: Machine,
+    signatures: Signatures,
+    kind: str,
+) -> Sequence[Flaw]:
+    """Return the effect in a size drawn in floors; places that do not feel it are drawn again."""
+    typical = Typical.of(machine, signatures)
+    range_ = _SIZES_OUTSIDE if kind == "unlisted" else _SIZES
+    target = float(np.exp(random.uniform(*np.log(range_))))
+    flaws: Sequence[Flaw] = ()
+    for _ in range(_TRIES):
+        places = _places(random, effect, machine)
+        shape = int(random.integers(2**31))  # the same story in all gears
+        recipes = [recipe(np.random.default_rng(shape), effect, place, typical) for place in places]
+        most = min(r.most for r in recipes)
+        if effect in ("backlash", "current_limit"):  # not in proportion
+            return flaws_of_size(effect, places, recipes, float(random.uniform(0.2, 1.0)) * most)
+        u = 0.3 * most
+        for _ in range(2):
+            felt = largest(signatures.of(flaws_of_size(effect, places, recipes, u)))
+            u = min(u * target / max(felt, 1e-9), most)
+        flaws = flaws_of_size(effect, places, recipes, u)
+        if largest(signatures.of(flaws)) > min(0.5 * target, 2.0):
+            break
+    return flaws
+
+
+def largest(signature: np.ndarray) -> float:
+    """Return the rms of a signature at the output that feels it most, in floors."""
+    return float(np.sqrt(np.max(np.mean(signature**2, axis=0))))

@@ -1,0 +1,124 @@
+"""What can be wrong with a machine, by the library's names, in equations of the plant's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from benchmarks.corpus.machine import Machine
+
+WHOLE_ROBOT = ("gravity_direction", "supply_sag")
+INERTIAL = ("payload_mass", "center_of_mass")
+HIDDEN_STATE = ("joint_compliance", "backlash")
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """One effect at one place; outside the list the names are those of `unlisted`.
+
+    Attributes:
+        effect: name.
+        where: joint, body, contact point or `robot`.
+        values: parameters by the library's names and units.
+    """
+
+    effect: str
+    where: str
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Name and place."""
+        return self.effect, self.where
+
+
+def changed_machine(machine: Machine, flaws: Iterable[Flaw]) -> Machine:
+    """Return the machine with its inertias, rotors and gravity as they really are."""
+    for flaw in flaws:
+        value = flaw.values
+        if flaw.effect == "payload_mass":
+            machine = _with_payload(machine, flaw.where, value["mass"])
+        elif flaw.effect == "center_of_mass":
+            number = machine.body(flaw.where)
+            link = machine.links[number]
+            shift = np.array([value[axis] for axis in "xyz"])
+            machine = machine.with_link(number, replace(link, com=link.com + shift))
+        elif flaw.effect == "rotor_inertia":
+            reflected = machine.reflected.copy()
+            reflected[machine.driven.index(flaw.where)] = value["reflected_inertia"]
+            machine = replace(machine, reflected=reflected)
+        elif flaw.effect == "gravity_direction":
+            field_ = _turn(1, value["pitch"]) @ _turn(0, value["roll"]) @ machine.gravity
+            machine = replace(machine, gravity=field_)
+    return machine
+
+
+def _with_payload(machine: Machine, where: str, mass: float) -> Machine:
+    points = {name: (number, point) for name, number, point in machine.contacts}
+    if where in points:
+        number, point = points[where]
+    else:
+        number = machine.body(where)
+        point = machine.links[number].com
+    return machine.with_link(number, machine.links[number].with_point(mass, point))
+
+
+def _turn(axis: int, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    result = np.eye(3)
+    result[j, j], result[j, k], result[k, j], result[k, k] = c, -s, s, c
+    return result
+
+
+def per_joint(
+    machine: Machine, flaws: Sequence[Flaw], effect: str, parameter: str, absent: float
+) -> np.ndarray:
+    """Return one parameter of one effect at every driven joint, (m,)."""
+    result = np.full(len(machine.driven), absent)
+    for flaw in flaws:
+        if flaw.effect == effect:
+            result[machine.driven.index(flaw.where)] = flaw.values[parameter]
+    return result
+
+
+def loss_gains(machine: Machine, flaws: Sequence[Flaw]) -> tuple[np.ndarray, np.ndarray]:
+    """Return (1/eta_f, eta_b) per gear: mesh input torque over output torque, both ways."""
+    forward = 1.0 / per_joint(machine, flaws, "transmission_efficiency", "forward_efficiency", 1.0)
+    backward = per_joint(machine, flaws, "transmission_efficiency", "backward_efficiency", 1.0)
+    load = per_joint(machine, flaws, "load_friction", "coefficient", 0.0)
+    return forward / (1.0 - load), backward / (1.0 + load)
+
+
+def smooth_torque(
+    machine: Machine, flaws: Sequence[Flaw], q: np.ndarray, v: np.ndarray
+) -> np.ndarray:
+    """Return the torque (N, m) that smooth effects beside the joints add; q, v are (N, m)."""
+    torque = np.zeros_like(v)
+    for flaw in flaws:
+        if flaw.where not in machine.driven:
+            continue
+        j, p = machine.driven.index(flaw.where), flaw.values
+        if flaw.effect == "viscous_friction":
+            torque[:, j] -= p["coefficient"] * v[:, j]
+        elif flaw.effect == "quadratic_drag":
+            torque[:, j] -= p["coefficient"] * np.abs(v[:, j]) * v[:, j]
+        elif flaw.effect == "joint_spring":
+            torque[:, j] -= p["stiffness"] * (q[:, j] - p["rest"])
+        elif flaw.effect == "torque_ripple":
+            torque[:, j] += p["amplitude"] * np.sin(p["order"] * q[:, j] + p["phase"])
+    return torque
+
+
+def dry_level(machine: Machine, flaws: Sequence[Flaw], v: np.ndarray) -> np.ndarray:
+    """Return the level (N, m) of dry friction that does not depend on load."""
+    level = np.zeros_like(v)
+    for flaw in flaws:
+        if flaw.effect == "coulomb_friction":
+            level[:, machine.driven.index(flaw.where)] += flaw.values["level"]
+        elif flaw.effect == "stribeck_friction":
+            j = machine.driven.index(flaw.where)
+            level[:, j] += flaw.values["level"] * np.exp(-((v[:, j] / flaw.values["speed"]) ** 2))
+    return level

@@ -1,0 +1,112 @@
+"""Diagnose cases of the corpus and keep every result in a file of its own."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.draw import draw_case
+from benchmarks.corpus.experiments import following_runs
+from benchmarks.corpus.folder import write_folder
+from benchmarks.corpus.record import Table, record_cases
+from benchmarks.corpus.truth import truth_of
+from wbc.effects import load_robot
+from wbc.errors import WbcError
+from wbc.files import write_text
+from wbc.identification import Diagnosis, diagnose
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+Result = dict[str, Any]
+
+
+def try_cases(numbers: Sequence[int], folder: Path, seed: int) -> list[Result]:
+    """Diagnose these cases, follow the experiments that are asked for, and write the results."""
+    cases = [draw_case(number, seed) for number in numbers]
+    start = time.perf_counter()
+    tables = record_cases([(case, case.excitations) for case in cases])
+    spent = (time.perf_counter() - start) / len(cases)
+    results, open_ends = [], []
+    for case, recorded in zip(cases, tables, strict=True):
+        logs = logs_of(recorded)
+        result, diagnosis = _tried(case, logs)
+        result["simulation_seconds"] = spent
+        results.append(result)
+        if diagnosis is not None and diagnosis.verdict == "ambiguous":
+            open_ends.append((case, logs, result, following_runs(case, diagnosis)))
+        else:
+            _write(result, folder)
+    jobs = [(case, runs) for case, _, _, runs in open_ends]
+    for (case, logs, result, _), more in zip(open_ends, record_cases(jobs), strict=True):
+        result["followed"] = _tried(case, [*logs, *logs_of(more)])[0]
+        _write(result, folder)
+    return results
+
+
+def logs_of(tables: Sequence[Table]) -> list[Log]:
+    """Return the logs of recorded tables."""
+    return [Log(t["time"], {k: v for k, v in t.items() if k != "time"}) for t in tables]
+
+
+def robot_of(case: Case) -> Robot:
+    """Return the robot that the user of this case believes in, loaded from its folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        return load_robot(str(write_folder(case.machine, Path(folder))))
+
+
+def _tried(case: Case, logs: Sequence[Log]) -> tuple[Result, Diagnosis | None]:
+    result = described(case)
+    start = time.process_time()
+    try:
+        diagnosis = diagnose(robot_of(case), logs)
+    except WbcError as error:
+        return {**result, "verdict": "error", "message": str(error), "found": []}, None
+    result["seconds"] = time.process_time() - start
+    result |= {
+        "verdict": diagnosis.verdict,
+        "before": diagnosis.error.before,
+        "after": diagnosis.error.after,
+        "remainder": diagnosis.remainder,
+        "found": [
+            {
+                "effect": finding.effect.name,
+                "where": finding.effect.where,
+                "alternatives": list(finding.alternatives),
+                "parameters": {
+                    name: [estimate.value, estimate.low, estimate.high]
+                    for name, estimate in finding.parameters.items()
+                },
+            }
+            for finding in diagnosis.findings
+        ],
+    }
+    return result, diagnosis
+
+
+def described(case: Case) -> Result:
+    """Return what is hidden in a case, and how it was recorded."""
+    truth = truth_of(case)
+    return {
+        "number": case.number,
+        "family": case.machine.family,
+        "richness": case.richness,
+        "runs": [run.kind for run in case.excitations],
+        "sensors": asdict(case.sensors),
+        "label": case.label,
+        "unlisted": case.unlisted,
+        "flaws": [[f.effect, f.where, dict(f.values)] for f in case.flaws],
+        "causes": [asdict(cause) for cause in truth.causes],
+        "merged": [[list(pair), name] for pair, name in truth.merged],
+        "unexplained": truth.unexplained,
+        "seconds": 0.0,
+    }
+
+
+def _write(result: Result, folder: Path) -> None:
+    write_text(folder / f"{result['number']:04d}.json", json.dumps(result))

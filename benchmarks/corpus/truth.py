@@ -1,0 +1,170 @@
+"""What may rightly be said about a case: who can stand for whom, what is below the floor.
+
+Decided by the plant's own signatures. A candidate can stand for a cause where it reproduces the
+cause's signature after everything else that is in the robot is projected out: cosine above 0.995,
+or what it leaves is too little to be told from noise on these logs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.draw import LISTED, largest
+from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.recipes import Typical
+from benchmarks.corpus.signature import Signatures
+from benchmarks.corpus.spans import Span, places_of, spans_of
+
+COSINE = 0.995
+TELLABLE = 9.0  # chi-square of what must be left to tell two causes apart
+_PARAMETERS = {"joint_spring": 2, "torque_ripple": 2, "stribeck_friction": 1}
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One effect that is in the robot, at all its places.
+
+    Attributes:
+        effect: name.
+        where: places that feel it.
+        size: rms at the output that feels it most [floors].
+        felt: whether these logs show it at all.
+        stand_ins: names of effects that do as well on these logs.
+    """
+
+    effect: str
+    where: tuple[str, ...]
+    size: float
+    felt: bool
+    stand_ins: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a diagnosis of a case is held against.
+
+    Attributes:
+        causes: what is hidden.
+        merged: (causes, name): one effect that can stand for two.
+        unexplained: size that no two listed effects explain [floors]; of unlisted causes.
+    """
+
+    causes: tuple[Cause, ...]
+    merged: tuple[tuple[tuple[str, ...], str], ...]
+    unexplained: float
+
+
+def truth_of(case: Case) -> Truth:
+    """Return what may rightly be said about a case."""
+    signatures = Signatures(case.machine, case.excitations, case.sensors)
+    typical = Typical.of(case.machine, signatures)
+    runs = len(case.excitations) / len(signatures.motions)
+    groups = {name: [f for f in case.flaws if f.effect == name] for name in case.causes}
+    own = {name: signatures.of(flaws) for name, flaws in groups.items()}
+    if not own:
+        return Truth((), (), 0.0)
+    candidates = _candidates(signatures, typical)
+    if case.unlisted:
+        signal = next(iter(own.values()))
+        cause = _cause(case.causes[0], groups[case.causes[0]], largest(signal), True, ())
+        return Truth((cause,), (), _unexplained(signal, candidates))
+    causes, merged = [], []
+    for name, flaws in groups.items():
+        rest = [own[other].ravel() for other in own if other != name]
+        left = _without(own[name].ravel(), rest)
+        size = largest(own[name])
+        hidden_state = name == "backlash"
+        felt = hidden_state or bool(size >= 1.0 and runs * float(left @ left) > TELLABLE)
+        order = _order(name, flaws)
+        names = {
+            c for c, where, columns in candidates
+            if (c, where) != (name, flaws[0].where) and c != name
+            and columns.shape[1] <= order and _stands(left, columns, rest, runs)
+        }  # fmt: skip
+        shown = [f for f in flaws if hidden_state or largest(signatures.of([f])) >= 1.0]
+        causes.append(_cause(name, shown or flaws, size, felt, tuple(sorted(names))))
+    for pair in combinations(groups, 2):
+        rest = [own[other].ravel() for other in own if other not in pair]
+        both = _without(own[pair[0]].ravel() + own[pair[1]].ravel(), rest)
+        names = {c for c, _, columns in candidates if c not in pair
+                 and columns.shape[1] <= 2 and _stands(both, columns, rest, runs)}  # fmt: skip
+        merged += [(pair, name) for name in sorted(names)]
+    return Truth(tuple(causes), tuple(merged), 0.0)
+
+
+def _cause(
+    name: str, flaws: Sequence[Flaw], size: float, felt: bool, stand_ins: tuple[str, ...]
+) -> Cause:
+    return Cause(name, tuple(flaw.where for flaw in flaws), size, felt, stand_ins)
+
+
+def _order(name: str, flaws: Sequence[Flaw]) -> int:
+    """Return how many numbers this cause has: none that stands for it may have more."""
+    if name in ("center_of_mass", "gravity_direction"):
+        return sum(value != 0.0 for value in flaws[0].values.values())
+    return len(flaws) * _PARAMETERS.get(name, 1)
+
+
+def _candidates(signatures: Signatures, typical: Typical) -> list[tuple[str, str, np.ndarray]]:
+    """Return (effect, place, columns) of every shape of every effect, alone and in all gears."""
+    known: dict[int, np.ndarray] = {}
+
+    def columns(span: Span) -> np.ndarray:
+        stacked = []
+        for flaw in span:
+            key = id(flaw)
+            if key not in known:
+                signal = signatures.of([flaw]).ravel()
+                known[key] = signal / max(float(np.linalg.norm(signal)), 1e-12)
+                kept.append(flaw)
+            stacked.append(known[key])
+        return np.stack(stacked, axis=1)
+
+    kept: list[Flaw] = []  # so that identities stay unique
+    found = []
+    for effect in LISTED:
+        places = places_of(effect, typical)
+        first = []
+        for where in places:
+            spans = [columns(span) for span in spans_of(effect, where, typical)]
+            found += [(effect, where, span) for span in spans]
+            first += spans[:1]
+        if places == typical.machine.driven and len(first) > 1:
+            found.append((effect, "all", np.concatenate(first, axis=1)))
+    return found
+
+
+def _without(signal: np.ndarray, rest: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the signal with its projections on `rest` taken out."""
+    if not rest:
+        return signal
+    basis = np.stack(rest, axis=1)
+    return signal - basis @ np.linalg.lstsq(basis, signal, rcond=None)[0]
+
+
+def _stands(
+    signal: np.ndarray, columns: np.ndarray, rest: Sequence[np.ndarray], runs: float
+) -> bool:
+    total = float(signal @ signal)
+    if total == 0.0:
+        return False
+    basis = np.concatenate([columns, *[r[:, None] for r in rest]], axis=1)
+    left = signal - basis @ np.linalg.lstsq(basis, signal, rcond=1e-9)[0]
+    remains = float(left @ left)
+    return remains < (1.0 - COSINE**2) * total or runs * remains < TELLABLE
+
+
+def _unexplained(signal: np.ndarray, candidates: Sequence[tuple[str, str, np.ndarray]]) -> float:
+    """Return the largest rms that the best two listed effects leave of a signature."""
+    flat, basis = signal.ravel(), np.zeros((signal.size, 0))
+    left = flat
+    for _ in range(2):
+        best = min(candidates, key=lambda c: float(np.sum(_without(left, list(c[2].T)) ** 2)))
+        basis = np.concatenate([basis, best[2]], axis=1)
+        left = flat - basis @ np.linalg.lstsq(basis, flat, rcond=1e-9)[0]
+    return largest(left.reshape(signal.shape))

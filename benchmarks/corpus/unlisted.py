@@ -1,0 +1,99 @@
+"""Causes outside the library's list, as torques on the joints that a stepping plant adds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.machine import Machine
+
+TORQUES = (
+    "dahl_bristle",
+    "bouc_wen",
+    "one_sided_cable",
+    "asymmetric_nonlinear_friction",
+    "position_dependent_friction",
+    "cross_viscous",
+    "tendon",
+    "growing_friction",
+    "cubic_damping",
+    "intermittent_slip",
+    "hidden_pendulum",
+)
+DRIVES = ("torque_dead_zone", "soft_saturation")
+SENSORS = ("encoder_eccentricity",)
+NAMES = (*TORQUES, *DRIVES, *SENSORS)
+TWO_JOINTS = ("cross_viscous", "tendon")
+_SLOW = 0.004  # [rad/s] below which a direction is not sharp
+
+
+class UnlistedTorques:
+    """The torques of one run, with the memory that they need."""
+
+    def __init__(self, machine: Machine, flaws: Sequence[Flaw]) -> None:
+        self._flaws = [flaw for flaw in flaws if flaw.effect in TORQUES]
+        self._joint = [machine.driven.index(flaw.where) for flaw in self._flaws]
+        self._memory = np.zeros((len(self._flaws), 2))
+
+    def __bool__(self) -> bool:
+        return bool(self._flaws)
+
+    def step(self, h: float, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return the torque (m,) on the joints now, and go on by h."""
+        torque = np.zeros_like(v)
+        for k, flaw in enumerate(self._flaws):
+            p, j = flaw.values, self._joint[k]
+            memory = self._memory[k]
+            torque[j] += _torque(flaw.effect, p, h, t, q, v, a, j, memory)
+            if flaw.effect == "tendon":
+                torque[j - 1] -= p["size"] * (q[j] + q[j - 1] - p["rest"])
+        return torque
+
+
+def _torque(
+    name: str,
+    p: dict[str, float],
+    h: float,
+    t: float,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    j: int,
+    memory: np.ndarray,
+) -> float:
+    size, speed, way = p["size"], float(v[j]), float(np.tanh(v[j] / _SLOW))
+    if name == "dahl_bristle":
+        # Exact over a step of constant speed, so that any step is stable.
+        target = np.sign(speed)
+        memory[0] = target + (memory[0] - target) * np.exp(-p["rate"] * abs(speed) * h)
+        return -size * float(memory[0])
+    if name == "bouc_wen":
+        z = float(memory[0])
+        memory[0] = np.clip(
+            z + h * p["rate"] * speed * (1.0 - z * z * (speed * z > 0.0)), -1.0, 1.0
+        )
+        return -size * float(memory[0])
+    if name == "one_sided_cable":
+        return -size * max(0.0, float(q[j]) - p["rest"]) ** 2
+    if name == "asymmetric_nonlinear_friction":
+        return -size * way * (np.sqrt(abs(speed)) + 0.3 if speed > 0.0 else 0.1)
+    if name == "position_dependent_friction":
+        return -size * way * max(0.0, np.sin(p["order"] * float(q[j]) + p["phase"]))
+    if name == "cross_viscous":
+        return -size * float(v[j - 1])
+    if name == "tendon":
+        return -size * float(q[j] + q[j - 1] - p["rest"])
+    if name == "growing_friction":
+        return -size * way * t
+    if name == "cubic_damping":
+        return -size * speed**3
+    if name == "intermittent_slip":
+        return -size * way * float(np.sin(p["rate"] * t) + np.sin(1.618 * p["rate"] * t) > 1.1)
+    # A damped pendulum inside the link, driven by the joint's acceleration; it reacts on the joint.
+    rate, damping = p["rate"], 2.0 * p["damping"] * p["rate"]
+    push = rate**2 * memory[0] + damping * memory[1]
+    memory[1] += h * (-push - float(a[j]))
+    memory[0] += h * memory[1]
+    return float(size * push)
