@@ -74,7 +74,7 @@ def test_surface_drift():
 
 def test_surface_mistakes():
     def bind(*corners):
-        SurfaceContact(name="left", corners=corners).bind(TALOS, ())
+        SurfaceContact(name="left", corners=corners).bind(TALOS)
 
     with pytest.raises(ControlError, match="four corners"):
         bind(*CORNERS[:3])
@@ -112,11 +112,11 @@ def test_contacts_come_and_go_with_ramps():
 
 def test_planar_contact_has_no_sideways_row():
     leg = load_robot("planar_leg_strong")
-    bound = PointContact(name="foot").bind(leg, ["foot"])
+    bound = PointContact(name="foot").bind(leg)
     assert bound.rows == 2
     assert bound.wrench(np.array([1.0, 2.0])).tolist() == [1.0, 0.0, 2.0]
     assert SOLO.contacts[0].name == "FL_foot"
-    assert PointContact(name="FL_foot").bind(SOLO, ["FL_foot"]).rows == 3
+    assert PointContact(name="FL_foot").bind(SOLO).rows == 3
 
 
 def test_flat_feet_carry_the_weight():

@@ -193,9 +193,7 @@ def test_lower_level_keeps_limits_and_contacts():
 
 def _kinematics(robot, q, v):
     from wbc.control.kinematics import Kinematics
-    from wbc.dynamics import Workspace, evaluate
 
-    space = Workspace(robot)
-    kinematics = Kinematics(space.model)
-    kinematics.update(evaluate(robot, q, v, space))
+    kinematics = Kinematics(robot)
+    kinematics.update(q, v)
     return kinematics

@@ -14,6 +14,7 @@ from wbc.control import (
     PostureTask,
     Reference,
     Status,
+    WarmStart,
 )
 from wbc.control.qp import ForeignSolver, QPStatus, make_solver
 from wbc.effects import load_robot
@@ -27,25 +28,32 @@ def controllers(name):
     tasks = [CenterOfMassTask(), PostureTask.of(robot, weight=0.1)]
     contacts = [PointContact(name=contact.name) for contact in robot.contacts]
     return robot, [
-        Controller(robot, tasks, contacts, settings=ControllerSettings(solver=solver))
+        Controller(
+            robot,
+            tasks,
+            contacts,
+            settings=ControllerSettings(solver=solver, warm_start=WarmStart.SOLVER),
+        )
         for solver in SOLVERS
-    ]
+    ] + [Controller(robot, tasks, contacts)]
 
 
 @pytest.mark.parametrize("name", ["solo12", "anymal"])
-def test_two_solvers_give_one_command(name):
-    robot, pair = controllers(name)
+def test_two_solvers_and_the_guess_give_one_command(name):
+    robot, all_three = controllers(name)
     q = next(iter(robot.poses.values()))
     generator = np.random.default_rng(0)
     for _ in range(20):
         motion = Motion(q, 0.1 * generator.normal(size=robot.model.nv))
         wish = {"posture": Reference(q[7:] + 0.1 * generator.normal(size=12))}
-        one, other = (controller.step(motion, wish) for controller in pair)
-        assert one.status is other.status is Status.SOLVED
+        commands = [controller.step(motion, wish) for controller in all_three]
+        one = commands[0]
         scale = 1.0 + np.abs(one.acceleration).max()
-        np.testing.assert_allclose(one.acceleration, other.acceleration, atol=1e-4 * scale)
-        np.testing.assert_allclose(one.rotor_torque, other.rotor_torque, atol=1e-4)
-        for controller, command in zip(pair, (one, other), strict=True):
+        for other in commands:
+            assert other.status is Status.SOLVED
+            np.testing.assert_allclose(one.acceleration, other.acceleration, atol=1e-4 * scale)
+            np.testing.assert_allclose(one.rotor_torque, other.rotor_torque, atol=1e-4)
+        for controller, command in zip(all_three, commands, strict=True):
             problem, solution = controller.problem, command.solution
             assert solution.primal_residual(problem) < 1e-5
             assert solution.dual_residual(problem) < 1e-5 * scale
@@ -70,7 +78,7 @@ def test_solvers_agree_on_what_is_infeasible(solver):
 
 def test_reloaded_program_has_the_same_solution(tmp_path):
     """The program of a tick, written to a file, is solved again by another solver."""
-    robot, (controller, _) = controllers("solo12")
+    robot, (controller, *_) = controllers("solo12")
     q = next(iter(robot.poses.values()))
     command = controller.step(Motion(q, np.zeros(18)))
     path = controller.problem.save(tmp_path / "tick.npz")

@@ -21,17 +21,21 @@ from wbc.control.state import State
 from wbc.control.tasks import (
     AngularMomentumTask,
     CenterOfMassTask,
+    CentroidalMomentumTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    LinearMomentumTask,
     PointFootBalanceTask,
     PostureTask,
     Task,
 )
+from wbc.control.warm_start import WarmStart
 
 __all__ = [
     "AngularMomentumTask",
     "CenterOfMassTask",
+    "CentroidalMomentumTask",
     "Command",
     "ConeApproximation",
     "Contact",
@@ -46,6 +50,7 @@ __all__ = [
     "Hold",
     "JointLimit",
     "JouleHeatEffort",
+    "LinearMomentumTask",
     "MeshLossEffort",
     "OutputTorqueEffort",
     "PointContact",
@@ -62,4 +67,5 @@ __all__ = [
     "Status",
     "SurfaceContact",
     "Task",
+    "WarmStart",
 ]

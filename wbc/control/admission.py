@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TypeVar
 
-from wbc.control.contacts import BoundContact, Contact
+from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.task_stack import TaskStack
@@ -25,14 +24,14 @@ def checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:
     return frozenset(names)
 
 
-def stacks_by_level(robot: Robot, tasks: Sequence[object]) -> tuple[TaskStack, TaskStack | None]:
-    """Return the stacks of level 0 and of level 1, the latter None where it has no task."""
+def stacks_by_level(robot: Robot, tasks: Sequence[object]) -> tuple[TaskStack, ...]:
+    """Return the stacks of level 0 and of level 1, the latter only where it has a task."""
     moving = [task for task in tasks if isinstance(task, Task)]
     upper = [task for task in moving if task.level == 0]
     lower = [task for task in moving if task.level == 1]
     if not upper:
         raise ControlError("a controller without tasks of level 0 has nothing to do.")
-    return TaskStack(robot, upper), TaskStack(robot, lower) if lower else None
+    return tuple(TaskStack(robot, level) for level in (upper, lower) if level)
 
 
 def checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:
@@ -62,12 +61,3 @@ def single_limit(kind: type[_Limit], limits: Sequence[object]) -> _Limit | None:
     if len(found) > 1:
         raise ControlError(f"at most one {kind.__name__} can be given.")
     return found[0] if found else None
-
-
-def lean_robot(robot: Robot, contacts: Sequence[Contact]) -> Robot:
-    """Return the robot with only those contact points that the contacts read each tick."""
-    wanted = [name for contact in contacts for name in contact.points()]
-    for name in wanted:
-        robot.contact(name)
-    points = tuple(point for point in robot.contacts if point.name in wanted)
-    return replace(robot, contacts=points)

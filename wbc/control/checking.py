@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +12,6 @@ from wbc.arrays import FloatArray
 from wbc.control.contacts import Contact
 from wbc.control.kinematics import Kinematics
 from wbc.control.tasks import Task
-from wbc.dynamics import Workspace, evaluate
 from wbc.robot import Robot
 
 
@@ -74,10 +73,8 @@ def check_contact(
     step: float = 1e-5,
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
-    points = tuple(robot.contact(name) for name in contact.points())
-    lean = replace(robot, contacts=points)
-    bound, nv = contact.bind(robot, contact.points()), robot.model.nv
-    at = _along(lean, position, velocity, acceleration)
+    bound, nv = contact.bind(robot), robot.model.nv
+    at = _along(robot, position, velocity, acceleration)
     here, ahead, behind = at(0.0), at(step), at(-step)
     jacobian, drift = np.zeros((bound.rows, nv)), np.zeros(bound.rows)
     bound.fill(ahead, jacobian, drift)
@@ -94,11 +91,10 @@ def _along(
     """Return the kinematics at time t of the motion with constant acceleration through a state."""
 
     def at(time: float) -> Kinematics:
-        space = Workspace(robot)
         moved = time * velocity + 0.5 * time**2 * acceleration
         q = pin.integrate(robot.model, position, moved)
-        kinematics = Kinematics(space.model)
-        kinematics.update(evaluate(robot, q, velocity + time * acceleration, space))
+        kinematics = Kinematics(robot)
+        kinematics.update(q, velocity + time * acceleration)
         return kinematics
 
     return at

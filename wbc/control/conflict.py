@@ -16,13 +16,14 @@ class Conflict:
 
     Attributes:
         name: of the constraint.
-        residual: by how much, in the row's own unit (N m, m/s^2, or a tenth of the robot's
-            weight).
-        unit: of the residual.
+        residual: by how much, as the program counts it, accelerations and forces of one size.
+        missing: the same in the row's own unit.
+        unit: N m, N, m/s^2 or rad/s^2.
     """
 
     name: str
     residual: float
+    missing: float
     unit: str
 
     @property
@@ -30,7 +31,7 @@ class Conflict:
         """The sentence for a command's message."""
         if self.residual <= 1e-4:
             return "the solver stopped early although a feasible motion exists."
-        return f"{self.name} cannot be kept: {self.residual:.3g} {self.unit} missing."
+        return f"{self.name} cannot be kept: {self.missing:.3g} {self.unit} missing."
 
     @classmethod
     def of(cls, program: ContactForceProgram) -> Conflict:
@@ -48,7 +49,7 @@ class Conflict:
         qp.solve()
         x = np.array(qp.results.x)
         if not np.isfinite(x).all():
-            return cls("the program", float("inf"), "")
+            return cls("the program", float("inf"), float("inf"), "")
         balance = np.abs(problem.A @ x - problem.b)
         rows = problem.C @ x
         beyond = np.maximum(np.maximum(rows - problem.upper, problem.lower - rows), 0.0)
@@ -58,6 +59,6 @@ class Conflict:
         in_rows = float(beyond[worst_row]) if beyond.size else 0.0
         if in_balance >= in_rows:
             name, unit = program.equality_label(worst_balance)
-            return cls(name, in_balance, unit)
-        name, unit = program.inequality_label(worst_row)
-        return cls(name, in_rows, unit)
+            return cls(name, in_balance, in_balance, unit)
+        scale, unit = program.rows.scale_and_unit(worst_row)
+        return cls(program.rows.labels[worst_row], in_rows, scale * in_rows, unit)

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import BoundContact, BoundPoint
+from wbc.control.contacts import BoundContact
 from wbc.control.kinematics import Kinematics
-from wbc.control.selection import Rows, as_rows
 
 
 class ContactSet:
@@ -38,7 +37,7 @@ class ContactSet:
         self.target = np.zeros(start)
         self._drift = np.zeros(start)
         self._damping = np.zeros(start)
-        self._points = _all_points(self.contacts)
+        self._places = [(self.jacobian[rows], self._drift[rows]) for rows in self.slices]
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
         self.normals = np.zeros((len(self.contacts), start))
@@ -55,28 +54,16 @@ class ContactSet:
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate the rows at the present state."""
-        if self._points is None:
-            for contact, rows in zip(self.contacts, self.slices, strict=True):
-                contact.fill(kinematics, self.jacobian[rows], self._drift[rows])
-        else:
-            terms = kinematics.terms
-            self.jacobian = terms.contact_jacobian[self._points]
-            self._drift = terms.contact_drift[self._points]
-        np.dot(self.jacobian, kinematics.velocity, out=self.target)
-        self.target *= self._damping
-        self.target += self._drift
-        np.negative(self.target, out=self.target)
+        target = self.target
+        for contact, (jacobian, drift) in zip(self.contacts, self._places, strict=True):
+            contact.fill(kinematics, jacobian, drift)
+        self.jacobian.dot(kinematics.velocity, out=target)
+        target *= self._damping
+        target += self._drift
+        np.negative(target, out=target)
 
     def load_share(self, weight: float) -> FloatArray:
         """Return forces (k,) [N] that share `weight` [N] equally among the normals."""
         if not self.contacts:
             return np.zeros(0)
         return np.asarray(self.normals.sum(axis=0) * (weight / len(self.contacts)))
-
-
-def _all_points(contacts: Sequence[BoundContact]) -> Rows | None:
-    """Return the rows of the tick's contact Jacobian, if all contacts are points; else None."""
-    points = [contact for contact in contacts if isinstance(contact, BoundPoint)]
-    if not points or len(points) < len(contacts):
-        return None
-    return as_rows(np.concatenate([np.asarray(point.select) for point in points]))

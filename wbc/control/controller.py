@@ -12,41 +12,35 @@ from wbc.control.admission import (
     checked_efforts,
     checked_force_tasks,
     checked_names,
-    lean_robot,
     single_limit,
     stacks_by_level,
 )
 from wbc.control.command import Command, Status
 from wbc.control.contacts import Contact
-from wbc.control.direction_search import DirectionSearch, Found
+from wbc.control.direction_search import Found
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.fallback import Fallback
-from wbc.control.gears import GearLaw, gear_directions
+from wbc.control.gears import GearLaw
 from wbc.control.inputs import (
     Complaint,
-    all_finite,
     name_complaint,
     overflow_complaint,
     state_complaint,
 )
 from wbc.control.kinematics import Kinematics
+from wbc.control.level import Answer, GearState, Level, Refusal
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.motors import Motors
 from wbc.control.outcome import Outcome
 from wbc.control.plant import Plant
-from wbc.control.program import ContactForceProgram
 from wbc.control.program_library import ProgramLibrary, Recipe
 from wbc.control.qp import QPProblem, check_solver
 from wbc.control.reference import Reference
 from wbc.control.settings import ControllerSettings
 from wbc.control.state import State
-from wbc.control.task_stack import TaskStack
 from wbc.control.tasks import Task
 from wbc.control.torque_stage import RotorTorqueStage
-from wbc.control.verdict import judged
-from wbc.dynamics import Terms, Workspace, evaluate
-from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
 _NO_REFERENCES: Mapping[str, Reference] = {}
@@ -94,12 +88,9 @@ class Controller:
         checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
-        self._lean = lean_robot(robot, contacts)
-        self._space = Workspace(self._lean)
-        self._kinematics = Kinematics(self._space.model)
-        self._stack, self._lower = stacks_by_level(robot, self.tasks)
-        read = [point.name for point in self._lean.contacts]
-        self._contacts = {contact.name: contact.bind(robot, read) for contact in contacts}
+        self._kinematics = Kinematics(robot)
+        self._stacks = stacks_by_level(robot, self.tasks)
+        self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         self._plant = Plant(robot)
         self._law = GearLaw(robot.transmission, self.settings.rest_policy)
         self._effects = EffectTorques(robot)
@@ -114,30 +105,30 @@ class Controller:
                 settings=self.settings,
                 efforts=checked_efforts(robot, self.tasks),
                 force_tasks=checked_force_tasks(self.tasks, self._contacts),
-                locked=None if self._lower is None else self._stack.locks,
+                stacks=self._stacks,
+                stage=RotorTorqueStage(
+                    robot.transmission,
+                    self._law,
+                    self.settings.solver,
+                    self.settings.tolerance,
+                    self.settings.max_iterations,
+                ),
             )
         )
-        self._stage = RotorTorqueStage(
-            robot.transmission,
-            self._law,
-            self.settings.solver,
-            self.settings.tolerance,
-            self.settings.max_iterations,
-        )
-        self._search: DirectionSearch | None = None
+        self._level: Level | None = None
+        self._gears: GearState | None = None
         self.reset()
 
     @property
     def problem(self) -> QPProblem | None:
         """A copy of the program of the last tick, for inspection; None before the first."""
-        return None if self._search is None else self._search.program.problem.copied()
+        return None if self._level is None else self._level.problem(self._gears)
 
     def reset(self) -> None:
         """Forget references, directions and the last good torque, as when newly made."""
         m = self.robot.transmission.size
-        self._stack.forget()
-        if self._lower is not None:
-            self._lower.forget()
+        for stack in self._stacks:
+            stack.forget()
         self._positive = np.zeros(m, dtype=bool)
         self._output = np.zeros(m)
         self._expected = np.zeros(self.robot.model.nv)
@@ -167,73 +158,46 @@ class Controller:
         if complaint is not None:
             return self._safe(motion, complaint, start)
         motion = self._effects.true_motion(motion)
-        terms = evaluate(self._lean, motion.position, motion.velocity, self._space)
-        self._kinematics.update(terms)
+        self._kinematics.update(motion.position, motion.velocity)
         try:
-            for stack in (self._stack, self._lower):
-                if stack is not None:
-                    stack.fill(self._kinematics, given)
+            for stack in self._stacks:
+                stack.fill(self._kinematics, given)
         except (ValueError, TypeError, AttributeError) as cause:
             complaint = Status.BAD_INPUT, f"a reference does not fit: {cause}"
             return self._safe(motion, complaint, start)
-        return self._solve(motion, terms, given, contacts, start)
+        return self._solve(motion, given, contacts, start)
 
     def _solve(
         self,
         motion: Motion,
-        terms: Terms,
         references: Mapping[str, Reference],
         contacts: Mapping[str, float] | None,
         start: float,
     ) -> Command:
         levels = self._programs.levels(contacts)
-        levels.upper.program.contacts.fill(self._kinematics)
-        sigma, speed, expected = self._judge_speeds(terms, motion)
+        levels[0].program.contacts.fill(self._kinematics)
+        sigma, speed, expected = self._judge_speeds(motion)
         limits = self._motors.bounds(motion, speed)
         slopes = self._law.slopes(sigma)
-        found: Found | None = None
-        for stack, search in ((self._stack, levels.upper), (self._lower, levels.lower)):
-            if stack is None or search is None:
-                continue
-            program = search.program
-            self._search = search
-            self._assemble(program, stack, motion, references, contacts)
-            if found is not None:
-                program.assemble_lock(*self._stack.lock(found.acceleration))
-                self._positive = found.output > 0.0
-            if not all_finite(program.cost_gradient, program.b):
-                return self._safe(motion, overflow_complaint(references), start)
-            found = search.solve(self._positive, slopes, limits, expected, self._output)
-            verdict = judged(found, program)
-            if not verdict[0].usable:
-                return self._safe(motion, verdict, start, found)
-        if found is None:
-            raise ControlError("no level has a program.")
-        share = self._plant.rotor @ found.acceleration + self._plant.rotor_bias
-        torque, mesh, exact = self._stage.solve(found.output, share, sigma, slopes, limits)
-        self._remember(motion, found, torque)
-        consistent = exact or self._law.consistent(
-            gear_directions(found.output, sigma), found.output, mesh
-        )
-        outcome = Outcome(program, found, verdict, torque, mesh, expected, sigma, consistent)
-        return outcome.command(self._motors, motion, start, self.settings.deadline)
+        gears = GearState(self._positive, sigma, slopes, limits, expected, self._output)
+        answer: Answer | Refusal = Refusal(None, None)
+        decided = None
+        for level in levels:
+            self._level, self._gears = level, gears
+            level.assemble(motion, references, contacts, decided)
+            answer = level.solve(gears)
+            if isinstance(answer, Refusal):
+                break
+            decided = answer.found.acceleration
+            self._gears = gears = gears._replace(positive=answer.found.output > 0.0)
+        if isinstance(answer, Refusal):
+            complaint = answer.complaint or overflow_complaint(references)
+            return self._safe(motion, complaint, start, answer.found)
+        self._remember(motion, answer, gears)
+        outcome = Outcome(levels[-1].program, answer, gears, start, self.settings.deadline)
+        return outcome.command(self._law, self._motors, motion)
 
-    def _assemble(
-        self,
-        program: ContactForceProgram,
-        stack: TaskStack,
-        motion: Motion,
-        references: Mapping[str, Reference],
-        contacts: Mapping[str, float] | None,
-    ) -> None:
-        program.assemble_cost(stack)
-        program.assemble_forces(references)
-        program.assemble_dynamics()
-        program.assemble_limits(motion.position, motion.velocity, self.settings.time_step, contacts)
-
-    def _judge_speeds(
-        self, terms: Terms, motion: Motion
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _judge_speeds(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Update the plant; return sigma (m,), measured and expected motor speed (m,)."""
         blend, plant = self.settings.speed_blend, self._plant
         self._expected = blend.corrected(self._expected, motion.velocity, self.settings.time_step)
@@ -243,14 +207,13 @@ class Controller:
         torque = None
         if self._effects.act_on_joints:
             torque = self._effects.on_joints(motion, blend.certainty(self._expected))
-        plant.update(terms, torque, speed, sigma)
+        plant.update(self._kinematics, torque, speed, sigma)
         return sigma, speed, expected
 
-    def _remember(self, motion: Motion, found: Found, torque: FloatArray) -> None:
-        self._positive = found.output > 0.0
-        self._output = found.output
-        self._expected = self._expected + self.settings.time_step * found.acceleration
-        self._fallback.remember(motion, torque)
+    def _remember(self, motion: Motion, answer: Answer, gears: GearState) -> None:
+        self._positive, self._output = gears.positive, answer.found.output
+        self._expected = self._expected + self.settings.time_step * answer.found.acceleration
+        self._fallback.remember(motion, answer.realised.torque)
 
     def _safe(
         self, motion: Motion, complaint: Complaint, start: float, found: Found | None = None

@@ -75,7 +75,7 @@ class DirectionSearch:
         self.program = program
         self._solver_name, self._tolerance = solver_name, tolerance
         self._iterations, self._rounds = iterations, rounds
-        self._solver: Solver = self._make(len(program.row_labels))
+        self._solver: Solver = self._make(len(program.rows.labels))
         self._branching: Solver | None = None
         self._spent = 0.0
         self._count = 0
@@ -148,7 +148,7 @@ class DirectionSearch:
         """Return T (m,) and N tau_phi (m,) at a solution by the mesh law."""
         program = self.program
         output = program.output_torque(solution.x)
-        share = program.plant.rotor @ solution.x[: program.nv] + program.plant.rotor_bias
+        share = program.plant.rotor_share(solution.x[: program.nv])
         return output, slopes.at(output > 0.0) * output + share
 
     def _turned(
@@ -169,7 +169,7 @@ class DirectionSearch:
             return np.asarray(wrong & (np.abs(output) > _SMALL))
         beyond = self._beyond(solution, slopes, limits)
         pushing = np.zeros(len(output), dtype=bool)
-        pushing[program.gears] = np.abs(solution.z[program.torque_rows]) > _ACTIVE
+        pushing[program.gears] = np.abs(solution.z[program.rows.torque]) > _ACTIVE
         return np.asarray(wrong & (np.abs(output) > _SMALL) & (beyond | pushing))
 
     def _beyond(self, solution: QPSolution, slopes: Slopes, limits: Limits) -> BoolArray:
@@ -181,7 +181,7 @@ class DirectionSearch:
     def _contested(self, slopes: Slopes, solution: QPSolution) -> IntArray:
         """Return the gears at a limit on the side where the allowed set is a union."""
         program = self.program
-        push, gears = solution.z[program.torque_rows], program.gears
+        push, gears = solution.z[program.rows.torque], program.gears
         if not push.any():
             return _NONE
         convex = slopes.positive[gears] > slopes.negative[gears]
@@ -198,7 +198,7 @@ class DirectionSearch:
         unsolved: QPSolution | None = None,
     ) -> Found:
         """Return the best solution over all directions, or the best within the rounds left."""
-        rows = len(self.program.row_labels) + len(self.program.gears)
+        rows = len(self.program.rows.labels) + len(self.program.gears)
         if self._branching is None:
             self._branching = self._make(rows)
         nodes: list[dict[int, bool]] = []
@@ -233,12 +233,12 @@ class DirectionSearch:
         program = self.program
         positive = program.output_torque(solution.x) > 0.0
         program.assemble_torque_limits(slopes.at(positive), *limits)
-        rows = len(program.row_labels)
+        rows = len(program.rows.labels)
         if len(solution.z) == rows:
             return solution
         z = solution.z[:rows].copy()
         own = positive[program.gears]
-        z[program.torque_rows] = np.where(own, z[program.torque_rows], solution.z[rows:])
+        z[program.rows.torque] = np.where(own, z[program.rows.torque], solution.z[rows:])
         return replace(solution, z=z)
 
     def _cost(self, solution: QPSolution) -> float:
@@ -261,8 +261,9 @@ class DirectionSearch:
                     low[gear], high[gear] = limits[0][gear], limits[1][gear]
             bounds.append((low, high))
         program.assemble_torque_limits(slopes.negative, *bounds[1])
-        rows = program.torque_rows
-        more = (program.C[rows].copy(), program.lower[rows].copy(), program.upper[rows].copy())
+        rows = program.rows.torque
+        own = program.rows
+        more = (own.C[rows].copy(), own.lower[rows].copy(), own.upper[rows].copy())
         program.assemble_torque_limits(slopes.positive, *bounds[0])
         plain = program.problem
         return plain._replace(

@@ -61,13 +61,15 @@ class GearLaw:
 
     def slopes(self, sigma: FloatArray) -> Slopes:
         """Return the slopes for gears that turn with certainty and direction `sigma` (m,)."""
-        size = np.abs(sigma)
-        forward = self._rest + size * self._to_forward
-        backward = self._rest + size * self._to_backward
-        with_load = sigma > 0.0
-        return Slopes(
-            np.where(with_load, forward, backward), np.where(with_load, backward, forward)
-        )
+        ahead = np.maximum(sigma, 0.0)
+        astern = ahead - sigma
+        positive = ahead * self._to_forward
+        positive += astern * self._to_backward
+        positive += self._rest
+        negative = ahead * self._to_backward
+        negative += astern * self._to_forward
+        negative += self._rest
+        return Slopes(positive, negative)
 
     def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest mesh input (m,) that transmit `output` T at `sigma`.

@@ -1,4 +1,4 @@
-"""Kinematics of one tick, each quantity computed when the first task asks for it."""
+"""Dynamics and kinematics of one tick, the rarer quantities computed when first asked for."""
 
 from __future__ import annotations
 
@@ -6,46 +6,54 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import Terms
+from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
+from wbc.robot import Robot
 
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class Kinematics:
-    """What tasks and contacts read at one state.
+    """What the plant, tasks and contacts read at one state.
 
-    The tick's `Terms` hold placements, Jacobians, and accelerations at qdd = 0, from which every
-    drift dJ/dt v follows. One object serves one controller; `update` moves it to the next state.
+    One object serves one controller; `update` moves it to the next state. All arrays are views of
+    memory that the next `update` overwrites. Accelerations are those at qdd = 0, from which every
+    drift dJ/dt v follows.
 
     Attributes:
-        model: the pinocchio model of the tick's workspace.
-        terms: link-side terms of the present state.
+        model: the pinocchio model, the robot's contact points among its frames.
+        data: pinocchio's data at the present state.
+        position: q (nq,).
+        velocity: v (nv,).
+        mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
+        bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
     """
 
-    def __init__(self, model: pin.Model) -> None:
-        """Prepare for a model; `update` must come before anything is read."""
-        self.model = model
-        self.terms: Terms
+    def __init__(self, robot: Robot) -> None:
+        """Prepare for a robot; `update` must come before anything is read."""
+        space = Workspace(robot)
+        self.model, self.data = space.model, space.data
+        data = self.data
+        self.position: FloatArray = np.zeros(self.model.nq)
+        self.velocity: FloatArray = np.zeros(self.model.nv)
+        self.mass_matrix: FloatArray = data.M
+        self.bias: FloatArray = data.nle
+        self._rest = np.zeros(self.model.nv)
+        self._com: FloatArray = data.com[0]
+        self._com_drift: FloatArray = data.acom[0]
+        self._com_jacobian: FloatArray = data.Jcom
+        self._momentum: FloatArray = data.Ag
         self._frames: dict[str, int] = {}
-        self._com_ready = False
-        self._momentum_ready = False
+        self._com_ready = self._momentum_ready = False
 
-    def update(self, terms: Terms) -> None:
-        """Take the terms of the present state."""
-        self.terms = terms
-        self._com_ready = False
-        self._momentum_ready = False
-
-    @property
-    def position(self) -> FloatArray:
-        """q (nq,)."""
-        return self.terms.position
-
-    @property
-    def velocity(self) -> FloatArray:
-        """v (nv,)."""
-        return self.terms.velocity
+    def update(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Move to the state q (nq,), v (nv,)."""
+        model, data = self.model, self.data
+        self.position, self.velocity = position, velocity
+        pin.crba(model, data, position, pin.Convention.WORLD)
+        pin.nonLinearEffects(model, data, position, velocity)
+        pin.forwardKinematics(model, data, position, velocity, self._rest)
+        self._com_ready = self._momentum_ready = False
 
     def frame_id(self, name: str) -> int:
         """Return the number of a frame.
@@ -64,45 +72,58 @@ class Kinematics:
 
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""
-        return pin.updateFramePlacement(self.model, self.terms.data, frame)
+        return pin.updateFramePlacement(self.model, self.data, frame)
 
     def frame_jacobian(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
         """Return J (6, nv): linear velocity of the frame's origin over angular velocity."""
-        return np.asarray(pin.getFrameJacobian(self.model, self.terms.data, frame, axes))
+        rows: FloatArray = pin.getFrameJacobian(self.model, self.data, frame, axes)
+        return rows
+
+    def frame_velocity(self, frame: int) -> FloatArray:
+        """Return the velocity (6,) of the frame's origin over the angular one, world axes."""
+        rate: FloatArray = pin.getFrameVelocity(self.model, self.data, frame, _WORLD).vector
+        return rate
 
     def frame_drift(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
         """Return dJ/dt v (6,), the classical acceleration of the frame at qdd = 0."""
-        motion = pin.getFrameClassicalAcceleration(self.model, self.terms.data, frame, axes)
-        return np.asarray(motion.vector)
+        motion = pin.getFrameClassicalAcceleration(self.model, self.data, frame, axes)
+        drift: FloatArray = motion.vector
+        return drift
 
     def center_of_mass(self) -> FloatArray:
         """Return the centre of mass (3,) [m], world."""
-        return np.asarray(self.terms.data.com[0])
+        self._update_com()
+        return self._com
 
     def center_of_mass_jacobian(self) -> FloatArray:
         """Return J_com (3, nv), world axes."""
-        return np.asarray(self.terms.data.Jcom)
+        self._update_com()
+        return self._com_jacobian
 
     def center_of_mass_drift(self) -> FloatArray:
         """Return dJ_com/dt v (3,) [m/s^2], world axes."""
-        if not self._com_ready:
-            pin.centerOfMass(self.model, self.terms.data, pin.KinematicLevel.ACCELERATION, False)
-            self._com_ready = True
-        return np.asarray(self.terms.data.acom[0])
+        self._update_com()
+        return self._com_drift
 
     def momentum_matrix(self) -> FloatArray:
         """Return A_g (6, nv): h_g = A_g v, linear over angular, about the centre of mass."""
         self._update_momentum()
-        return np.asarray(self.terms.data.Ag)
+        return self._momentum
 
     def momentum_drift(self) -> FloatArray:
         """Return dA_g/dt v (6,), linear [N] over angular [N m]."""
         self._update_momentum()
-        return np.asarray(self.terms.data.dhg.vector)
+        drift: FloatArray = self.data.dhg.vector
+        return drift
+
+    def _update_com(self) -> None:
+        if not self._com_ready:
+            pin.centerOfMass(self.model, self.data, pin.KinematicLevel.ACCELERATION, False)
+            pin.jacobianCenterOfMass(self.model, self.data, False)
+            self._com_ready = True
 
     def _update_momentum(self) -> None:
         if not self._momentum_ready:
-            data = self.terms.data
-            pin.computeCentroidalMap(self.model, data, self.terms.position)
-            pin.computeCentroidalMomentumTimeVariation(self.model, data)
+            pin.computeCentroidalMap(self.model, self.data, self.position)
+            pin.computeCentroidalMomentumTimeVariation(self.model, self.data)
             self._momentum_ready = True

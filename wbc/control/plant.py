@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.kinematics import Kinematics
 from wbc.control.selection import as_rows
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot
@@ -25,8 +26,6 @@ class Plant:
     Attributes:
         mass: M (nv, nv).
         bias: (nv,) [N m], effects included.
-        output: D' M_m (m, nv).
-        output_bias: D' bias_m (m,) [N m].
         rotor: (m, nv) [kg m^2], N^2 I_r D^-1 in the driven columns.
         rotor_bias: (m,) [N m] at the motor output: rotor friction and coupling.
     """
@@ -41,7 +40,8 @@ class Plant:
         self.motor_from_joint = None if self.topology is None else gears.motor_from_joint
         self.rotor = np.zeros((gears.size, robot.model.nv))
         self.rotor[:, robot.actuated] = gears.reflected_inertia[:, None] * gears.motor_from_joint
-        self._rotor_own = self.rotor.copy()
+        self._rotor_own = self.rotor
+        self._own_inertia = np.array(gears.reflected_inertia)
         self._turns = np.zeros_like(self.rotor)
         self._turns[:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
         self._dry = np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction
@@ -50,8 +50,11 @@ class Plant:
         self.rotor_bias = np.zeros(gears.size)
         self.mass: FloatArray
         self.bias: FloatArray
-        self.output: FloatArray
-        self.output_bias: FloatArray
+
+    @property
+    def output_bias(self) -> FloatArray:
+        """D' bias_m (m,) [N m], the part of T that no acceleration and no force changes."""
+        return self.to_motors(self.bias)
 
     def motor_speed(self, velocity: FloatArray) -> FloatArray:
         """Return dpsi (m,) [rad/s] of joint velocities (nv,)."""
@@ -63,34 +66,59 @@ class Plant:
         rows = joint_rows[self.driven]
         return rows if self.topology is None else self.topology.T @ rows
 
+    def rotor_share(self, acceleration: FloatArray) -> FloatArray:
+        """Return what the rotors take themselves (m,) [N m]: rotor qdd + rotor_bias."""
+        if self.rotor is not self._rotor_own or self.topology is not None:
+            return np.asarray(self.rotor.dot(acceleration) + self.rotor_bias)
+        share: FloatArray = self._own_inertia * acceleration[self.driven]
+        share += self.rotor_bias
+        return share
+
     def update(
-        self, terms: Terms, effects: FloatArray | None, speed: FloatArray, certainty: FloatArray
+        self,
+        kinematics: Kinematics,
+        effects: FloatArray | None,
+        speed: FloatArray,
+        certainty: FloatArray,
     ) -> None:
         """Take the terms of a state.
 
         Args:
-            terms: link-side terms.
+            kinematics: of the state.
             effects: torque of the physical effects on the coordinates (nv,), or None.
             speed: motor speed dpsi (m,) [rad/s].
             certainty: sigma (m,) of each gear.
         """
-        self.mass = terms.mass_matrix
-        self.bias = terms.bias if effects is None else terms.bias - effects
+        self.mass = kinematics.mass_matrix
+        self.bias = kinematics.bias if effects is None else kinematics.bias - effects
         if self._rotors_rub:
             self.rotor_bias = self._dry * certainty + self._viscous * speed
         if self.robot.rotors_turn_with_links:
-            self._couple(terms)
-        self.output = self.to_motors(self.mass)
-        self.output_bias = self.to_motors(self.bias)
+            self._couple(kinematics)
 
-    def _couple(self, terms: Terms) -> None:
-        coupling = rotor_coupling(self.robot, terms)
+    def _couple(self, kinematics: Kinematics) -> None:
+        coupling = rotor_coupling(self.robot, _terms(kinematics))
         ratio = self.robot.transmission.gear_ratio
         self.mass = self.mass + coupling.inertia.T @ self._turns
         self.bias = self.bias + coupling.link_bias
         self.rotor = self._rotor_own + ratio[:, None] * coupling.inertia
         own = ratio * coupling.rotor_bias
         self.rotor_bias = self.rotor_bias + own if self._rotors_rub else own
+
+
+def _terms(kinematics: Kinematics) -> Terms:
+    """Return the state as the dynamics' own terms, without contact points."""
+    none = np.zeros((0, len(kinematics.velocity)))
+    return Terms(
+        kinematics.position,
+        kinematics.velocity,
+        kinematics.mass_matrix,
+        kinematics.bias,
+        none,
+        np.zeros(0),
+        np.zeros((0, 3)),
+        kinematics.data,
+    )
 
 
 def _is_identity(matrix: FloatArray) -> bool:

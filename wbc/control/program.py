@@ -11,9 +11,10 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.control.contact_force_cost import ContactForceCost
 from wbc.control.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.inequality_rows import InequalityRows
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
-from wbc.control.qp import INFINITE, QPProblem
+from wbc.control.qp import QPProblem
 from wbc.control.reference import Reference
 from wbc.control.task_stack import TaskStack
 
@@ -28,14 +29,15 @@ class ContactForceProgram:
               friction cones, normal forces, joint limits
 
     with e the slope of the mesh law in the direction predicted for each gear. All memory is
-    allocated once; `problem` is overwritten by the next `assemble`.
+    allocated once; `problem` is overwritten by the next assembly.
 
     Attributes:
         contacts: the active contacts.
         n: number of variables.
         force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
             accelerations and forces are of one size and tolerances mean the same on any robot.
-        row_labels: what every inequality row is called in messages.
+        force_cost: cost of the contact forces.
+        rows: the inequalities.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
     """
 
@@ -69,88 +71,101 @@ class ContactForceProgram:
         self.undriven = robot.floating_size
         self.gears = np.flatnonzero(limited)
         self._all_gears = len(self.gears) == robot.transmission.size
-        self._weights = weights
+        self.weights = weights
         weight = _weight(robot.model)
         self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
-        self._force_cost = ContactForceCost(
+        self.force_cost = ContactForceCost(
             contacts, force_tasks, weights[1], weight, self.force_scale
         )
         self.H = np.zeros((self.n, self.n))
-        force_diagonal = np.arange(self.nv, self.n)
-        self.H[force_diagonal, force_diagonal] = self._force_cost.diagonal
         self._diagonal = np.arange(self.nv) * (self.n + 1)
         self.g = np.zeros(self.n)
-        self.g[self.nv :] = self._force_cost.pull
         self.efforts = tuple(efforts)
         self._cost_H, self._cost_g = self.H, self.g
         if self.efforts:
             self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
             self._effort_rows = np.zeros((robot.transmission.size, self.n))
-        self.locked_rows = slice(
-            self.undriven + contacts.rows, self.undriven + contacts.rows + locked
+        rest = self.undriven + contacts.rows
+        self.locked_rows = slice(rest, rest + locked)
+        self.A = np.zeros((rest + locked, self.n))
+        self.b = np.zeros(rest + locked)
+        self._balance, self._contact = slice(0, self.undriven), slice(self.undriven, rest)
+        names = robot.transmission.joints
+        self.rows = InequalityRows(
+            [names[i] for i in self.gears], contacts, joint_limit, self.nv, self.force_scale
         )
-        self.A = np.zeros((self.locked_rows.stop, self.n))
-        self.b = np.zeros(len(self.A))
-        self._lay_out_inequalities()
-        self._square = np.zeros((self.nv, self.nv))
+        self._ramped = True
+        self._write_normal_bounds(None)
+        self._pushes = np.zeros((self.nv, self.forces))
         self.torque_map = np.zeros((robot.transmission.size, self.n))
         self._scaled_map = np.zeros_like(self.torque_map)
-
-    def _lay_out_inequalities(self) -> None:
-        m, set_ = len(self.gears), self.contacts
-        faces, normals = len(set_.cone), len(set_.contacts)
-        joints = 0 if self.joint_limit is None else len(self.joint_limit.joints)
-        total = m + faces + normals + joints
-        self.C = np.zeros((total, self.n))
-        self.lower, self.upper = np.full(total, -INFINITE), np.full(total, INFINITE)
-        self.torque_rows = slice(0, m)
-        self.cone_rows = slice(m, m + faces)
-        self.normal_rows = slice(m + faces, m + faces + normals)
-        self.joint_rows = slice(m + faces + normals, total)
-        self.C[self.cone_rows, self.nv :] = set_.cone
-        self.upper[self.cone_rows] = 0.0
-        self.C[self.normal_rows, self.nv :] = set_.normals
-        names = self.plant.robot.transmission.joints
-        labels = [f"rotor torque limit of '{names[i]}'" for i in self.gears]
-        labels += [f"contact {label}" for label in set_.cone_labels]
-        labels += [f"contact {contact.name}: normal force" for contact in set_.contacts]
-        if self.joint_limit is not None:
-            self.C[np.arange(m + faces + normals, total), self.joint_limit.rows] = 1.0
-            labels += [f"joint limit of '{joint}'" for joint in self.joint_limit.joints]
-        self.row_labels = tuple(labels)
-        self._write_normal_bounds(None)
 
     @property
     def problem(self) -> QPProblem:
         """The program as assembled last; the arrays are this object's own."""
-        return QPProblem(self.H, self.g, self.A, self.b, self.C, self.lower, self.upper)
+        rows = self.rows
+        return QPProblem(self.H, self.g, self.A, self.b, rows.C, rows.lower, rows.upper)
 
     @property
     def cost_gradient(self) -> FloatArray:
         """g (n,) of the tasks alone, before the efforts."""
         return self._cost_g
 
+    def assemble_constraints(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        step: float,
+        ceilings: Mapping[str, float] | None,
+    ) -> None:
+        """Write the equalities, and the bounds of normal forces and joint accelerations.
+
+        Args:
+            position, velocity: q (nq,) and v (nv,).
+            step: time until the next tick [s].
+            ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
+        """
+        plant, set_, nv = self.plant, self.contacts, self.nv
+        A, b, balance = self.A, self.b, self._balance
+        A[balance, :nv] = plant.mass[plant.undriven]
+        np.negative(plant.bias[plant.undriven], out=b[balance])
+        if self.forces:
+            np.multiply(set_.jacobian.T, -self.force_scale, out=self._pushes)
+            A[balance, nv:] = self._pushes[plant.undriven]
+            A[self._contact, :nv] = set_.jacobian
+            b[self._contact] = set_.target
+        if ceilings is not None or self._ramped:
+            self._write_normal_bounds(ceilings)
+        if self.joint_limit is not None:
+            low, high = self.joint_limit.bounds(position, velocity, step)
+            self.rows.lower[self.rows.joint] = low
+            self.rows.upper[self.rows.joint] = high
+
     def assemble_cost(self, tasks: TaskStack) -> None:
-        """Write H and g from the tasks' rows."""
+        """Write H and g from the tasks' rows and the cost of the contact forces."""
         nv, H, g = self.nv, self._cost_H, self._cost_g
-        np.dot(tasks.matrix.T, tasks.matrix, out=self._square)
-        H[:nv, :nv] = self._square
-        H.reshape(-1)[self._diagonal] += tasks.diagonal + self._weights[0]
+        H[:nv, :nv] = tasks.matrix.T @ tasks.matrix
+        H.reshape(-1)[self._diagonal] += tasks.diagonal + self.weights[0]
         np.dot(tasks.target, tasks.matrix, out=g[:nv])
         g[:nv] += tasks.pull
         np.negative(g[:nv], out=g[:nv])
+        places = np.arange(nv, self.n)
+        H[places, places] = self.force_cost.diagonal
+        g[nv:] = self.force_cost.pull
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
-        """Write the cost of the contact forces, (re)filled only where there are force tasks."""
-        if not self._force_cost.tracks:
-            return
-        self._force_cost.fill(references)
-        places = np.arange(self.nv, self.n)
-        self._cost_H[places, places] = self._force_cost.diagonal
-        self._cost_g[self.nv :] = self._force_cost.pull
+        """Take what the force tasks ask, where there are any."""
+        if self.force_cost.tracks:
+            self.force_cost.fill(references)
+
+    def assemble_torque_map(self) -> None:
+        """Write the map from x to T; call after the constraints."""
+        plant, nv = self.plant, self.nv
+        self.torque_map[:, :nv] = plant.to_motors(plant.mass)
+        self.torque_map[:, nv:] = plant.to_motors(self._pushes)
 
     def assemble_efforts(self, slopes: FloatArray, speed: FloatArray, last: FloatArray) -> None:
-        """Add the efforts for one slope per gear; call after the dynamics and the costs.
+        """Add the efforts for one slope per gear; call after the map and the costs.
 
         Args:
             slopes: e (m,) in the predicted directions.
@@ -179,81 +194,46 @@ class ContactForceProgram:
         self.A[self.locked_rows, : self.nv] = matrix
         self.b[self.locked_rows] = values
 
-    def assemble_dynamics(self) -> None:
-        """Write the equalities from the plant and the contacts."""
-        plant, set_, free, nv = self.plant, self.contacts, self.undriven, self.nv
-        rest = free + self.forces
-        self.A[:free, :nv] = plant.mass[plant.undriven]
-        self.b[:free] = plant.bias[plant.undriven]
-        np.negative(self.b[:free], out=self.b[:free])
-        if self.forces:
-            across = set_.jacobian.T * -self.force_scale
-            self.A[:free, nv:] = across[plant.undriven]
-            self.A[free:rest, :nv] = set_.jacobian
-            self.b[free:rest] = set_.target
-            self.torque_map[:, nv:] = plant.to_motors(across)
-        self.torque_map[:, :nv] = plant.output
-
     def assemble_torque_limits(
         self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
     ) -> None:
         """Write the rows of the rotor torque limits for one slope per gear.
 
         Args:
-            slopes: e (m,), mesh input per output torque in the predicted directions.
-            lower, upper: (m,) least and greatest N tau_phi [N m].
+            slopes: e (m,) in the predicted directions.
+            lower, upper: least and greatest N tau_phi (m,) [N m].
         """
-        plant, nv, rows = self.plant, self.nv, self.torque_rows
-        if not len(self.gears):
-            return
+        plant, rows = self.plant, self.rows
+        where, nv = rows.torque, self.nv
         offset = slopes * plant.output_bias
         offset += plant.rotor_bias
-        scaled = self.C[rows] if self._all_gears else self._scaled_map
+        scaled = rows.C[where] if self._all_gears else self._scaled_map
         np.multiply(self.torque_map, slopes[:, None], out=scaled)
         scaled[:, :nv] += plant.rotor
         if self._all_gears:
-            np.subtract(lower, offset, out=self.lower[rows])
-            np.subtract(upper, offset, out=self.upper[rows])
+            np.subtract(lower, offset, out=rows.lower[where])
+            np.subtract(upper, offset, out=rows.upper[where])
         else:
-            self.C[rows] = scaled[self.gears]
-            self.lower[rows] = (lower - offset)[self.gears]
-            self.upper[rows] = (upper - offset)[self.gears]
-
-    def assemble_limits(
-        self,
-        position: FloatArray,
-        velocity: FloatArray,
-        step: float,
-        ceilings: Mapping[str, float] | None,
-    ) -> None:
-        """Write the bounds of normal forces and of joint accelerations.
-
-        Args:
-            position, velocity: q (nq,) and v (nv,).
-            step: time until the next tick [s].
-            ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
-        """
-        if ceilings is not None or self._ramped:
-            self._write_normal_bounds(ceilings)
-        if self.joint_limit is not None:
-            low, high = self.joint_limit.bounds(position, velocity, step)
-            self.lower[self.joint_rows] = low
-            self.upper[self.joint_rows] = high
+            rows.C[where] = scaled[self.gears]
+            rows.lower[where] = (lower - offset)[self.gears]
+            rows.upper[where] = (upper - offset)[self.gears]
 
     def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
         set_ = self.contacts
         top = set_.normal_maximum
         if ceilings is not None:
             top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
-        self.lower[self.normal_rows] = np.minimum(set_.normal_minimum, top) / self.force_scale
-        self.upper[self.normal_rows] = np.minimum(top / self.force_scale, INFINITE)
+        self.rows.write_normals(set_.normal_minimum, top)
         self._ramped = ceilings is not None
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""
-        torque = self.torque_map @ x
-        torque += self.plant.output_bias
-        return np.asarray(torque)
+        plant, nv = self.plant, self.nv
+        torque = plant.mass.dot(x[:nv])
+        torque += plant.bias
+        if self.forces:
+            torque += self._pushes.dot(x[nv:])
+        return plant.to_motors(torque)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""
@@ -264,14 +244,6 @@ class ContactForceProgram:
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
         return "what the more important tasks have decided", "m/s^2"
-
-    def inequality_label(self, row: int) -> tuple[str, str]:
-        """Return what an inequality row is called in messages, and its unit."""
-        if row < self.torque_rows.stop:
-            return self.row_labels[row], "N m at the motor output"
-        if row < self.joint_rows.start:
-            return self.row_labels[row], f"times {self.force_scale:.3g} N"
-        return self.row_labels[row], "rad/s^2"
 
 
 def _weight(model: pin.Model) -> float:

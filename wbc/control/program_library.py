@@ -6,14 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wbc.arrays import BoolArray
+from wbc.control.active_set_guess import ActiveSetGuess
 from wbc.control.contact_set import ContactSet
 from wbc.control.contacts import BoundContact
 from wbc.control.direction_search import DirectionSearch
 from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.level import Level
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program import ContactForceProgram
 from wbc.control.settings import ControllerSettings
+from wbc.control.task_stack import TaskStack
+from wbc.control.torque_stage import RotorTorqueStage
+from wbc.control.warm_start import WarmStart
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +33,8 @@ class Recipe:
         settings: of the controller.
         efforts: costs on torques, which the least important level bears.
         force_tasks: costs on contact forces, likewise.
-        locked: rows that the level above hands down; None where there is one level only.
+        stacks: tasks by level, the most important first.
+        stage: what finds the rotor torques.
     """
 
     plant: Plant
@@ -38,20 +44,8 @@ class Recipe:
     settings: ControllerSettings
     efforts: Sequence[Effort]
     force_tasks: Sequence[ContactForceTask]
-    locked: int | None
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Levels:
-    """The searches of one set of contacts.
-
-    Attributes:
-        upper: of the more important tasks.
-        lower: of the others, None where there is one level only.
-    """
-
-    upper: DirectionSearch
-    lower: DirectionSearch | None
+    stacks: tuple[TaskStack, ...]
+    stage: RotorTorqueStage
 
 
 class ProgramLibrary:
@@ -61,10 +55,10 @@ class ProgramLibrary:
         """Remember what programs are made of."""
         self._recipe = recipe
         self._all = tuple(recipe.contacts)
-        self._made: dict[tuple[str, ...], Levels] = {}
+        self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
 
-    def levels(self, active: Mapping[str, float] | None) -> Levels:
-        """Return the searches for the contacts that may carry force, all when None."""
+    def levels(self, active: Mapping[str, float] | None) -> tuple[Level, ...]:
+        """Return the levels for the contacts that may carry force, all when None."""
         names = self._all
         if active is not None:
             names = tuple(name for name in names if active.get(name, 0.0) > 0.0)
@@ -73,17 +67,13 @@ class ProgramLibrary:
             recipe = self._recipe
             nv = recipe.plant.robot.model.nv
             contacts = ContactSet([recipe.contacts[name] for name in names], nv)
-            last = self._search(contacts, True, recipe.locked or 0)
-            if recipe.locked is None:
-                levels = Levels(last, None)
-            else:
-                levels = Levels(self._search(contacts, False, 0), last)
+            levels = tuple(self._level(contacts, rank) for rank in range(len(recipe.stacks)))
             self._made[names] = levels
         return levels
 
-    def _search(self, contacts: ContactSet, last: bool, locked: int) -> DirectionSearch:
-        recipe = self._recipe
-        settings = recipe.settings
+    def _level(self, contacts: ContactSet, rank: int) -> Level:
+        recipe, settings = self._recipe, self._recipe.settings
+        last = rank == len(recipe.stacks) - 1
         program = ContactForceProgram(
             recipe.plant,
             contacts,
@@ -92,12 +82,19 @@ class ProgramLibrary:
             (settings.acceleration_weight, settings.force_weight),
             recipe.efforts if last else (),
             recipe.force_tasks if last else (),
-            locked,
+            recipe.stacks[rank - 1].locks if rank else 0,
         )
-        return DirectionSearch(
+        search = DirectionSearch(
             program,
             settings.solver,
             settings.tolerance,
             settings.max_iterations,
             settings.max_rounds,
         )
+        tasks = recipe.stacks[rank]
+        diagonal = rank == 0 and not program.efforts and settings.force_weight > 0.0
+        guess = None
+        if diagonal and settings.warm_start is WarmStart.ACTIVE_SET:
+            guess = ActiveSetGuess(program, tasks, settings.tolerance)
+        above = recipe.stacks[rank - 1] if rank else None
+        return Level(tasks, above, program, search, guess, recipe.stage, settings.time_step)

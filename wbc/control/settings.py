@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from wbc.control.gears import RestPolicy
 from wbc.control.safety import Damped, SafetyPolicy
 from wbc.control.speed import SpeedBlend
+from wbc.control.warm_start import WarmStart
 from wbc.errors import ControlError
 
 
@@ -18,6 +19,8 @@ class ControllerSettings:
         time_step: time until the next tick [s], for joint limits.
         rest_policy: what to choose inside the interval that stiction leaves free.
         speed_blend: how the directions of the gears are judged.
+        warm_start: whether the constraints that bound the last solution are tried before the
+            solver is asked.
         solver: "proxqp" or "daqp" (native; the latter an extra package), or any backend of
             qpsolvers.
         tolerance: absolute tolerance of the native solver on every residual.
@@ -34,6 +37,7 @@ class ControllerSettings:
     time_step: float = 1e-3
     rest_policy: RestPolicy = RestPolicy.NEUTRAL
     speed_blend: SpeedBlend = field(default_factory=SpeedBlend)
+    warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
     tolerance: float = 1e-7
     max_iterations: int = 200

@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.gears import GearLaw, Slopes
 from wbc.control.qp import QPProblem, make_solver
 from wbc.transmission import Transmission
+
+
+class Realised(NamedTuple):
+    """Rotor torques that bring about output torques.
+
+    Attributes:
+        torque: N tau_phi (m,) [N m].
+        mesh: t (m,) [N m] that enters the meshes.
+        exact: whether no limit bent them.
+    """
+
+    torque: FloatArray
+    mesh: FloatArray
+    exact: bool
 
 
 class RotorTorqueStage:
@@ -45,8 +61,8 @@ class RotorTorqueStage:
         sigma: FloatArray,
         slopes: Slopes,
         limits: tuple[FloatArray, FloatArray],
-    ) -> tuple[FloatArray, FloatArray, bool]:
-        """Return N tau_phi (m,), the mesh input t (m,) [N m], and whether no limit bent them.
+    ) -> Realised:
+        """Return the rotor torques.
 
         Args:
             output: T wanted (m,) [N m].
@@ -60,10 +76,10 @@ class RotorTorqueStage:
         lower, upper = limits
         clipped = np.minimum(np.maximum(torque, lower), upper)
         if (clipped == torque).all():
-            return torque, wanted, True
+            return Realised(torque, wanted, True)
         if self._serial:
-            return clipped, clipped - share, False
-        return *self._coupled(output, wanted, share, sigma, slopes, limits), False
+            return Realised(clipped, clipped - share, False)
+        return Realised(*self._coupled(output, wanted, share, sigma, slopes, limits), False)
 
     def _coupled(
         self,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,17 +47,8 @@ class Contact(ABC):
             raise ControlError(f"contact '{self.name}': damping must be >= 0.")
 
     @abstractmethod
-    def points(self) -> tuple[str, ...]:
-        """Return the names of the robot's contact points whose Jacobians it reads each tick."""
-
-    @abstractmethod
-    def bind(self, robot: Robot, read: Sequence[str]) -> BoundContact:
+    def bind(self, robot: Robot) -> BoundContact:
         """Return the contact resolved on `robot`.
-
-        Args:
-            robot: the robot.
-            read: names of the contact points in the tick's stacked Jacobian, in order; those of
-                `points` are among them.
 
         Raises:
             ControlError: the contact does not fit the robot.

@@ -1,18 +1,18 @@
-"""A point that rests on the ground."""
+"""A point that rests on the ground, level or sloped."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, IntArray, checked, frozen
 from wbc.control.contacts.contact import BoundContact, Cone, Contact
 from wbc.control.contacts.friction import ConeApproximation, planar_cone, pyramid
 from wbc.control.kinematics import Kinematics
+from wbc.control.selection import Rows, as_rows
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -21,16 +21,20 @@ from wbc.robot import Robot
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PointContact(Contact):
-    """One of the robot's contact points on level ground, force (3,) along the world axes.
+    """One of the robot's contact points on flat ground, force (3,) along the world axes.
 
     Axes in which the robot can never move the point (y of a planar robot) get neither rows nor
-    forces, so that no row of the program is singular by construction.
+    forces, so that no row of the program is singular by construction. On a slope the rows stay
+    along the world axes; friction and the normal force lean with the ground.
 
     Attributes:
+        ground_normal: direction (3,) away from the ground, world axes, of any length; straight
+            up when left out.
         faces: faces of the friction pyramid, at least 3; a planar robot's cone is exact.
         approximation: whether the pyramid stands inside the cone or around it.
     """
 
+    ground_normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     faces: int = 4
     approximation: ConeApproximation = ConeApproximation.INNER
 
@@ -39,16 +43,18 @@ class PointContact(Contact):
         super().__post_init__()
         if self.faces < 3:
             raise ControlError(f"contact '{self.name}': a pyramid has at least 3 faces.")
+        normal = checked(
+            self.ground_normal, (3,), f"contact '{self.name}': ground_normal", ControlError
+        )
+        if not normal[2] > 0.0:
+            raise ControlError(f"contact '{self.name}': ground_normal must point up, z > 0.")
 
-    def points(self) -> tuple[str, ...]:
-        """Return its own name."""
-        return (self.name,)
-
-    def bind(self, robot: Robot, read: Sequence[str]) -> BoundPoint:
+    def bind(self, robot: Robot) -> BoundPoint:
         """Return the contact with its movable axes and its cone.
 
         Raises:
-            ControlError: the point cannot move up and down, so that no force supports it.
+            ControlError: the point cannot move up and down, so that no force supports it, or the
+                ground leans in a direction in which the robot cannot move.
             RobotError: no such contact point.
         """
         point = robot.contact(self.name)
@@ -61,18 +67,31 @@ class PointContact(Contact):
             matrix = pyramid(mu, self.faces, self.approximation)
         else:
             matrix = planar_cone(mu, len(axes))
-        normal = np.zeros(len(axes))
-        normal[-1] = 1.0
-        cone = Cone(
-            frozen(matrix), tuple(f"friction cone, face {i}" for i in range(len(matrix))), normal
-        )
+        turn = self._ground_axes(axes)
+        labels = tuple(f"friction cone, face {i}" for i in range(len(matrix)))
+        cone = Cone(frozen(matrix @ turn), labels, frozen(turn[-1]))
         return BoundPoint(
             contact=self,
             rows=len(axes),
             cone=cone,
             axes=frozen(axes, np.int_),
-            select=frozen([3 * read.index(self.name) + a for a in axes], np.int_),
+            frame=f"contact:{self.name}",
+            select=as_rows(np.asarray(axes)),
         )
+
+    def _ground_axes(self, axes: list[int]) -> FloatArray:
+        """Return two tangents and the normal of the ground as rows over the movable axes."""
+        normal = np.array(self.ground_normal)
+        normal /= np.linalg.norm(normal)
+        fixed = [axis for axis in range(3) if axis not in axes]
+        if np.abs(normal[fixed]).max(initial=0.0) > 1e-9:
+            raise ControlError(
+                f"contact '{self.name}': ground_normal leans along {'xyz'[fixed[0]]}, in which "
+                "the robot cannot move."
+            )
+        along = np.array([normal[2], 0.0, -normal[0]])
+        along /= np.linalg.norm(along)
+        return np.array([along, np.cross(normal, along), normal])[np.ix_(axes, axes)]
 
 
 @final
@@ -82,17 +101,19 @@ class BoundPoint(BoundContact):
 
     Attributes:
         axes: the world axes (k,) that it has, the last one z.
-        select: its rows (k,) in the stacked contact Jacobian.
+        frame: name of the point among the tick's frames.
+        select: the same axes as rows of a velocity.
     """
 
     axes: IntArray
-    select: IntArray
+    frame: str
+    select: Rows
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
-        """Copy the rows of the tick's contact Jacobian and drift."""
-        terms = kinematics.terms
-        jacobian[:] = terms.contact_jacobian[self.select]
-        drift[:] = terms.contact_drift[self.select]
+        """Copy the point's linear rows."""
+        number = kinematics.frame_id(self.frame)
+        jacobian[:] = kinematics.frame_jacobian(number)[self.select]
+        drift[:] = kinematics.frame_drift(number)[self.select]
 
     @property
     def components(self) -> IntArray:

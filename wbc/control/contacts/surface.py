@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import final
@@ -36,11 +35,7 @@ class SurfaceContact(Contact):
     corners: tuple[str, ...]
     approximation: ConeApproximation = ConeApproximation.INNER
 
-    def points(self) -> tuple[str, ...]:
-        """Return nothing: the rows come from the frame itself."""
-        return ()
-
-    def bind(self, robot: Robot, read: Sequence[str]) -> BoundSurface:
+    def bind(self, robot: Robot) -> BoundSurface:
         """Return the contact with its placement and its cone.
 
         Raises:
@@ -94,9 +89,8 @@ class BoundSurface(BoundContact):
         """Write the spatial Jacobian and acceleration, shifted to the rectangle's middle."""
         number = kinematics.frame_id(self.frame)
         local = pin.ReferenceFrame.LOCAL
-        data = kinematics.terms.data
-        jacobian[:] = pin.getFrameJacobian(kinematics.model, data, number, local)
-        drift[:] = pin.getFrameAcceleration(kinematics.model, data, number, local).vector
+        jacobian[:] = kinematics.frame_jacobian(number, local)
+        drift[:] = pin.getFrameAcceleration(kinematics.model, kinematics.data, number, local).vector
         _shift(jacobian, self.middle)
         _shift(drift, self.middle)
 

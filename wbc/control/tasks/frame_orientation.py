@@ -6,58 +6,45 @@ from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
 from wbc.control.tasks.axes import axis_rows
-from wbc.control.tasks.frames import require_frame
-from wbc.control.tasks.task import Task
-from wbc.robot import Robot
+from wbc.control.tasks.frame_task import FrameTask, turn_missing
 
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FrameOrientationTask(Task):
+class FrameOrientationTask(FrameTask):
     """Orientation of a frame; the value is its rotation matrix (3, 3), world from frame.
 
     The error is the rotation vector R log3(R' R_target) in world axes [rad], of which the task
-    takes some components.
+    takes some components. Relative to another frame, that frame stands for the world.
 
     Attributes:
-        frame: name of a frame of the model.
         axes: which of "xyz" belong to the task, "y" for the pitch of a planar robot.
     """
 
-    frame: str
     axes: str = "xyz"
     _rows: slice = field(init=False, repr=False)
+    _angular: slice = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the axes."""
         super().__post_init__()
-        object.__setattr__(self, "_rows", axis_rows(self.axes, self.name))
+        rows = axis_rows(self.axes, self.name)
+        object.__setattr__(self, "_rows", rows)
+        object.__setattr__(self, "_angular", slice(rows.start + 3, rows.stop + 3, rows.step))
 
-    def check(self, robot: Robot) -> int:
-        """Return the number of axes."""
-        require_frame(robot, self.frame, self.name)
-        return len(self.axes)
+    def rows(self) -> slice:
+        """Return the angular rows of the axes."""
+        return self._angular
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the rotation matrix, world from frame, (3, 3)."""
-        placement = kinematics.placement(kinematics.frame_id(self.frame))
-        return np.asarray(placement.rotation)
+        return np.asarray(self.placement(kinematics).rotation)
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the components of R log3(R' R_target), world axes, (k,) [rad]."""
-        rotation = self.value(kinematics)
-        return np.asarray((rotation @ pin.log3(rotation.T @ target))[self._rows])
-
-    def jacobian(self, kinematics: Kinematics) -> FloatArray:
-        """Return the rows of the frame's angular Jacobian, world axes, (k, nv)."""
-        return kinematics.frame_jacobian(kinematics.frame_id(self.frame))[3:][self._rows]
-
-    def drift(self, kinematics: Kinematics) -> FloatArray:
-        """Return the angular acceleration at qdd = 0, world axes, (k,) [rad/s^2]."""
-        return kinematics.frame_drift(kinematics.frame_id(self.frame))[3:][self._rows]
+        return turn_missing(self.placement(kinematics), target)[self._rows]

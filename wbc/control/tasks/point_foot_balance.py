@@ -96,7 +96,7 @@ class PointFootBalanceTask(Task):
             kinematics: of the present state.
             height: z of the centre of mass above the foot [m], not zero.
         """
-        mass = float(kinematics.terms.data.mass[0])
+        mass = float(kinematics.data.mass[0])
         gravity = float(np.linalg.norm(kinematics.model.gravity.linear))
         from_speed, from_momentum = self._pitch_rate(kinematics)
         pole = sqrt(gravity / abs(height)) if self.bandwidth is None else self.bandwidth

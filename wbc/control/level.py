@@ -1,0 +1,170 @@
+"""One level of priority: its tasks, its program, and the two ways of solving it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import NamedTuple
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.control.active_set_guess import ActiveSetGuess
+from wbc.control.command import Status
+from wbc.control.direction_search import DirectionSearch, Found
+from wbc.control.gears import Slopes
+from wbc.control.inputs import Complaint, all_finite
+from wbc.control.program import ContactForceProgram
+from wbc.control.qp import QPProblem
+from wbc.control.reference import Reference
+from wbc.control.task_stack import TaskStack
+from wbc.control.torque_stage import Realised, RotorTorqueStage
+from wbc.control.verdict import judged
+from wbc.robot import Motion
+
+_BINDS = 1e-6
+_SOLVED: Complaint = (Status.SOLVED, "")
+
+
+class GearState(NamedTuple):
+    """What one tick knows of the gears before it is solved.
+
+    Attributes:
+        positive: (m,) guess of where T > 0.
+        sigma: certainty (m,) of the directions.
+        slopes: of the mesh law for either sign of T.
+        limits: least and greatest N tau_phi (m,) [N m].
+        speed: expected dpsi (m,) [rad/s].
+        last_output: T (m,) of the last tick [N m].
+    """
+
+    positive: BoolArray
+    sigma: FloatArray
+    slopes: Slopes
+    limits: tuple[FloatArray, FloatArray]
+    speed: FloatArray
+    last_output: FloatArray
+
+
+class Answer(NamedTuple):
+    """A usable solution, the rotor torques that bring it about, and how usable they are."""
+
+    found: Found
+    realised: Realised
+    verdict: Complaint
+
+
+class Refusal(NamedTuple):
+    """Why there is no usable solution; no complaint where a number of the program is not finite."""
+
+    complaint: Complaint | None
+    found: Found | None
+
+
+class Level:
+    """Solves one level's program of one set of contacts.
+
+    Attributes:
+        program: of the level.
+    """
+
+    def __init__(
+        self,
+        tasks: TaskStack,
+        above: TaskStack | None,
+        program: ContactForceProgram,
+        search: DirectionSearch,
+        guess: ActiveSetGuess | None,
+        stage: RotorTorqueStage,
+        time_step: float,
+    ) -> None:
+        """Take the parts.
+
+        Args:
+            tasks: of the level.
+            above: tasks of the more important level, None where there is none.
+            program: what is to be solved.
+            search: solves it with the directions of its own solution.
+            guess: tried before the search; None where every tick goes to the solver.
+            stage: finds the rotor torques.
+            time_step: time until the next tick [s].
+        """
+        self._tasks, self._above, self.program = tasks, above, program
+        self._search, self._guess, self._stage = search, guess, stage
+        self._time_step = time_step
+        self._saturated = self._whole = False
+
+    def assemble(
+        self,
+        motion: Motion,
+        references: Mapping[str, Reference],
+        contacts: Mapping[str, float] | None,
+        decided: FloatArray | None,
+    ) -> None:
+        """Write what both ways of solving need.
+
+        Args:
+            motion: the state.
+            references: of the tick.
+            contacts: greatest normal force [N] of each active contact, or None.
+            decided: qdd (nv,) of the level above.
+        """
+        program = self.program
+        program.assemble_constraints(motion.position, motion.velocity, self._time_step, contacts)
+        program.assemble_forces(references)
+        if self._above is not None and decided is not None:
+            program.assemble_lock(*self._above.lock(decided))
+
+    def solve(self, gears: GearState) -> Answer | Refusal:
+        """Return the solution with the directions of its own torques, or why there is none."""
+        self._whole = False
+        if self._guess is not None and not self._saturated:
+            found = self._guessed(self._guess)
+            if found is not None:
+                realised = self._realise(found, gears)
+                if realised.exact:
+                    return Answer(found, realised, _SOLVED)
+        self._whole = True
+        return self._searched(gears)
+
+    def problem(self, gears: GearState | None) -> QPProblem:
+        """Return a copy of the program of the last tick, in the directions of its solution."""
+        if not self._whole and gears is not None:
+            self._assemble_whole()
+            slope = gears.slopes.at(gears.positive)
+            self.program.assemble_torque_limits(slope, *gears.limits)
+        return self.program.problem.copied()
+
+    def _guessed(self, guess: ActiveSetGuess) -> Found | None:
+        """Return the solution if no torque limit binds, None where the guess fails."""
+        start = perf_counter()
+        solution = guess.solve()
+        if solution is None:
+            return None
+        program = self.program
+        spent = perf_counter() - start
+        output = program.output_torque(solution.x)
+        return Found(solution, output, 1, spent, True, solution.x[: program.nv])
+
+    def _searched(self, gears: GearState) -> Answer | Refusal:
+        self._assemble_whole()
+        program = self.program
+        if not all_finite(program.cost_gradient, program.b):
+            return Refusal(None, None)
+        found = self._search.solve(
+            gears.positive, gears.slopes, gears.limits, gears.speed, gears.last_output
+        )
+        verdict = judged(found, program)
+        if not verdict[0].usable:
+            return Refusal(verdict, found)
+        push = found.solution.z[program.rows.torque]
+        self._saturated = bool((abs(push) > _BINDS).any())
+        if self._guess is not None:
+            self._guess.learn(found.solution)
+        return Answer(found, self._realise(found, gears), verdict)
+
+    def _realise(self, found: Found, gears: GearState) -> Realised:
+        share = self.program.plant.rotor_share(found.acceleration)
+        return self._stage.solve(found.output, share, gears.sigma, gears.slopes, gears.limits)
+
+    def _assemble_whole(self) -> None:
+        self.program.assemble_cost(self._tasks)
+        self.program.assemble_torque_map()
