@@ -81,6 +81,7 @@ def staircase_figure(
         rows = np.arange(len(steps))
         ax.barh(rows, errors, color=theme.series[0], height=0.62)
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter("{x:g}")
         ax.set_xlim(0.5, 2.2 * max(errors.max(), 2.0))
         ax.axvline(1.0, color=theme.series[1], linestyle="--")
         ax.annotate(

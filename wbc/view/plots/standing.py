@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import configuration, contact_forces, rotor_torque
-from wbc.view.impacts import log_impacts
+from wbc.view.impacts import log_impacts, robot_weight
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.noisy import plot_mean
 from wbc.view.plots.shading import mark_impacts
@@ -31,7 +31,8 @@ def standing_figure(
 ) -> Figure:
     """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
 
-    Torque and force that noise shakes are shown as their mean in front of every sample.
+    Torque and force that noise shakes are shown as their mean in front of every sample; the axis
+    of the force is logarithmic above the weight where something lands.
 
     Args:
         robot: the robot of all runs (its links; the gears may differ from run to run).
@@ -52,8 +53,9 @@ def standing_figure(
             style: dict[str, Any] = {
                 "color": theme.series[i % len(theme.series)],
                 "linestyle": DASHES[i % len(DASHES)],
-                # A run that another one covers still shows as its rim.
-                "linewidth": max(2.6 - 0.7 * i, 1.2),
+                # Later runs are wider and lie behind, so that one that coincides shows as a rim.
+                "linewidth": 1.3 + 0.9 * min(i, 3),
+                "zorder": 3.0 - 0.1 * i,
                 "label": label,
             }
             _plot_run(axes, robot, log, style)
@@ -91,6 +93,10 @@ def _plot_run(axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any]
     forces = contact_forces(robot, log)
     total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
     plot_mean(axes[-1], log.time, total, style, hits)
+    if hits:
+        # The blow of a landing and the standing force on one axis.
+        axes[-1].set_yscale("symlog", linthresh=robot_weight(robot), linscale=1.0)
+        axes[-1].yaxis.set_major_formatter("{x:g}")
 
 
 def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:
