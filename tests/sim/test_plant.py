@@ -258,3 +258,29 @@ def test_bad_input_is_refused() -> None:
         Plant(robot, restitution=1.5)
     with pytest.raises(SimulationError, match="two ticks"):
         simulate(plant, lambda s: np.zeros(2), state, 1e-4)
+
+
+def test_restitution_with_friction_never_makes_energy() -> None:
+    """Newton's restitution with friction can (Kane's paradox); the plant then restores less."""
+    leg, less = load_robot("planar_leg"), 0
+    for seed in range(240):
+        rng = np.random.default_rng(seed)
+        robot = _slippery(leg if seed % 2 else leg.lossless(), float(rng.uniform(0.0, 1.5)))
+        plant = Plant(robot, restitution=float(rng.uniform(0.3, 1.0)))
+        q = robot.configuration(
+            hip=rng.uniform(-1, 1), knee=rng.uniform(-2, 2), base_pitch=rng.uniform(-1, 1)
+        )
+        q[1] -= plant.gaps(plant.state(q))[0]
+        state = plant.state(q, rng.normal(size=5) * [2.0, 1.0, 3.0, 5.0, 5.0])
+        before = plant.mechanical_energy(state)
+        for impact in plant.step(state, np.zeros(2), 1e-9).impacts:
+            after = plant.mechanical_energy(state.replace(velocity=impact.after))
+            assert after <= before + 1e-8 * (1.0 + abs(before))
+            assert impact.contact_loss >= -1e-8
+            less += impact.restitution < plant.restitution
+            row = robot.transmission.size
+            approach = impact.solution.reduced.program.unilateral.normals[0] @ impact.before
+            assert impact.solution.speed[row] == pytest.approx(
+                -impact.restitution * approach, abs=1e-9
+            )
+    assert less > 0

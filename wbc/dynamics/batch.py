@@ -75,7 +75,7 @@ def contact_torque(
             frame = space.frames[names.index(name)]
             pin.updateFramePlacement(space.model, space.data, frame)
             jacobian = pin.getFrameJacobian(space.model, space.data, frame, world)
-            result[row] += jacobian[:3].T @ force[row]
+            result[row] += jacobian[:3].reshape(3, -1).T @ force[row]
     return result
 
 

@@ -52,7 +52,7 @@ def rotor_coupling(robot: Robot, terms: Terms) -> RotorCoupling:
         if housing == 0:
             continue
         axis = data.oMi[housing].rotation @ robot.mounting.axis[i]
-        turning = pin.getJointJacobian(model, data, housing, world)[3:]
+        turning = pin.getJointJacobian(model, data, housing, world)[3:].reshape(3, nv)
         rate = turning @ terms.velocity
         drift = pin.getAcceleration(model, data, housing, world).angular
         moment = gears.rotor_inertia[i]

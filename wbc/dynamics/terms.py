@@ -100,9 +100,10 @@ def evaluate(
     for i, frame in enumerate(space.frames):
         pin.updateFramePlacement(model, data, frame)
         rows = slice(3 * i, 3 * i + 3)
+        # With one coordinate pinocchio returns a vector.
         jacobian[rows] = pin.getFrameJacobian(
             model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )[:3]
+        )[:3].reshape(3, -1)
         drift[rows] = pin.getFrameClassicalAcceleration(
             model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         ).linear

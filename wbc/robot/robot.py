@@ -96,6 +96,12 @@ class Robot:
                     f"contact '{contact.name}': "
                     + unknown_name(f"frame of '{self.name}'", contact.frame, known)
                 )
+        if not _depth_first(model):
+            raise RobotError(
+                f"the joints of '{self.name}' are not in depth-first order: pinocchio's inertia "
+                "matrix would be wrong without a word. Add each subtree's joints in one go, as the "
+                "URDF and MJCF loaders do."
+            )
         if np.any(np.abs(np.asarray(model.armature)) > 0.0):
             raise RobotError(
                 f"the model of '{self.name}' carries armature; put rotor inertias into the "
@@ -256,3 +262,15 @@ class Robot:
         for name, value in joints.items():
             q[self.position_index(name)] = value
         return q
+
+
+def _depth_first(model: pin.Model) -> bool:
+    """Return whether every joint's parent is the joint before it or one of that one's ancestors."""
+    chain = [0]
+    for number in range(1, model.njoints):
+        parent = int(model.parents[number])
+        if parent not in chain:
+            return False
+        del chain[chain.index(parent) + 1 :]
+        chain.append(number)
+    return True

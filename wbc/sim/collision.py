@@ -25,6 +25,8 @@ from wbc.sim.solver import solve_program
 from wbc.sim.state import SimState
 
 _SLOW = 1e-9
+_ROUNDING = 1e-9
+_FINEST = 1e-3
 
 
 def settle(setup: Setup, state: SimState) -> tuple[SimState, Impact | None]:
@@ -58,9 +60,49 @@ def _collide(
     contacts: ContactRows,
     approach: FloatArray,
 ) -> Impact:
-    """Return the impact of the `closed` barriers, for the kinematics held in the workspace."""
+    """Return the impact of the `closed` barriers, for the kinematics held in the workspace.
+
+    Newton's restitution with friction may ask for more energy than there was (Kane's paradox), or
+    for what the joints cannot do. Without restitution an impact only loses energy; the largest
+    restitution between that does so is taken.
+    """
+    if setup.restitution == 0.0:
+        return _bounce(setup, state, closed, contacts, approach, 0.0)
+    scale = kinetic_energy(setup, state.position, state.velocity)
+    slack = -_ROUNDING * scale
+    try:
+        impact = _bounce(setup, state, closed, contacts, approach, setup.restitution)
+        if impact.contact_loss >= slack:
+            return impact
+    except SimulationError:
+        pass
+    low, high = 0.0, setup.restitution
+    best = _bounce(setup, state, closed, contacts, approach, low)
+    while high - low > _FINEST:
+        middle = 0.5 * (low + high)
+        try:
+            impact = _bounce(setup, state, closed, contacts, approach, middle)
+            passive = impact.contact_loss >= slack
+        except SimulationError:
+            passive = False
+        if passive:
+            low, best = middle, impact
+        else:
+            high = middle
+    return best
+
+
+def _bounce(
+    setup: Setup,
+    state: SimState,
+    closed: BoolArray,
+    contacts: ContactRows,
+    approach: FloatArray,
+    restitution: float,
+) -> Impact:
+    """Return the impact after which normal speeds are -`restitution` times those before."""
     drive = setup.drive
-    target = -setup.restitution * np.minimum(approach, 0.0)
+    target = -restitution * np.minimum(approach, 0.0)
     hit = setup.barriers.closed_rows(closed, contacts, target)
     solution = _solve(setup, state, hit.unilateral)
     after = np.array(solution.velocity)
@@ -71,7 +113,9 @@ def _collide(
     given = kinetic_energy(setup, state.position, state.velocity, motor)
     given -= kinetic_energy(setup, state.position, after, following)
     impulse = world_impulse(contacts, hit.which, solution)
-    return Impact(state.time, state.velocity, after, impulse, mesh, given - mesh, solution)
+    return Impact(
+        state.time, state.velocity, after, impulse, mesh, given - mesh, restitution, solution
+    )
 
 
 def _solve(setup: Setup, state: SimState, unilateral: Unilateral) -> StepSolution:

@@ -51,7 +51,9 @@ def contact_rows(space: Workspace, normal: FloatArray, planar: bool) -> ContactR
     model, data = space.model, space.data
     jacobian = np.empty((len(normal), 3, model.nv))
     for i, frame in enumerate(space.frames):
-        jacobian[i] = pin.getFrameJacobian(model, data, frame, _WORLD)[:3]
+        # With one coordinate pinocchio returns a vector.
+        whole = pin.getFrameJacobian(model, data, frame, _WORLD)
+        jacobian[i] = whole[:3].reshape(3, -1)
     axes = planar_axes(normal) if planar else spatial_axes(normal)
     return ContactRows(axes, axes @ jacobian)
 

@@ -23,6 +23,8 @@ class Impact:
         contact_impulse: (k, 3) [N s] on the robot, world axes.
         mesh_loss: energy lost in the gears [J].
         contact_loss: energy lost in the contacts [J].
+        restitution: normal speed after over before; the plant's, or as much less as friction
+            would otherwise have made energy.
         solution: of the impact's program.
     """
 
@@ -32,6 +34,7 @@ class Impact:
     contact_impulse: FloatArray
     mesh_loss: float
     contact_loss: float
+    restitution: float
     solution: StepSolution
 
 

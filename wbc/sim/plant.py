@@ -38,7 +38,8 @@ class Plant:
     Attributes:
         robot: what moves.
         terrain: what it stands on.
-        restitution: normal speed after over before an impact (Newton), 0 to 1.
+        restitution: normal speed after over before an impact (Newton), 0 to 1; less in an impact
+            that would gain energy from it (`Impact.restitution`).
     """
 
     robot: Robot

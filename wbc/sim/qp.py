@@ -22,6 +22,7 @@ from wbc.sim.law_cost import CostPiece, cost_pieces
 from wbc.sim.reduced import Reduced
 
 _ROUNDS = 120
+_UNSOLVED = 8
 _FIRST_DIRECTIONS = 8
 _INFINITE = 1e20
 
@@ -56,10 +57,11 @@ def qp_candidates(reduced: Reduced) -> Iterator[FloatArray]:
         return
     costs, d = _costs(reduced, pieces), reduced.tangents
     directions = [_first_directions(d)] * reduced.contacts
-    slip = np.zeros(reduced.contacts)
+    slip, unsolved = np.zeros(reduced.contacts), 0
     for _ in range(_ROUNDS if d else 1):
-        impulse = _solve(reduced, costs, directions, slip)
-        if impulse is None:
+        impulse, solved = _solve(reduced, costs, directions, slip)
+        unsolved += not solved
+        if unsolved > _UNSOLVED or not np.isfinite(impulse).all():
             return
         yield impulse
         sliding = reduced.speeds(impulse)[reduced.tangent_rows].reshape(reduced.contacts, d)
@@ -102,8 +104,8 @@ def _costs(reduced: Reduced, pieces: list[CostPiece]) -> _Costs:
 
 def _solve(
     reduced: Reduced, costs: _Costs, directions: list[FloatArray], slip: FloatArray
-) -> FloatArray | None:
-    """Return the row impulses of one round, None where proxsuite fails."""
+) -> tuple[FloatArray, bool]:
+    """Return the row impulses of one round, and whether proxsuite calls it solved."""
     u, n = reduced.program.unilateral, len(reduced.program.free_velocity)
     nl, d, count = reduced.limits, reduced.tangents, len(costs.pieces)
     rows, floors = [u.limits], [u.target[:nl]]
@@ -118,9 +120,7 @@ def _solve(
     lower = np.concatenate((np.zeros(count), *floors))
     upper = np.full(len(lower), _INFINITE)
     upper[:count] = [min(piece.length, _INFINITE) for piece in costs.pieces]
-    dual = _run(costs, inequality, lower, upper)
-    if dual is None:
-        return None
+    dual, solved = _run(costs, inequality, lower, upper)
     m, k = reduced.elements, reduced.contacts
     impulse = np.zeros(len(reduced.free))
     impulse[:m] = -dual[:m]
@@ -133,24 +133,20 @@ def _solve(
         impulse[m + nl + i] = share.sum()
         tangent = m + nl + k + i * d
         impulse[tangent : tangent + d] = -u.friction[i] * (share @ along)
-    return impulse
+    return impulse, solved
 
 
 def _run(
     costs: _Costs, inequality: FloatArray, lower: FloatArray, upper: FloatArray
-) -> FloatArray | None:
-    """Return the multipliers of equalities and inequalities, None where proxsuite fails."""
+) -> tuple[FloatArray, bool]:
+    """Return the multipliers of equalities and inequalities, and whether they are a solution."""
     solver = proxqp.dense.QP(len(costs.linear), len(costs.equal), len(inequality))
     solver.settings.eps_abs = 1e-11
     solver.settings.eps_rel = 0.0
-    solver.settings.max_iter = 2000
+    # A program that has no solution costs all of them: a tenth of a second.
+    solver.settings.max_iter = 400
+    solver.settings.max_iter_in = 100
     solver.init(costs.quadratic, costs.linear, costs.equal, costs.right, inequality, lower, upper)
     solver.solve()
-    failed = (
-        proxqp.QPSolverOutput.PROXQP_PRIMAL_INFEASIBLE,
-        proxqp.QPSolverOutput.PROXQP_DUAL_INFEASIBLE,
-    )
-    if solver.results.info.status in failed:
-        return None
-    multipliers = np.concatenate((solver.results.y, solver.results.z))
-    return multipliers if np.isfinite(multipliers).all() else None
+    solved = solver.results.info.status == proxqp.QPSolverOutput.PROXQP_SOLVED
+    return np.concatenate((solver.results.y, solver.results.z)), solved

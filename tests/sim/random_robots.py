@@ -1,0 +1,90 @@
+"""Random tree robots with lossy gears of any topology, on any base, with points that touch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc import Robot
+from wbc.robot import ContactPoint
+from wbc.transmission import Transmission
+
+BASES = ("fixed", "planar", "free")
+
+
+def _inertia(rng: np.random.Generator) -> pin.Inertia:
+    mass = rng.uniform(0.3, 4.0)
+    sides = rng.uniform(0.05, 0.5, 3)
+    box = pin.Inertia.FromBox(mass, *sides)
+    turned = pin.SE3(pin.Quaternion(*_unit(rng, 4)).toRotationMatrix(), rng.normal(size=3) * 0.1)
+    return turned.act(box)
+
+
+def _unit(rng: np.random.Generator, size: int) -> np.ndarray:
+    vector = rng.normal(size=size)
+    return vector / np.linalg.norm(vector)
+
+
+def _base(model: pin.Model, base: str, rng: np.random.Generator) -> tuple[int, pin.SE3]:
+    if base == "fixed":
+        return 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.6]))
+    if base == "free":
+        joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    else:
+        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+        joint = model.addJoint(joint, pin.JointModelPZ(), pin.SE3.Identity(), "z")
+        joint = model.addJoint(joint, pin.JointModelRY(), pin.SE3.Identity(), "pitch")
+    model.appendBodyToJoint(joint, _inertia(rng), pin.SE3.Identity())
+    return joint, pin.SE3.Identity()
+
+
+def random_robot(
+    rng: np.random.Generator, base: str, eta_f: float, eta_b: float, mu: float, coupled: bool
+) -> Robot:
+    """Return a tree of one to five driven links; planar robots stay in x-z."""
+    model = pin.Model()
+    root, first = _base(model, base, rng)
+    # Depth first, as pinocchio needs it: the next parent is the last link or one of its ancestors.
+    chain, joints, contacts = [root], [], []
+    for i in range(int(rng.integers(1, 6))):
+        del chain[int(rng.integers(1, len(chain) + 1)) :]
+        parent = chain[-1]
+        offset = rng.uniform(-0.3, 0.3, 3)
+        if base == "planar":
+            kind, offset[1] = pin.JointModelRY(), 0.0
+        elif rng.random() < 0.2:
+            kind = pin.JointModelPrismaticUnaligned(_unit(rng, 3))
+        else:
+            kind = pin.JointModelRevoluteUnaligned(_unit(rng, 3))
+        start = first if parent == 0 else pin.SE3.Identity()
+        number = model.addJoint(parent, kind, start * pin.SE3(np.eye(3), offset), f"j{i}")
+        model.appendBodyToJoint(number, _inertia(rng), pin.SE3.Identity())
+        chain.append(number)
+        joints.append(f"j{i}")
+        tip = rng.uniform(-0.4, 0.4, 3)
+        tip[1] *= base != "planar"
+        model.addFrame(
+            pin.Frame(f"tip{i}", number, 0, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME)
+        )
+        contacts.append(ContactPoint(f"tip{i}", f"tip{i}", np.zeros(3), mu))
+    return Robot("random", model, _gears(rng, joints, eta_f, eta_b), tuple(contacts), (), coupled)
+
+
+def _gears(rng: np.random.Generator, joints: list[str], eta_f: float, eta_b: float) -> Transmission:
+    m = len(joints)
+    ratio = rng.uniform(10.0, 100.0, m) * rng.choice([-1.0, 1.0], m)
+    topology = np.eye(m)
+    if m > 1 and rng.random() < 0.5:
+        topology[m - 1, m - 2] = -1.0  # a parallelogram
+    spread = rng.uniform(0.0, 1.0, m)
+    forward = eta_f + (1.0 - eta_f) * spread
+    return Transmission(
+        joints=tuple(joints),
+        gear_ratio=ratio,
+        rotor_inertia=rng.uniform(1e-3, 0.2, m) / ratio**2,
+        topology=topology,
+        forward_efficiency=forward,
+        backward_efficiency=np.minimum(eta_b + spread * (1.0 - eta_b), 1.0 / forward),
+        rotor_coulomb_friction=rng.uniform(0.0, 0.5, m) / np.abs(ratio),
+        rotor_viscous_friction=rng.uniform(0.0, 0.1, m) / ratio**2,
+    )
