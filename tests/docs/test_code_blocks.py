@@ -7,6 +7,7 @@ regression test, but it must not promise what does not happen.
 
 from __future__ import annotations
 
+import codeop
 import contextlib
 import io
 import re
@@ -43,3 +44,15 @@ def test_python_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, mon
             exec(compile(block, str(page), "exec", dont_inherit=True), namespace)
         if promised:
             assert_same_text(printed.getvalue(), promised)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md"])
+def test_blocks_can_be_pasted_into_the_interpreter(page):
+    """A loop that is not followed by an empty line is a syntax error at the prompt."""
+    for block, _ in BLOCK.findall((ROOT / page).read_text(encoding="utf-8")):
+        waiting: list[str] = []
+        for line in [*block.splitlines(), ""]:
+            waiting.append(line)
+            if codeop.compile_command("\n".join(waiting), page, "single") is not None:
+                waiting = []
+        assert not "".join(waiting).strip()
