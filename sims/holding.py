@@ -61,7 +61,7 @@ def standing_loop(
     ]
     settings = ControllerSettings(rest_policy=policy)
     controller = Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
-    height = evaluate(robot, q, np.zeros(robot.model.nv)).data.com[0][2:].copy()
+    height = evaluate(robot, q, np.zeros(robot.model.nv)).center_of_mass[2:]
     references = {"height": Reference(height), "balance": Reference(0.0)}
     random = np.random.default_rng(1)
 

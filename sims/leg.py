@@ -43,7 +43,7 @@ def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatAr
     def overhang(angle: float) -> float:
         q[hip] = angle
         terms = evaluate(robot, q, rest)
-        return float(terms.data.com[0][0] - terms.contact_position[0, 0])
+        return float(terms.center_of_mass[0] - terms.contact_position[0, 0])
 
     q[hip] = brentq(overhang, -knee, 0.5 * knee)
     q[height] = lift - evaluate(robot, q, rest).contact_position[0, 2]

@@ -48,7 +48,7 @@ def standing_torque(robot: Robot, q: FloatArray) -> FloatArray:
 def run_leg(robot: Robot, duration: float, knee: float) -> Squat:
     """Squat 6 cm deep at 0.5 Hz from a pose with bent knee."""
     q = balanced_pose(robot, knee=knee)
-    height = float(evaluate(robot, q, np.zeros(robot.model.nv)).data.com[0][2])
+    height = float(evaluate(robot, q, np.zeros(robot.model.nv)).center_of_mass[2])
     control, ground = LegControl(robot, squat(height, 0.03, 0.5), noise=0.0), Plant(robot)
     run = simulate(ground, control, ground.state(q), duration)
     commands = control.commands

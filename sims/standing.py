@@ -36,7 +36,7 @@ def run_loop(plant: Robot, model: Robot, duration: float, title: str | None) -> 
     """Squat for `duration`, then land from 10 cm, and return the figures."""
     q = balanced_pose(plant)
     terms = evaluate(plant, q, np.zeros(plant.model.nv))  # owns the memory of what it returns
-    height = float(terms.data.com[0][2])
+    height = float(terms.center_of_mass[2])
     legs = (
         LegControl(model, squat(height, 0.025, 0.5)),
         LegControl(model, squat(height, 0.0, 0.5)),

@@ -93,3 +93,15 @@ def test_evaluating_does_not_change_the_robot(random_state) -> None:
     assert robot.model.nframes == frames
     np.testing.assert_array_equal(first.bias, again.bias)
     np.testing.assert_array_equal(first.contact_jacobian, again.contact_jacobian)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_centre_of_mass_outlives_the_terms_it_came_from(name: str, random_state) -> None:
+    robot = load_robot(name)
+    for seed in range(5):
+        q, v = random_state(robot, seed)
+        found = evaluate(robot, q, v).center_of_mass
+        for _ in range(3):
+            evaluate(robot, robot.neutral(), v)  # writes where the first terms had their memory
+        data = robot.model.createData()
+        assert np.allclose(found, pin.centerOfMass(robot.model, data, q), atol=1e-12)

@@ -25,7 +25,9 @@ class Terms:
         contact_drift: dJ/dt v (3k,) [m/s^2].
         contact_position: (k, 3) [m], world.
         data: pinocchio's data at this state, for further kinematics; overwritten by the next
-            `evaluate` with the same workspace.
+            `evaluate` with the same workspace. What it returns are views of its memory: keep the
+            terms for as long as you use them, or copy. `evaluate(...).data.com[0]` reads memory
+            that is free already; `evaluate(...).center_of_mass` does not.
     """
 
     position: FloatArray
@@ -36,6 +38,11 @@ class Terms:
     contact_drift: FloatArray
     contact_position: FloatArray
     data: pin.Data
+
+    @property
+    def center_of_mass(self) -> FloatArray:
+        """Centre of mass (3,) [m], world; a copy, taken from `data` when asked."""
+        return np.array(self.data.com[0])
 
 
 class Workspace:

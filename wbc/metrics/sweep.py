@@ -16,6 +16,8 @@ from wbc.metrics.impact_mitigation import impact_mitigation
 from wbc.robot import Robot
 from wbc.transmission import Direction, wedge_backward_efficiency
 
+_LOCKED = 1e-12  # share of the conservative mobility below which there is none
+
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
@@ -30,7 +32,8 @@ class Sweep:
         inertia: (k,) [kg], apparent inertia 1/(n' Lambda^-1 n) with perfect gears.
         backward_inertia: (k,) [kg], the same, every gear driven by its joint; infinite where
             every way to give is locked.
-        impact_mitigation: (k,), 0 to 1.
+        impact_mitigation: (k,), 0 to 1; NaN where every way to give is locked, for want of a
+            motion to compare with that of blocked gears.
     """
 
     name: str
@@ -151,9 +154,15 @@ def _sweep(
         robot, pose = task.robot, task.terms.position
         forces.append(force_capability(robot, pose, task.contact, task.axes).along(direction))
         n = task.direction(direction)
-        give = [n @ task.mobility(mode) @ n for mode in (Direction.STUCK, Direction.BACKWARD)]
-        row[:2] = [1.0 / g if g > 0.0 else np.inf for g in give]
-        row[2] = impact_mitigation(robot, pose, task.contact, task.axes).along(direction)
+        free, driven = (
+            n @ task.mobility(mode) @ n for mode in (Direction.STUCK, Direction.BACKWARD)
+        )
+        locked = driven <= _LOCKED * free
+        row[0] = 1.0 / free if free > 0.0 else np.inf
+        row[1] = np.inf if locked else 1.0 / driven
+        row[2] = np.nan
+        if not locked or free <= 0.0:
+            row[2] = impact_mitigation(robot, pose, task.contact, task.axes).along(direction)
     return Sweep(
         name=name,
         values=frozen(values),

@@ -218,4 +218,12 @@ def _solve(
     guess = setup.layout.recall(state.impulse, places)
     free = state.velocity + change
     program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
+    try:
+        return gears, places, solve_program(program, guess)
+    except SimulationError:
+        resting = problem.held.unilateral.without_opening()
+        if resting is None:
+            raise
+    # A point that friction jams cannot be opened, not even to take back a drift: it rests.
+    program = StepProgram(inertia, free, gears.elements, resting)
     return gears, places, solve_program(program, guess)
