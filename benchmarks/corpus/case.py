@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.machine import Machine
@@ -22,6 +24,7 @@ class Case:
         excitations: the runs.
         richness: `poor`, `fair`, `good` or `rich`.
         sensors: how they were recorded.
+        torque_noise: (m,) rms at the motor outputs [N m].
     """
 
     number: int
@@ -30,6 +33,7 @@ class Case:
     excitations: tuple[Excitation, ...]
     richness: str
     sensors: Sensors
+    torque_noise: np.ndarray
 
     @property
     def unlisted(self) -> bool:

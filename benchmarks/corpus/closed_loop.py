@@ -92,8 +92,6 @@ def _integrate(
         history[k % len(history)] = command
         asked = history[(k - lag) % len(history), pick[0], pick[1]] if lag.any() else command
         motor = lanes.drive(asked, omega, float(t))
-        if k % every == 0:
-            rows.append((theta, omega, command))
         smooth = lanes.smooth(theta, omega)
         lanes.unlisted(h, float(t), theta, omega, rise, smooth)
         up, down = _levels(lanes, omega, mesh)
@@ -113,7 +111,9 @@ def _integrate(
         spin = spin - np.clip(spin, -down * h / rotor, up * h / rotor)
         rise = np.where(elastic, spin - omega, after - v) / h
         mesh = motor - rotor * rise
-        v, omega = after, np.where(elastic, spin, after)
+        before, v, omega = omega, after, np.where(elastic, spin, after)
+        if k % every == 0:  # speeds live between the positions
+            rows.append((theta, 0.5 * (before + omega), command))
         q = q + h * v
         theta = np.where(elastic, theta + h * omega, q)
     return tuple(np.array([row[part] for row in rows]) for part in range(3))  # type: ignore[return-value]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,7 +50,9 @@ def draw_case(number: int, seed: int = SEED) -> Case:
     flaws: list[Flaw] = []
     for effect in _effects(random, machine, kind):
         flaws += _sized(random, effect, machine, signatures, kind)
-    return Case(number, machine, tuple(flaws), excitations, richness, sensors)
+    return Case(
+        number, machine, tuple(flaws), excitations, richness, sensors, signatures.torque_noise
+    )
 
 
 def _sensors(random: np.random.Generator) -> Sensors:
@@ -80,7 +83,8 @@ def _excitations(
         duration = float(np.round(random.uniform(4.0 if k else 4.5, longest), 1))
         noise = 100 * number + k
         if kind == "repeat":
-            runs.append(Excitation(runs[0].kind, runs[0].seed, runs[0].duration, noise))
+            lead = float(random.uniform(5e-4, 4e-3))
+            runs.append(replace(runs[0], noise=noise, lead=lead))
         else:
             runs.append(Excitation(kind, 100 * number + k, duration, noise))
     return tuple(runs)

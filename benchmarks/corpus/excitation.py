@@ -22,12 +22,15 @@ class Excitation:
         seed: of its phases and sizes; equal seeds repeat one another.
         duration: [s].
         noise: seed of the sensors.
+        lead: how much earlier the clock of the log starts [s]; no run repeats another to the tick
+            of its encoders.
     """
 
     kind: str
     seed: int
     duration: float
     noise: int
+    lead: float = 0.0
 
 
 def reference(machine: Machine, excitation: Excitation) -> BSpline:
@@ -40,7 +43,7 @@ def reference(machine: Machine, excitation: Excitation) -> BSpline:
     if excitation.kind == "one_joint":
         moved = int(random.integers(count))
         wave[:, [k for k in range(count) if k != moved]] = 0.0
-    return make_interp_spline(time, machine.centre + reach * wave, k=5)
+    return make_interp_spline(time - excitation.lead, machine.centre + reach * wave, k=5)
 
 
 def _wave(random: np.random.Generator, kind: str, time: np.ndarray) -> np.ndarray:

@@ -39,19 +39,23 @@ def joint_table(
     machine: Machine,
     flaws: Sequence[Flaw],
     sensors: Sensors,
+    torque_noise: np.ndarray,
     noise: int,
     time: np.ndarray,
     q: np.ndarray,
     v: np.ndarray,
     torque: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Return the columns of the driven joints; arrays are (N, m), torque at the motor output."""
+    """Return the columns of the driven joints; arrays are (N, m), torque at the motor output.
+
+    `torque_noise` (m,) is the same in all runs of a robot, whatever it does in them.
+    """
     random = np.random.default_rng([5, noise])
     q, v = reported_motion(machine, flaws, q, v)
     quantum = 2.0 * np.pi / 2**sensors.bits
     q = q + sensors.position * random.standard_normal(q.shape)
     q = np.round(q / quantum) * quantum
-    torque = torque + sensors.torque * torque_size(torque) * random.standard_normal(torque.shape)
+    torque = torque + torque_noise * random.standard_normal(torque.shape)
     table = {"time": time}
     for j, joint in enumerate(machine.driven):
         table[f"{joint}.position"] = q[:, j]

@@ -40,7 +40,9 @@ class Signatures:
             needed_torque(machine, (), m, links)
             for m, links in zip(self.motions, self._links, strict=True)
         ]
-        self.floor = _floor(machine, sensors, self.motions, self.torques)
+        driven = np.concatenate(self.torques)[:, : len(machine.driven)]
+        self.torque_noise = sensors.torque * torque_size(driven)
+        self.floor = _floor(machine, sensors, self.motions, self.torque_noise)
 
     def of(self, flaws: Sequence[Flaw]) -> np.ndarray:
         """Return (rows, m + b): the residual in floors of a machine without `flaws`."""
@@ -89,10 +91,10 @@ def _floor(
     machine: Machine,
     sensors: Sensors,
     motions: Sequence[Motion],
-    torques: Sequence[np.ndarray],
+    torque_noise: np.ndarray,
 ) -> np.ndarray:
     """Return the rms (m + b,) that white sensor noise leaves in the band."""
-    m, b = len(machine.driven), machine.base_size
+    b = machine.base_size
     rate = sensors.rate
     quantum = 2.0 * np.pi / 2**sensors.bits
     position = sensors.position**2 + quantum**2 / 12.0
@@ -110,6 +112,5 @@ def _floor(
     if motion.forces:
         jacobian = rigid.contact_jacobians(motion.q[middle])
         variance = variance + share * sensors.force**2 * np.sum(jacobian**2, axis=0)
-    every = np.concatenate(torques)[:, :m]
-    variance[b:] += share * (sensors.torque * torque_size(every)) ** 2
+    variance[b:] += share * torque_noise**2
     return np.sqrt(np.concatenate([variance[b:], variance[:b]]))
