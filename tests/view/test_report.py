@@ -13,7 +13,7 @@ import wbc
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.identification import Diagnosis, ErrorLevel, Estimate, Finding, Step, diagnose
-from wbc.measurement import Log
+from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report
 from wbc.view.report.numbers import plain, with_interval
@@ -168,6 +168,24 @@ def test_names_from_files_cannot_break_out_of_the_page(
     text = page.read_text(encoding="utf-8")
     assert '<script>alert("x")' not in text
     assert "misses these logs by" in text
+
+
+PRACTICE = Path(__file__).resolve().parents[3] / "shared" / "data" / "practice_leg"
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern"), [("planar_leg_fixed", "case02?.csv"), ("planar_leg", "float02?.csv")]
+)
+def test_reports_of_the_practice_logs_stay_below_ten_megabytes(
+    name: str, pattern: str, tmp_path: Path
+) -> None:
+    paths = sorted(PRACTICE.glob(pattern))
+    if not paths:
+        pytest.skip(f"no practice logs in {PRACTICE}")
+    page = write_report(tmp_path / "r.html", wbc.load_robot(name).lossless(), load_logs(paths))
+    assert page.stat().st_size < 10_000_000
+    text = page.read_text(encoding="utf-8")
+    assert all(path.name in text for path in paths)
 
 
 @pytest.mark.usefixtures("chromium")

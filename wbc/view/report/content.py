@@ -81,7 +81,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
                 "where": finding.effect.where,
                 "explanation": finding.effect.explanation,
                 "parameters": parameters,
-                "warnings": list(finding.warnings),
+                "warnings": [spoken(warning) for warning in finding.warnings],
                 "alternatives": [spoken(name) for name in finding.alternatives],
             }
         )
