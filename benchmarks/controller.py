@@ -1,145 +1,147 @@
-"""Time of one tick of the controller, beside PlaCo on the same robot, tasks, contacts and states.
+"""Time of one tick of the controller, beside its peers on the same robot, tasks and states.
 
-    python -m benchmarks.controller [ticks]
+    python -m benchmarks.controller [rounds] [robot ...]
 
-Blocks of ticks alternate between all contestants, so that a machine whose speed drifts slows all
-of them alike; only ratios count. Times are of one thread, median and 99th percentile. A peer that
-is not there is skipped with a message. "raw" is proxsuite alone on the same programs.
+Every round runs a motion of 4000 ticks with contact changes; blocks of ticks alternate between all
+contestants, so that a machine whose speed drifts slows all of them alike: only ratios count. Times
+are of one thread. Median and 99th percentile are of processor time, which other programs on the
+machine do not touch; "wall p99" is what an observer with a clock saw. A peer that is not there is
+named as absent. "raw" is the solver alone on the programs of the same ticks.
 """
 
 from __future__ import annotations
 
-import json
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import platform
 import sys
 import tempfile
 import time
+from importlib.metadata import version
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.controller_scenes import (
-    COM_WEIGHT,
-    POSTURE_WEIGHT,
-    STIFFNESS,
-    TRUNK,
-    TRUNK_WEIGHT,
-    URDF,
-    controller,
-    scene,
-)
+from benchmarks.controller_parts import parts
+from benchmarks.controller_scenes import URDF, controller, scene
+from benchmarks.peer_scene import write_scene
 from benchmarks.peers.process import Peer
+from wbc.control import WarmStart
 
 HERE = Path(__file__).resolve().parent
-BLOCK = 100
+TICKS, BLOCK = 4000, 100
+ROBOTS = ("planar_leg_strong", "solo12", "anymal", "talos")
+PEERS = (
+    ("TSID, eiquadprog", "WBC_TSID_PYTHON", "tsid_controller.py", ("fast",)),
+    ("TSID, ProxQP", "WBC_TSID_PYTHON", "tsid_controller.py", ("proxqp",)),
+    ("PlaCo, eiquadprog", "WBC_PLACO_PYTHON", "placo_controller.py", ()),
+)
 
 
 def main():
-    ticks = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    table = Table("robot", "contestant", "median us", "p99 us", "ratio")
-    messages = set()
-    for name in ("planar_leg_strong", "solo12", "anymal", "talos"):
-        rows = compare(name, ticks, messages)
-        base = np.median(rows["dissipative"])
-        for contestant, times in rows.items():
-            table.add_row(
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+    names = sys.argv[2:] or ROBOTS
+    console, messages = Console(width=110), set()
+    console.print(machine())
+    times = Table("robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio")
+    breakdown = Table("robot", "state to terms", "tasks, contacts", "rows", "solve", "torques", "rest")
+    for name in names:
+        robot, states = scene(name, TICKS)
+        found = compare(robot, states, rounds, messages)
+        base = np.median(found["dissipative"][:, 0])
+        for contestant, taken in found.items():
+            middle, high = np.median(taken[:, 0]), np.percentile(taken[:, 0], 99)
+            times.add_row(
                 name,
                 contestant,
-                f"{np.median(times):.0f}",
-                f"{np.percentile(times, 99):.0f}",
-                f"{np.median(times) / base:.2f}",
+                f"{middle:.0f}",
+                f"{high:.0f}",
+                f"{high / middle:.1f}",
+                f"{np.percentile(taken[:, 1], 99):.0f}",
+                f"{middle / base:.2f}",
             )
-    console = Console()
-    console.print(table)
+        times.add_section()
+        breakdown.add_row(name, *(f"{part:.0f}" for part in parts(robot, states)))
+    console.print(times)
+    console.print("Median tick of the dissipative controller by parts [us]")
+    console.print(breakdown)
     for message in sorted(messages):
         console.print(message)
 
 
-def compare(name, ticks, messages):
-    """Return times [us] by contestant for one robot, measured in alternating blocks."""
-    robot, states = scene(name, ticks)
+def machine():
+    """Return one line on the machine and the libraries."""
+    libraries = ("pin", "proxsuite", "daqp", "numpy", "scipy")
+    versions = ", ".join(f"{name} {version(name)}" for name in libraries)
+    return f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {versions}"
+
+
+def processor():
+    """Return the name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.split(":")[1].strip() for line in lines if "model name" in line), "?")
+
+
+def compare(robot, states, rounds, messages):
+    """Return processor and wall time [us] (k, 2) by contestant, measured in alternating blocks."""
+    always = {"warm_start": WarmStart.SOLVER}
     ours = {
         "dissipative": controller(robot),
         "conservative": controller(robot.lossless()),
-        "dissipative, daqp": controller(robot, solver="daqp"),
+        "dissipative, proxsuite every tick": controller(robot, **always),
+        "dissipative, daqp every tick": controller(robot, solver="daqp", **always),
     }
-    times = {key: [] for key in ours} | {"raw proxsuite": []}
-    peer = start_peer(name, robot, states, messages)
-    if peer is not None:
-        times[peer.name] = []
-    for first in range(0, ticks, BLOCK):
-        count = min(BLOCK, ticks - first)
-        for key, contestant in ours.items():
-            for tick in states[first : first + count]:
-                start = time.perf_counter()
-                command = contestant.step(tick.motion, tick.references)
-                times[key].append(1e6 * (time.perf_counter() - start))
-                if not command.status.usable:
-                    raise RuntimeError(f"{name}: {key}: {command.message}")
-                if key == "dissipative":
-                    times["raw proxsuite"].append(1e6 * command.solve_time)
-        if peer is not None:
-            times[peer.name] += peer.run(first, count)
-    if peer is not None:
-        peer.close()
-    return times
+    raw = {"dissipative, proxsuite every tick": "raw proxsuite", "dissipative, daqp every tick": "raw daqp"}
+    times = {key: [] for key in (*ours, *raw.values())}
+    with tempfile.TemporaryDirectory() as folder:
+        peers = start_peers(robot, states, folder, messages)
+        times |= {peer.name: [] for peer in peers}
+        for first in list(range(0, TICKS, BLOCK)) * rounds:
+            block = states[first : first + BLOCK]
+            for key, contestant in ours.items():
+                if first == 0:
+                    contestant.reset()
+                run(contestant, block, times[key], times.get(raw.get(key)))
+            for peer in peers:
+                times[peer.name] += peer.run(first, len(block))
+        for peer in peers:
+            messages.add(f"{peer.name}: {peer.version}")
+            peer.close()
+    return {key: np.array(taken) for key, taken in times.items()}
 
 
-def start_peer(name, robot, states, messages):
-    """Return PlaCo running the same scene, None where it is not there or cannot."""
-    if name not in URDF:
-        return None
-    try:
-        return Peer(
-            "PlaCo",
-            "WBC_PLACO_PYTHON",
-            HERE / "peers" / "placo_controller.py",
-            write_scene(name, robot, states),
-        )
-    except (LookupError, RuntimeError) as cause:
-        messages.add(str(cause))
-        return None
+def run(contestant, block, times, raw):
+    """Add processor and wall time [us] of each tick of a block."""
+    for tick in block:
+        start = time.process_time_ns(), time.perf_counter_ns()
+        command = contestant.step(tick.motion, tick.references, tick.contacts)
+        stop = time.process_time_ns(), time.perf_counter_ns()
+        times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
+        if raw is not None:
+            raw.append([1e6 * command.solve_time] * 2)
+        if not command.status.usable:
+            raise RuntimeError(command.message)
 
 
-def write_scene(name, robot, states):
-    """Write what a peer needs to know as JSON; return the file."""
-    prefix = Path(pin.__file__).resolve().parents[4] / "share" / "example-robot-data"
-    flat = name == "talos"
-    frames = {contact.frame for contact in robot.contacts}
-    folder = Path(tempfile.mkdtemp())
-    description = {
-        "urdf": str(without_meshes(prefix / "robots" / URDF[name], folder)),
-        "joints": list(robot.joints[1:]),
-        "positions": [tick.motion.position.tolist() for tick in states],
-        "velocities": [tick.motion.velocity.tolist() for tick in states],
-        "com": [tick.com.tolist() for tick in states],
-        "stiffness": STIFFNESS,
-        "com_weight": COM_WEIGHT,
-        "trunk_weight": TRUNK_WEIGHT,
-        "posture_weight": POSTURE_WEIGHT,
-        "trunk": TRUNK[name],
-        "feet": sorted(frames),
-        "flat": flat,
-        "sole": [0.21, 0.13],
-        "friction": 0.7,
-    }
-    path = folder / f"{name}.json"
-    path.write_text(json.dumps(description), encoding="utf-8")
-    return path
-
-
-def without_meshes(urdf, folder):
-    """Return a copy of a URDF without visual and collision shapes, which peers insist on."""
-    tree = ElementTree.parse(urdf)
-    for link in tree.getroot().iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(shape)
-    path = folder / urdf.name
-    tree.write(path)
-    return path
+def start_peers(robot, states, folder, messages):
+    """Return the peers that are there, running the same scene."""
+    found = []
+    if robot.name not in URDF:
+        return found
+    file = write_scene(robot, states, folder)
+    for name, variable, script, options in PEERS:
+        try:
+            found.append(Peer(name, variable, HERE / "peers" / script, file, *options))
+        except (LookupError, RuntimeError) as cause:
+            messages.add(str(cause))
+    return found
 
 
 if __name__ == "__main__":

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from sims.leg import balanced_pose
 from wbc.control import (
     CenterOfMassTask,
     Controller,
     ControllerSettings,
     FrameOrientationTask,
     PointContact,
+    PointFootBalanceTask,
     PostureTask,
     Reference,
     SurfaceContact,
@@ -22,6 +24,8 @@ from wbc.effects import load_robot
 from wbc.robot import Motion
 
 COM_WEIGHT, TRUNK_WEIGHT, POSTURE_WEIGHT, STIFFNESS = 10.0, 1.0, 0.1, 50.0
+AIRBORNE, RAMP = 0.35, 0.3  # [rad] of the phase, half of the time without load, and its ramp
+REACH = {"talos": [0.0, 0.07, 0.0], "solo12": [0.02, 0.02, 0.0], "anymal": [0.04, 0.04, 0.0]}
 TRUNK = {
     "talos": "torso_2_link",
     "solo12": "base_link",
@@ -43,36 +47,37 @@ class Tick:
         motion: q and v.
         references: of the controller's tasks.
         com: target position, velocity and acceleration of the centre of mass (3, 3).
+        contacts: greatest normal force of every contact that may carry any, None for all.
     """
 
     motion: Motion
     references: dict
     com: np.ndarray
+    contacts: dict | None
 
 
 def standing(robot):
     """Return the pose that the robot's description names, or a bent leg."""
     if robot.poses:
         return np.array(next(iter(robot.poses.values())))
-    return robot.configuration(hip=-0.3715, knee=0.7, base_z=0.7513)
+    return balanced_pose(robot)
 
 
 def controller(robot, **settings):
-    """Return the timed controller: centre of mass, trunk, posture; every contact of the robot."""
-    trunk = TRUNK[robot.name]
+    """Return the timed controller: centre of mass, trunk, posture; every contact of the robot.
+
+    On one point foot, where no torque holds the trunk, balancing stands for both.
+    """
     posture = PostureTask.of(robot, weight=POSTURE_WEIGHT, stiffness=STIFFNESS)
-    planar = not robot.has_free_flyer
-    tasks = [
-        CenterOfMassTask(weight=COM_WEIGHT, stiffness=STIFFNESS, axes="xz" if planar else "xyz"),
-        FrameOrientationTask(
-            name="trunk",
-            frame=trunk,
-            weight=TRUNK_WEIGHT,
-            stiffness=STIFFNESS,
-            axes="y" if planar else "xyz",
-        ),
-        posture,
-    ]
+    if robot.has_free_flyer:
+        trunk = FrameOrientationTask(
+            name="trunk", frame=TRUNK[robot.name], weight=TRUNK_WEIGHT, stiffness=STIFFNESS
+        )
+        tasks = [CenterOfMassTask(weight=COM_WEIGHT, stiffness=STIFFNESS), trunk, posture]
+    else:
+        height = CenterOfMassTask(weight=COM_WEIGHT, stiffness=STIFFNESS, axes="z")
+        balance = PointFootBalanceTask(contact="foot", frame=TRUNK[robot.name], weight=COM_WEIGHT)
+        tasks = [height, balance, PostureTask.of(robot, weight=1e-3)]
     if robot.name == "talos":
         contacts = [
             SurfaceContact(
@@ -88,29 +93,62 @@ def controller(robot, **settings):
     return Controller(robot, tasks, contacts, settings=ControllerSettings(**settings))
 
 
-def motion(robot, ticks, *, step=1e-3, rate=1.0):
-    """Return the states of a squat with sway that the controller itself produces, gears ideal."""
+def stance(robot, phase):
+    """Return the greatest normal force by contact [N] at a phase of the motion; all when planar.
+
+    A foot whose side the centre of mass has left gives its load off, stands aside, and takes it up
+    again, each by a ramp.
+    """
+    weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
+    if not robot.has_free_flyer:
+        return None
+    if robot.name == "talos":
+        leaving = {"left": 1.5 * np.pi, "right": 0.5 * np.pi}
+    else:
+        leaving = {}
+        for contact in robot.contacts:
+            corner = contact.name.split("_")[0]
+            fore, left = ("F" in corner) - 0.5, ("L" in corner) - 0.5
+            leaving[contact.name] = np.arctan2(-left, -fore)
+    limits = {}
+    for name, where in leaving.items():
+        away = abs((phase - where + np.pi) % (2.0 * np.pi) - np.pi)
+        load = np.clip((away - AIRBORNE) / RAMP, 0.0, 1.0)
+        if load > 0.0:
+            limits[name] = float(np.inf if load == 1.0 else load * weight)
+    return limits
+
+
+def motion(robot, ticks, *, step=1e-3, rate=0.25):
+    """Return the states of a squat while the weight goes round, as the controller itself moves.
+
+    The gears are ideal. On four feet or two, one foot after the other is lifted from its load.
+    """
     q = standing(robot)
     terms = evaluate(robot, q, np.zeros(robot.model.nv))
     start = np.array(terms.data.com[0])
-    rows = slice(None) if robot.has_free_flyer else slice(0, 3, 2)
+    rows = slice(None) if robot.has_free_flyer else slice(2, 3)
     drive = controller(robot)
     v, states = np.zeros(robot.model.nv), []
     depth, turn = 0.02 * start[2], 2.0 * np.pi * rate
-    sway = np.array([0.0, 0.3 * depth if robot.has_free_flyer else 0.0, 0.0])
+    reach = np.array(REACH.get(robot.name, [0.0, 0.0, 0.0]))
     for tick in range(ticks):
         phase = turn * tick * step
-        down = np.array([0.0, 0.0, depth])
-        com = np.array(
+        eased = min(1.0, tick / 500)  # from rest
+        turning = np.array(
             [
-                start + sway * np.sin(phase) + down * (np.cos(phase) - 1.0),
-                turn * (sway * np.cos(phase) - down * np.sin(phase)),
-                -(turn**2) * (sway * np.sin(phase) + down * np.cos(phase)),
+                [np.cos(phase), np.sin(phase), np.cos(2.0 * phase) - 1.0],
+                [-np.sin(phase), np.cos(phase), -2.0 * np.sin(2.0 * phase)],
+                [-np.cos(phase), -np.sin(phase), -4.0 * np.cos(2.0 * phase)],
             ]
         )
+        size = eased * (reach + np.array([0.0, 0.0, depth]))
+        com = turning * size * np.array([[1.0], [turn], [turn**2]])
+        com[0] += start
         references = {"center_of_mass": Reference(com[0, rows], com[1, rows], com[2, rows])}
-        states.append(Tick(Motion(q.copy(), v.copy()), references, com))
-        command = drive.step(states[-1].motion, references)
+        contacts = None if tick < 500 else stance(robot, phase)
+        states.append(Tick(Motion(q.copy(), v.copy()), references, com, contacts))
+        command = drive.step(states[-1].motion, references, contacts)
         if not command.status.usable:
             raise RuntimeError(f"{robot.name}: tick {tick}: {command.message}")
         v = v + step * command.acceleration
@@ -118,7 +156,7 @@ def motion(robot, ticks, *, step=1e-3, rate=1.0):
     return states
 
 
-def scene(name, ticks, *, lossless=False):
+def scene(name, ticks):
     """Return a robot by name and its motion."""
     robot = load_robot(name)
-    return (robot.lossless() if lossless else robot), motion(load_robot(name), ticks)
+    return robot, motion(robot.lossless(), ticks)

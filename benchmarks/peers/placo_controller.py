@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from importlib.metadata import version
 
 import numpy as np
 import placo
@@ -23,17 +24,20 @@ def main():
     rows = [robot.get_joint_v_offset(joint) for joint in joints]
     states = np.array(scene["positions"]), np.array(scene["velocities"]), np.array(scene["com"])
     place(robot, states[0][0], states[1][0], places, rows)
-    solver, com = problem(robot, scene)
-    print(json.dumps(["ready", robot.model.nv]), flush=True)
+    peer = Problem(robot, scene)
+    print(json.dumps([f"placo {version('placo')}, pin {version('pin')}", 0]), flush=True)
     for line in sys.stdin:
         first, count = map(int, line.split())
         times = []
         for tick in range(first, first + count):
-            start = time.perf_counter()
+            start = time.process_time_ns(), time.perf_counter_ns()
+            peer.switch(scene["active"][tick])
             place(robot, states[0][tick], states[1][tick], places, rows)
+            com = peer.com
             com.target_world, com.dtarget_world, com.ddtarget_world = states[2][tick]
-            result = solver.solve(False)
-            times.append(1e6 * (time.perf_counter() - start))
+            result = peer.solver.solve(False)
+            stop = time.process_time_ns(), time.perf_counter_ns()
+            times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
             if not result.success:
                 raise RuntimeError(f"PlaCo failed at tick {tick}")
         print(json.dumps(times), flush=True)
@@ -48,38 +52,56 @@ def place(robot, position, velocity, places, rows):
     robot.update_kinematics()
 
 
-def problem(robot, scene):
-    """Return the solver and the centre-of-mass task, weights and gains as given."""
-    solver = placo.DynamicsSolver(robot)
-    solver.dt = 1e-3
-    gain = scene["stiffness"]
-    com = solver.add_com_task(np.array(scene["com"][0][0]))
-    com.configure("com", "soft", scene["com_weight"])
-    com.kp, com.kd = gain, 2.0 * gain**0.5
-    trunk = solver.add_orientation_task(
-        scene["trunk"], robot.get_T_world_frame(scene["trunk"])[:3, :3]
-    )
-    trunk.configure("trunk", "soft", scene["trunk_weight"])
-    trunk.kp, trunk.kd = gain, 2.0 * gain**0.5
-    posture = solver.add_joints_task()
-    targets = dict(zip(scene["joints"], scene["positions"][0][7:], strict=True))
-    posture.set_joints(targets)
-    posture.configure("posture", "soft", scene["posture_weight"])
-    posture.kp, posture.kd = gain, 2.0 * gain**0.5
-    for frame in scene["feet"]:
-        if scene["flat"]:
-            task = solver.add_frame_task(frame, robot.get_T_world_frame(frame))
+class Problem:
+    """The tasks and contacts of the scene, gains and weights as given."""
+
+    def __init__(self, robot, scene):
+        self.robot, self.scene = robot, scene
+        self.solver = placo.DynamicsSolver(robot)
+        self.solver.dt = 1e-3
+        gain = scene["stiffness"]
+        self.com = self.solver.add_com_task(np.array(scene["com"][0][0]))
+        self.com.configure("com", "soft", scene["com_weight"])
+        self.com.kp, self.com.kd = gain, 2.0 * gain**0.5
+        trunk = self.solver.add_orientation_task(
+            scene["trunk"], robot.get_T_world_frame(scene["trunk"])[:3, :3]
+        )
+        trunk.configure("trunk", "soft", scene["trunk_weight"])
+        trunk.kp, trunk.kd = gain, 2.0 * gain**0.5
+        posture = self.solver.add_joints_task()
+        posture.set_joints(dict(zip(scene["joints"], scene["positions"][0][7:], strict=True)))
+        posture.configure("posture", "soft", scene["posture_weight"])
+        posture.kp, posture.kd = gain, 2.0 * gain**0.5
+        self.active = {}
+        self.switch(scene["feet"])
+        self.solver.enable_torque_limits(True)
+
+    def switch(self, wanted):
+        """Add and remove contacts until those wanted are active."""
+        if wanted == list(self.active):
+            return
+        for frame in [frame for frame in self.active if frame not in wanted]:
+            task, contact = self.active.pop(frame)
+            self.solver.remove_contact(contact)
+            self.solver.remove_task(task)
+        for frame in [frame for frame in wanted if frame not in self.active]:
+            self.active[frame] = self.contact(frame)
+        self.active = {frame: self.active[frame] for frame in wanted}
+
+    def contact(self, frame):
+        solver, placement = self.solver, self.robot.get_T_world_frame(frame)
+        if self.scene["flat"]:
+            task = solver.add_frame_task(frame, placement)
             task.configure(frame, "hard", 1.0)
             contact = solver.add_planar_contact(task)
-            contact.length, contact.width = scene["sole"]
+            contact.length, contact.width = self.scene["sole"]
         else:
-            task = solver.add_position_task(frame, robot.get_T_world_frame(frame)[:3, 3])
+            task = solver.add_position_task(frame, placement[:3, 3])
             task.configure(frame, "hard", 1.0)
             contact = solver.add_point_contact(task)
             contact.unilateral = True
-        contact.mu = scene["friction"]
-    solver.enable_torque_limits(True)
-    return solver, com
+        contact.mu = self.scene["friction"]
+        return task, contact
 
 
 if __name__ == "__main__":

@@ -9,9 +9,16 @@ from pathlib import Path
 
 
 class Peer:
-    """Starts a peer script with the Python that an environment variable names."""
+    """Starts a peer script with the Python that an environment variable names.
 
-    def __init__(self, name: str, variable: str, script: Path, scene: Path) -> None:
+    Attributes:
+        name: what the tables call it.
+        version: of the peer and its libraries.
+    """
+
+    def __init__(
+        self, name: str, variable: str, script: Path, scene: Path, *options: str
+    ) -> None:
         """Start the peer and wait until it is ready.
 
         Raises:
@@ -20,24 +27,21 @@ class Peer:
         """
         python = os.environ.get(variable)
         if python is None:
-            raise LookupError(
-                f"{name} skipped: set {variable} to a Python that has it "
-                f"(python -m venv v && v/bin/pip install {name.lower()})"
-            )
+            raise LookupError(f"{name} is absent: set {variable} to a Python that has it.")
         self.name = name
         environment = os.environ | {"OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            [python, str(script), str(scene)],
+            [python, str(script), str(scene), *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             env=environment,
         )
-        self._answer()
+        self.version = str(self._answer()[0])
 
-    def run(self, first: int, count: int) -> list[float]:
-        """Return the times [us] of `count` ticks from `first`."""
+    def run(self, first: int, count: int) -> list[list[float]]:
+        """Return processor and wall time [us] of `count` ticks from `first`."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{first} {count}\n")
         self._process.stdin.flush()

@@ -6,22 +6,25 @@ import numpy as np
 from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
+from wbc.control.one_sided import OneSidedRows
 from wbc.control.program import ContactForceProgram
 from wbc.control.qp import QPSolution, QPStatus
 from wbc.control.task_stack import TaskStack
 
+ROOM = 24
+"""How many constraints may bind besides the equalities."""
+
 _ROUNDS = 4
 _REFINEMENTS = 2
-_ROOM = 24
 
 
 class ActiveSetGuess:
     """Solves the contact-force program where few constraints bind and little has changed.
 
     Without inequalities, with the task rows A x + r = t and the equalities E x = e stacked in G,
-    the Hessian of what remains is the diagonal D of regularisation and joint-selecting tasks, and
+    what remains of the Hessian is the diagonal D of regularisation and joint-selecting tasks, and
 
-        (G D^-1 G' + diag(1, 0)) lambda = [t; e] - G D^-1 p,      x = D^-1 (p + G' lambda),
+        (G D^-1 G' + diag(1/w, 0)) lambda = [t; e] - G D^-1 p,      x = D^-1 (p + G' lambda),
 
     a positive definite system as large as G has rows, a third to a half of the variables. Bounds
     that bind are further rows of G. Starting from those of the last tick, rows that are violated
@@ -38,126 +41,106 @@ class ActiveSetGuess:
 
         Args:
             program: what is to be solved, without efforts and without rows handed down.
-            tasks: whose rows are in the cost.
+            tasks: whose rows are in the cost, all with a weight.
             tolerance: how much a row may be violated, and a multiplier have the wrong sign.
         """
         self._program, self._tasks, self._tolerance = program, tasks, tolerance
-        k, e = len(tasks.target), len(program.b)
-        self._task_rows, self._equal_rows, self._base = slice(0, k), slice(k, k + e), k + e
-        n, total = program.n, k + e + _ROOM
-        rows = program.rows
-        self._first = rows.torque.stop
-        self._C = rows.C[self._first :]
-        self._lower, self._upper = rows.lower[self._first :], rows.upper[self._first :]
-        self._G, self._scaled = np.zeros((total, n)), np.zeros((total, n))
-        self._right = np.zeros(total)
-        self._slack = np.zeros(total)
-        self._slack[:k] = 1.0
-        self._pull = np.zeros(n)
-        self._inverse = np.zeros(n)
+        k, base = len(tasks.wanted), len(tasks.wanted) + len(program.b)
+        self._base, self._equalities = base, slice(k, base)
+        self._G, self._right = program.stacked, program.stacked_right
+        self._task_rows = self._G[:k, : program.nv]
+        self._task_right = self._right[:k]
+        self._scaled = np.zeros_like(self._G)
+        self._softness = np.zeros(len(self._right))
+        self._softness[:k] = tasks.softness
+        self._bounds = OneSidedRows(program.rows)
+        self._free, self._inverse = np.zeros(program.n), np.zeros(program.n)
+        self._free_motion = self._free[: program.nv]
+        self._inverse_motion = self._inverse[: program.nv]
         self._weigh()
         self._active: list[int] = []
-        self._upward: list[bool] = []
 
     def _weigh(self) -> None:
-        """Take the diagonal of the Hessian, and the forces' part of the gradient."""
+        """Take the diagonal of the Hessian, and where it alone would put the forces."""
         program, nv = self._program, self._program.nv
         self._inverse[:nv] = 1.0 / (self._tasks.diagonal + program.weights[0])
         self._inverse[nv:] = 1.0 / program.force_cost.diagonal
-        self._pull[nv:] = -program.force_cost.pull
+        self._free[nv:] = -program.force_cost.pull * self._inverse[nv:]
 
     def learn(self, solution: QPSolution) -> None:
         """Take the constraints that bind in a solver's solution as the next guess."""
-        push = solution.z[self._first : self._first + len(self._C)]
-        active = np.flatnonzero(np.abs(push) > 10.0 * self._tolerance)
-        self._active, self._upward = active.tolist(), (push[active] > 0.0).tolist()
+        bounds = self._bounds
+        push = solution.z[bounds.source] * bounds.sign
+        self._active = np.flatnonzero(push > 10.0 * self._tolerance).tolist()
 
     def solve(self) -> QPSolution | None:
         """Return the solution of the program as assembled, None where the guess fails."""
-        program, tasks = self._program, self._tasks
-        if program.force_cost.tracks:
+        tasks = self._tasks
+        if self._program.force_cost.tracks:
             self._weigh()
-        G, right = self._G, self._right
-        G[self._task_rows, : program.nv] = tasks.matrix
-        G[self._equal_rows] = program.A
-        right[self._task_rows] = tasks.target
-        right[self._equal_rows] = program.b
-        self._pull[: program.nv] = tasks.pull
-        free = self._pull * self._inverse
+        np.copyto(self._task_rows, tasks.jacobian)
+        np.copyto(self._task_right, tasks.wanted)
+        np.multiply(tasks.pull, self._inverse_motion, out=self._free_motion)
+        self._bounds.update()
         for count in range(1, _ROUNDS + 1):
-            found = self._with_active(free)
+            found = self._with_active()
             if found is None:
                 break
             x, force = found
             if not self._revise(x, force):
                 return self._solution(x, force, count)
-        self._active, self._upward = [], []
+        self._active = []
         return None
 
-    def _with_active(self, free: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def _with_active(self) -> tuple[FloatArray, FloatArray] | None:
         """Return x and lambda for the active rows assumed, None where the rows are dependent."""
         base, active = self._base, self._active
         size = base + len(active)
         if size > len(self._right):
             return None
         if not size:
-            return free, self._right[:0]
-        G, right = self._G[:size], self._right[:size]
+            return self._free.copy(), self._right[:0]
+        G, right, softness = self._G[:size], self._right[:size], self._softness[:size]
         if active:
-            G[base:] = self._C[active]
-            bounds = np.where(self._upward, self._upper[active], self._lower[active])
-            right[base:] = bounds
+            G[base:] = self._bounds.rows[active]
+            right[base:] = self._bounds.bounds[active]
         scaled = np.multiply(G, self._inverse, out=self._scaled[:size])
         system = scaled.dot(G.T)
-        slack = self._slack[:size]
-        system.reshape(-1)[:: size + 1] += slack
-        gap = right - G.dot(free)
-        factor, force, info = lapack.dposv(system.T, gap, overwrite_a=True)
+        system.reshape(-1)[:: size + 1] += softness
+        factor, force, info = lapack.dposv(system.T, right - G.dot(self._free), overwrite_a=True)
         if info != 0:
             return None
-        x = force.dot(scaled)
-        x += free
         for _ in range(_REFINEMENTS):
+            x = force.dot(scaled)
+            x += self._free
             left = right - G.dot(x)
-            left -= slack * force
-            worst = abs(left).max()
-            if worst <= self._tolerance:
+            left -= softness * force
+            if left.dot(left) <= self._tolerance**2:
                 return x, force
-            if not worst < np.inf:
-                return None
             step, _ = lapack.dpotrs(factor, left)
             force += step
-            x = force.dot(scaled)
-            x += free
         return None
 
     def _revise(self, x: FloatArray, force: FloatArray) -> bool:
         """Correct the active rows by a solution; return whether any changed."""
-        values = self._C.dot(x)
-        over, under = values - self._upper, self._lower - values
-        tolerance, active = self._tolerance, self._active
-        worst = np.maximum(over, under)
+        bounds, tolerance, active = self._bounds, self._tolerance, self._active
+        beyond = bounds.rows.dot(x)
+        beyond -= bounds.bounds
         if active:
-            worst[active] = 0.0
+            beyond[active] = 0.0
             pushes = force[self._base :].tolist()
-            kept = [
-                (-push if upward else push) >= -tolerance
-                for push, upward in zip(pushes, self._upward, strict=True)
+            self._active = [
+                row for row, push in zip(active, pushes, strict=True) if push <= tolerance
             ]
-            if not all(kept):
-                self._active = [row for row, keep in zip(active, kept, strict=True) if keep]
-                self._upward = [up for up, keep in zip(self._upward, kept, strict=True) if keep]
         changed = len(self._active) != len(active)
-        if worst.size and worst[worst.argmax()] > tolerance:
-            broken = np.flatnonzero(worst > tolerance)
-            self._active = self._active + broken.tolist()
-            self._upward = self._upward + (over[broken] > under[broken]).tolist()
+        if beyond.size and beyond.item(beyond.argmax()) > tolerance:
+            self._active = self._active + np.flatnonzero(beyond > tolerance).tolist()
             changed = True
         return changed
 
     def _solution(self, x: FloatArray, force: FloatArray, rounds: int) -> QPSolution:
         push = np.zeros(len(self._program.rows.lower))
         if self._active:
-            push[self._first :][self._active] = -force[self._base :]
-        y = -force[self._equal_rows]
-        return QPSolution(x, y, push, QPStatus.SOLVED, rounds)
+            bounds = self._bounds
+            push[bounds.source[self._active]] = -bounds.sign[self._active] * force[self._base :]
+        return QPSolution(x, -force[self._equalities], push, QPStatus.SOLVED, rounds)

@@ -129,7 +129,6 @@ class Controller:
         m = self.robot.transmission.size
         for stack in self._stacks:
             stack.forget()
-        self._positive = np.zeros(m, dtype=bool)
         self._output = np.zeros(m)
         self._expected = np.zeros(self.robot.model.nv)
         self._fallback.forget()
@@ -179,21 +178,20 @@ class Controller:
         sigma, speed, expected = self._judge_speeds(motion)
         limits = self._motors.bounds(motion, speed)
         slopes = self._law.slopes(sigma)
-        gears = GearState(self._positive, sigma, slopes, limits, expected, self._output)
+        gears = GearState(sigma, slopes, limits, expected, self._output)
         answer: Answer | Refusal = Refusal(None, None)
-        decided = None
+        decided, output = None, self._output
         for level in levels:
             self._level, self._gears = level, gears
             level.assemble(motion, references, contacts, decided)
-            answer = level.solve(gears)
+            answer = level.solve(gears, output)
             if isinstance(answer, Refusal):
                 break
-            decided = answer.found.acceleration
-            self._gears = gears = gears._replace(positive=answer.found.output > 0.0)
+            decided, output = answer.found.acceleration, answer.found.output
         if isinstance(answer, Refusal):
             complaint = answer.complaint or overflow_complaint(references)
             return self._safe(motion, complaint, start, answer.found)
-        self._remember(motion, answer, gears)
+        self._remember(motion, answer)
         outcome = Outcome(levels[-1].program, answer, gears, start, self.settings.deadline)
         return outcome.command(self._law, self._motors, motion)
 
@@ -210,8 +208,8 @@ class Controller:
         plant.update(self._kinematics, torque, speed, sigma)
         return sigma, speed, expected
 
-    def _remember(self, motion: Motion, answer: Answer, gears: GearState) -> None:
-        self._positive, self._output = gears.positive, answer.found.output
+    def _remember(self, motion: Motion, answer: Answer) -> None:
+        self._output = answer.found.output
         self._expected = self._expected + self.settings.time_step * answer.found.acceleration
         self._fallback.remember(motion, answer.realised.torque)
 

@@ -26,11 +26,16 @@ class Fallback:
 
     def forget(self) -> None:
         """Forget the last good tick."""
-        self._last = LastGood(np.zeros(self._robot.transmission.size), None)
+        self._torque = np.zeros(self._robot.transmission.size)
+        self._motion: Motion | None = None
 
     def remember(self, motion: Motion, torque: FloatArray) -> None:
         """Take a tick with a solution, N tau_phi = `torque` (m,) [N m], as the last good one."""
-        self._last = LastGood(torque, self._motors.position(motion))
+        self._torque, self._motion = torque, motion
+
+    def _last(self) -> LastGood:
+        then = None if self._motion is None else self._motors.position(self._motion)
+        return LastGood(self._torque, then)
 
     def command(
         self,
@@ -54,7 +59,7 @@ class Fallback:
         unknown = np.full(m, np.nan)
         speed = self._plant.motor_speed(motion.velocity) if known else unknown
         position = self._motors.position(motion) if known else unknown
-        torque = self._motors.clipped(policy.rotor_torque(self._last, position, speed))
+        torque = self._motors.clipped(policy.rotor_torque(self._last(), position, speed))
         if known:
             rotor = self._motors.to_drive(motion, torque)
         else:

@@ -56,20 +56,19 @@ class GearLaw:
             RestPolicy.MOST_MARGIN: 0.5 * (low + high),
         }[policy]
         self._rest = np.clip(preferred, low, high)
-        self._to_forward = self._forward - self._rest
-        self._to_backward = self._backward - self._rest
+        # rows: slopes for T > 0 and for T < 0
+        self._both = np.array([self._rest, self._rest])
+        self._ahead = np.array([self._forward, self._backward]) - self._rest
+        self._astern = self._ahead[::-1].copy()
 
     def slopes(self, sigma: FloatArray) -> Slopes:
         """Return the slopes for gears that turn with certainty and direction `sigma` (m,)."""
         ahead = np.maximum(sigma, 0.0)
         astern = ahead - sigma
-        positive = ahead * self._to_forward
-        positive += astern * self._to_backward
-        positive += self._rest
-        negative = ahead * self._to_backward
-        negative += astern * self._to_forward
-        negative += self._rest
-        return Slopes(positive, negative)
+        both = ahead * self._ahead
+        both += astern * self._astern
+        both += self._both
+        return Slopes(both[0], both[1])
 
     def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest mesh input (m,) that transmit `output` T at `sigma`.

@@ -21,7 +21,7 @@ def state_complaint(robot: Robot, position: FloatArray, velocity: FloatArray) ->
         return Status.BAD_INPUT, (
             f"'{robot.name}' needs q of shape ({model.nq},) and v of shape ({model.nv},)."
         )
-    if not all_finite(position, velocity):
+    if not isfinite(position.dot(position) + velocity.dot(velocity)):
         return Status.NOT_FINITE, "the state holds a value that is not finite."
     return None
 
@@ -36,7 +36,9 @@ def name_complaint(
     for name in references:
         if name not in tasks:
             return Status.BAD_INPUT, unknown_name("task", name, tasks)
-    for name, limit in (active or {}).items():
+    if active is None:
+        return None
+    for name, limit in active.items():
         if name not in contacts:
             return Status.BAD_INPUT, unknown_name("contact", name, contacts)
         if not limit >= 0.0:

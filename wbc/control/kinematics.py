@@ -25,6 +25,8 @@ class Kinematics:
         data: pinocchio's data at the present state.
         position: q (nq,).
         velocity: v (nv,).
+        mass: of the robot [kg].
+        gravity: magnitude of the acceleration of gravity [m/s^2].
         mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
     """
@@ -38,13 +40,15 @@ class Kinematics:
         self.velocity: FloatArray = np.zeros(self.model.nv)
         self.mass_matrix: FloatArray = data.M
         self.bias: FloatArray = data.nle
+        self.mass = float(pin.computeTotalMass(self.model))
+        self.gravity = float(np.linalg.norm(self.model.gravity.linear))
         self._rest = np.zeros(self.model.nv)
         self._com: FloatArray = data.com[0]
         self._com_drift: FloatArray = data.acom[0]
         self._com_jacobian: FloatArray = data.Jcom
         self._momentum: FloatArray = data.Ag
         self._frames: dict[str, int] = {}
-        self._com_ready = self._momentum_ready = False
+        self._com_ready = self._momentum_ready = self._momentum_drift_ready = False
 
     def update(self, position: FloatArray, velocity: FloatArray) -> None:
         """Move to the state q (nq,), v (nv,)."""
@@ -53,7 +57,7 @@ class Kinematics:
         pin.crba(model, data, position, pin.Convention.WORLD)
         pin.nonLinearEffects(model, data, position, velocity)
         pin.forwardKinematics(model, data, position, velocity, self._rest)
-        self._com_ready = self._momentum_ready = False
+        self._com_ready = self._momentum_ready = self._momentum_drift_ready = False
 
     def frame_id(self, name: str) -> int:
         """Return the number of a frame.
@@ -113,6 +117,9 @@ class Kinematics:
     def momentum_drift(self) -> FloatArray:
         """Return dA_g/dt v (6,), linear [N] over angular [N m]."""
         self._update_momentum()
+        if not self._momentum_drift_ready:
+            pin.computeCentroidalMomentumTimeVariation(self.model, self.data)
+            self._momentum_drift_ready = True
         drift: FloatArray = self.data.dhg.vector
         return drift
 
@@ -125,5 +132,4 @@ class Kinematics:
     def _update_momentum(self) -> None:
         if not self._momentum_ready:
             pin.computeCentroidalMap(self.model, self.data, self.position)
-            pin.computeCentroidalMomentumTimeVariation(self.model, self.data)
             self._momentum_ready = True

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from time import perf_counter
 from typing import NamedTuple
 
-from wbc.arrays import BoolArray, FloatArray
+import numpy as np
+
+from wbc.arrays import FloatArray
 from wbc.control.active_set_guess import ActiveSetGuess
 from wbc.control.command import Status
 from wbc.control.direction_search import DirectionSearch, Found
@@ -28,7 +30,6 @@ class GearState(NamedTuple):
     """What one tick knows of the gears before it is solved.
 
     Attributes:
-        positive: (m,) guess of where T > 0.
         sigma: certainty (m,) of the directions.
         slopes: of the mesh law for either sign of T.
         limits: least and greatest N tau_phi (m,) [N m].
@@ -36,7 +37,6 @@ class GearState(NamedTuple):
         last_output: T (m,) of the last tick [N m].
     """
 
-    positive: BoolArray
     sigma: FloatArray
     slopes: Slopes
     limits: tuple[FloatArray, FloatArray]
@@ -90,6 +90,7 @@ class Level:
         self._tasks, self._above, self.program = tasks, above, program
         self._search, self._guess, self._stage = search, guess, stage
         self._time_step = time_step
+        self._output = np.zeros(0)
         self._saturated = self._whole = False
 
     def assemble(
@@ -113,8 +114,13 @@ class Level:
         if self._above is not None and decided is not None:
             program.assemble_lock(*self._above.lock(decided))
 
-    def solve(self, gears: GearState) -> Answer | Refusal:
-        """Return the solution with the directions of its own torques, or why there is none."""
+    def solve(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
+        """Return the solution with the directions of its own torques, or why there is none.
+
+        Args:
+            gears: of the tick.
+            first: T (m,) whose signs are the first guess, of the last tick or the level above.
+        """
         self._whole = False
         if self._guess is not None and not self._saturated:
             found = self._guessed(self._guess)
@@ -123,13 +129,13 @@ class Level:
                 if realised.exact:
                     return Answer(found, realised, _SOLVED)
         self._whole = True
-        return self._searched(gears)
+        return self._searched(gears, first)
 
     def problem(self, gears: GearState | None) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of its solution."""
         if not self._whole and gears is not None:
             self._assemble_whole()
-            slope = gears.slopes.at(gears.positive)
+            slope = gears.slopes.at(self._output > 0.0)
             self.program.assemble_torque_limits(slope, *gears.limits)
         return self.program.problem.copied()
 
@@ -141,17 +147,18 @@ class Level:
             return None
         program = self.program
         spent = perf_counter() - start
-        output = program.output_torque(solution.x)
+        self._output = output = program.output_torque(solution.x)
         return Found(solution, output, 1, spent, True, solution.x[: program.nv])
 
-    def _searched(self, gears: GearState) -> Answer | Refusal:
+    def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         self._assemble_whole()
         program = self.program
         if not all_finite(program.cost_gradient, program.b):
             return Refusal(None, None)
         found = self._search.solve(
-            gears.positive, gears.slopes, gears.limits, gears.speed, gears.last_output
+            first > 0.0, gears.slopes, gears.limits, gears.speed, gears.last_output
         )
+        self._output = found.output
         verdict = judged(found, program)
         if not verdict[0].usable:
             return Refusal(verdict, found)

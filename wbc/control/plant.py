@@ -71,7 +71,8 @@ class Plant:
         if self.rotor is not self._rotor_own or self.topology is not None:
             return np.asarray(self.rotor.dot(acceleration) + self.rotor_bias)
         share: FloatArray = self._own_inertia * acceleration[self.driven]
-        share += self.rotor_bias
+        if self._rotors_rub:
+            share += self.rotor_bias
         return share
 
     def update(

@@ -37,6 +37,7 @@ class ContactForceProgram:
         force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
             accelerations and forces are of one size and tolerances mean the same on any robot.
         force_cost: cost of the contact forces.
+        A, b: the equalities, part of `stacked` and `stacked_right`.
         rows: the inequalities.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
     """
@@ -51,6 +52,8 @@ class ContactForceProgram:
         efforts: Sequence[Effort] = (),
         force_tasks: Sequence[ContactForceTask] = (),
         locked: int = 0,
+        task_rows: int = 0,
+        room: int = 0,
     ) -> None:
         """Lay out the rows.
 
@@ -63,6 +66,8 @@ class ContactForceProgram:
             efforts: costs on the torques of the gears.
             force_tasks: costs on contact forces; those of inactive contacts stay idle.
             locked: number of equality rows on qdd that a more important level hands down.
+            task_rows: rows kept free above the equalities, for who solves them together.
+            room: rows kept free below them.
         """
         robot = plant.robot
         self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
@@ -87,16 +92,21 @@ class ContactForceProgram:
             self._effort_rows = np.zeros((robot.transmission.size, self.n))
         rest = self.undriven + contacts.rows
         self.locked_rows = slice(rest, rest + locked)
-        self.A = np.zeros((rest + locked, self.n))
-        self.b = np.zeros(rest + locked)
-        self._balance, self._contact = slice(0, self.undriven), slice(self.undriven, rest)
+        stop = task_rows + rest + locked
+        self.stacked = np.zeros((stop + room, self.n))
+        self.stacked_right = np.zeros(stop + room)
+        self.A, self.b = self.stacked[task_rows:stop], self.stacked_right[task_rows:stop]
+        balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
+        self._balance_mass = self.A[balance, : self.nv]
+        self._balance_force = self.A[balance, self.nv :]
+        self._balance_right = self.b[balance]
+        self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
         names = robot.transmission.joints
         self.rows = InequalityRows(
             [names[i] for i in self.gears], contacts, joint_limit, self.nv, self.force_scale
         )
         self._ramped = True
         self._write_normal_bounds(None)
-        self._pushes = np.zeros((self.nv, self.forces))
         self.torque_map = np.zeros((robot.transmission.size, self.n))
         self._scaled_map = np.zeros_like(self.torque_map)
 
@@ -125,15 +135,14 @@ class ContactForceProgram:
             step: time until the next tick [s].
             ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
         """
-        plant, set_, nv = self.plant, self.contacts, self.nv
-        A, b, balance = self.A, self.b, self._balance
-        A[balance, :nv] = plant.mass[plant.undriven]
-        np.negative(plant.bias[plant.undriven], out=b[balance])
+        plant, set_ = self.plant, self.contacts
+        np.copyto(self._balance_mass, plant.mass[plant.undriven])
+        np.negative(plant.bias[plant.undriven], out=self._balance_right)
         if self.forces:
-            np.multiply(set_.jacobian.T, -self.force_scale, out=self._pushes)
-            A[balance, nv:] = self._pushes[plant.undriven]
-            A[self._contact, :nv] = set_.jacobian
-            b[self._contact] = set_.target
+            pushed = set_.jacobian.T[plant.undriven]
+            np.multiply(pushed, -self.force_scale, out=self._balance_force)
+            np.copyto(self._contact_rows, set_.jacobian)
+            np.copyto(self._contact_right, set_.target)
         if ceilings is not None or self._ramped:
             self._write_normal_bounds(ceilings)
         if self.joint_limit is not None:
@@ -144,11 +153,8 @@ class ContactForceProgram:
     def assemble_cost(self, tasks: TaskStack) -> None:
         """Write H and g from the tasks' rows and the cost of the contact forces."""
         nv, H, g = self.nv, self._cost_H, self._cost_g
-        H[:nv, :nv] = tasks.matrix.T @ tasks.matrix
-        H.reshape(-1)[self._diagonal] += tasks.diagonal + self.weights[0]
-        np.dot(tasks.target, tasks.matrix, out=g[:nv])
-        g[:nv] += tasks.pull
-        np.negative(g[:nv], out=g[:nv])
+        H[:nv, :nv], g[:nv] = tasks.cost()
+        H.reshape(-1)[self._diagonal] += self.weights[0]
         places = np.arange(nv, self.n)
         H[places, places] = self.force_cost.diagonal
         g[nv:] = self.force_cost.pull
@@ -162,7 +168,8 @@ class ContactForceProgram:
         """Write the map from x to T; call after the constraints."""
         plant, nv = self.plant, self.nv
         self.torque_map[:, :nv] = plant.to_motors(plant.mass)
-        self.torque_map[:, nv:] = plant.to_motors(self._pushes)
+        pushed = plant.to_motors(self.contacts.jacobian.T)
+        np.multiply(pushed, -self.force_scale, out=self.torque_map[:, nv:])
 
     def assemble_efforts(self, slopes: FloatArray, speed: FloatArray, last: FloatArray) -> None:
         """Add the efforts for one slope per gear; call after the map and the costs.
@@ -232,7 +239,7 @@ class ContactForceProgram:
         torque = plant.mass.dot(x[:nv])
         torque += plant.bias
         if self.forces:
-            torque += self._pushes.dot(x[nv:])
+            torque -= (x[nv:] * self.force_scale).dot(self.contacts.jacobian)
         return plant.to_motors(torque)
 
     def equality_label(self, row: int) -> tuple[str, str]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from wbc.arrays import BoolArray
-from wbc.control.active_set_guess import ActiveSetGuess
+from wbc.control.active_set_guess import ROOM, ActiveSetGuess
 from wbc.control.contact_set import ContactSet
 from wbc.control.contacts import BoundContact
 from wbc.control.direction_search import DirectionSearch
@@ -74,6 +76,7 @@ class ProgramLibrary:
     def _level(self, contacts: ContactSet, rank: int) -> Level:
         recipe, settings = self._recipe, self._recipe.settings
         last = rank == len(recipe.stacks) - 1
+        tasks = recipe.stacks[rank]
         program = ContactForceProgram(
             recipe.plant,
             contacts,
@@ -83,6 +86,8 @@ class ProgramLibrary:
             recipe.efforts if last else (),
             recipe.force_tasks if last else (),
             recipe.stacks[rank - 1].locks if rank else 0,
+            len(tasks.wanted),
+            ROOM,
         )
         search = DirectionSearch(
             program,
@@ -91,8 +96,8 @@ class ProgramLibrary:
             settings.max_iterations,
             settings.max_rounds,
         )
-        tasks = recipe.stacks[rank]
         diagonal = rank == 0 and not program.efforts and settings.force_weight > 0.0
+        diagonal = diagonal and bool(np.isfinite(tasks.softness).all())
         guess = None
         if diagonal and settings.warm_start is WarmStart.ACTIVE_SET:
             guess = ActiveSetGuess(program, tasks, settings.tolerance)

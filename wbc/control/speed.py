@@ -49,10 +49,13 @@ class SpeedBlend:
     def corrected(self, expected: FloatArray, measured: FloatArray, step: float) -> FloatArray:
         """Return the expected speed (...) drawn towards the measured one [rad/s]."""
         error = measured - expected
-        small = np.minimum(np.maximum(error, -self.trusted_error), self.trusted_error)
-        gain = 1.0 - min(self.correction * step, 1.0)
-        return np.asarray(measured - gain * small)
+        np.maximum(error, -self.trusted_error, out=error)
+        np.minimum(error, self.trusted_error, out=error)
+        error *= 1.0 - min(self.correction * step, 1.0)
+        return np.asarray(measured - error)
 
     def certainty(self, speed: FloatArray) -> FloatArray:
         """Return sigma (...), -1 to 1."""
-        return np.minimum(np.maximum(speed * (1.0 / self.full_speed), -1.0), 1.0)
+        certainty = speed * (1.0 / self.full_speed)
+        np.maximum(certainty, -1.0, out=certainty)
+        return np.minimum(certainty, 1.0, out=certainty)

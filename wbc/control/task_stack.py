@@ -19,16 +19,20 @@ _NOTHING = Reference()
 
 
 class _Rowed(NamedTuple):
-    """A task with rows: where they are, and whether it commands in its own way."""
+    """A task with rows, whether it commands in its own way, and the memory of its rows.
+
+    The memory is the Jacobian, its rate J v, and what the gains are applied to: error, drift,
+    velocity and acceleration asked for.
+    """
 
     task: Task
     own: bool
-    rows: slice
     jacobian: FloatArray
     rate: FloatArray
     error: FloatArray
     drift: FloatArray
-    gain: float
+    velocity: FloatArray
+    acceleration: FloatArray
 
 
 class _Chosen(NamedTuple):
@@ -40,14 +44,15 @@ class _Chosen(NamedTuple):
 
 
 class TaskStack:
-    """Weighted rows W J qdd = W (wanted - drift), refilled in place every tick.
+    """Weighted rows J qdd = wanted - drift, refilled in place every tick.
 
     Tasks that select joints go to a diagonal instead of rows. The gains of all tasks with rows
     are applied to the whole stack at once.
 
     Attributes:
-        matrix: sqrt(w) J (k, nv) of the tasks with rows.
-        target: sqrt(w) (wanted - drift) (k,).
+        jacobian: J (k, nv) of the tasks with rows.
+        wanted: wanted - drift (k,).
+        softness: 1/w (k,) of the rows, infinite for rows without weight.
         diagonal: (nv,) summed weights of the selecting tasks.
         pull: (nv,) their weighted wanted accelerations.
     """
@@ -63,12 +68,12 @@ class TaskStack:
             for task, size in zip(self.tasks, sizes, strict=True)
         ]
         total = sum(size for size, chosen in zip(sizes, selections, strict=True) if chosen is None)
-        self.matrix, self.target = np.zeros((total, nv)), np.zeros(total)
+        self.jacobian, self.wanted = np.zeros((total, nv)), np.zeros(total)
+        self._weight = np.zeros(total)
         self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
-        self._jacobian = np.zeros((total, nv))
-        self._rate, self._error, self._drift = np.zeros(total), np.zeros(total), np.zeros(total)
-        self._root = np.zeros(total)
-        self._stiffness, self._damping = np.zeros(total), np.zeros(total)
+        # error, rate, drift, velocity and acceleration asked for, and what each counts for
+        self._parts, self._gains = np.zeros((5, total)), np.zeros((5, total))
+        self._products = np.zeros((5, total))
         self._rowed: list[_Rowed] = []
         self._chosen: list[_Chosen] = []
         start = 0
@@ -80,25 +85,21 @@ class TaskStack:
             rows = slice(start, start + size)
             self._rowed.append(self._place(task, rows, weight))
             start += size
-        self._column = self._root[:, None]
+        with np.errstate(divide="ignore"):
+            self.softness = 1.0 / self._weight
         self._last: dict[str, Reference] = {}
 
     def _place(self, task: Task, rows: slice, weight: FloatArray) -> _Rowed:
         """Give a task its rows and gains; one that commands in its own way has no gains here."""
         own = type(task).command is not Task.command
-        self._root[rows] = np.sqrt(weight)
+        self._weight[rows] = weight
+        self._gains[2, rows], self._gains[4, rows] = -1.0, 1.0
         if not own:
-            self._stiffness[rows], self._damping[rows] = task.stiffness, task.velocity_gain
-        return _Rowed(
-            task,
-            own,
-            rows,
-            self._jacobian[rows],
-            self._rate[rows],
-            self._error[rows],
-            self._drift[rows],
-            task.velocity_gain,
-        )
+            gain = task.velocity_gain
+            self._gains[0, rows], self._gains[1, rows] = task.stiffness, -gain
+            self._gains[3, rows] = gain
+        error, rate, drift, velocity, acceleration = (part[rows] for part in self._parts)
+        return _Rowed(task, own, self.jacobian[rows], rate, error, drift, velocity, acceleration)
 
     def forget(self) -> None:
         """Forget the references held so far."""
@@ -110,37 +111,31 @@ class TaskStack:
         A task without a reference keeps its last one; one that never had any holds the value that
         it has now.
         """
-        drift, target = self._drift, self.target
-        fed = [self._evaluate(entry, kinematics, references) for entry in self._rowed]
-        self._jacobian.dot(kinematics.velocity, out=self._rate)
-        np.multiply(self._stiffness, self._error, out=target)
-        target -= drift
-        np.multiply(self._damping, self._rate, out=drift)
-        target -= drift
-        for entry, reference in zip(self._rowed, fed, strict=True):
+        for entry in self._rowed:
+            self._evaluate(entry, kinematics, references)
+        self.jacobian.dot(kinematics.velocity, out=self._parts[1])
+        for entry in self._rowed:
             if entry.own:
-                target[entry.rows] += entry.task.command(kinematics, reference, entry.rate)
-            else:
-                if reference.velocity is not None:
-                    target[entry.rows] += entry.gain * reference.velocity
-                if reference.acceleration is not None:
-                    target[entry.rows] += reference.acceleration
-        target *= self._root
-        np.multiply(self._jacobian, self._column, out=self.matrix)
+                reference = self._last[entry.task.name]
+                entry.acceleration[:] = entry.task.command(kinematics, reference, entry.rate)
+        np.multiply(self._gains, self._parts, out=self._products)
+        np.add.reduce(self._products, axis=0, out=self.wanted)
         self._pull(kinematics, references)
 
     def _evaluate(
         self, entry: _Rowed, kinematics: Kinematics, references: Mapping[str, Reference]
-    ) -> Reference:
-        """Write the rows of one task; return its reference."""
+    ) -> None:
+        """Write the rows of one task."""
         task = entry.task
         reference = self._reference(task, kinematics, references)
         entry.jacobian[:] = task.jacobian(kinematics)
         entry.drift[:] = task.drift(kinematics)
         if not entry.own:
             entry.error[:] = task.error(kinematics, reference.position)
+            entry.velocity[:] = 0.0 if reference.velocity is None else reference.velocity
+            asked = reference.acceleration
+            entry.acceleration[:] = 0.0 if asked is None else asked
         self._last[task.name] = reference
-        return reference
 
     def _pull(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
         pull, velocity = self.pull, kinematics.velocity
@@ -152,17 +147,24 @@ class TaskStack:
             pull[chosen] += wanted
             self._last[task.name] = reference
 
+    def cost(self) -> tuple[FloatArray, FloatArray]:
+        """Return Hessian (nv, nv) and gradient (nv,) of the cost of all tasks on qdd."""
+        weighted = self._weight[:, None] * self.jacobian
+        hessian = weighted.T @ self.jacobian
+        hessian.reshape(-1)[:: len(hessian) + 1] += self.diagonal
+        return hessian, -(self.wanted @ weighted) - self.pull
+
     @property
     def locks(self) -> int:
         """How many rows on qdd fix what all tasks of this stack obtain."""
-        return len(self.matrix) + int(np.count_nonzero(self.diagonal))
+        return len(self.wanted) + int(np.count_nonzero(self.diagonal))
 
     def lock(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rows (k, nv) and values (k,) that keep what `acceleration` gives the tasks."""
         chosen = np.flatnonzero(self.diagonal)
         rows = np.zeros((self.locks, len(acceleration)))
-        rows[: len(self.matrix)] = self.matrix
-        rows[np.arange(len(self.matrix), len(rows)), chosen] = 1.0
+        rows[: len(self.wanted)] = np.sqrt(self._weight)[:, None] * self.jacobian
+        rows[np.arange(len(self.wanted), len(rows)), chosen] = 1.0
         return rows, rows @ acceleration
 
     def _reference(

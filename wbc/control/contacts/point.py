@@ -122,6 +122,8 @@ class BoundPoint(BoundContact):
 
     def wrench(self, force: FloatArray) -> FloatArray:
         """Return the force (3,) [N], world axes."""
+        if self.rows == 3:
+            return force
         result = np.zeros(3)
         result[self.axes] = force
         return result

@@ -96,7 +96,7 @@ class BoundSurface(BoundContact):
 
     def wrench(self, force: FloatArray) -> FloatArray:
         """Return the wrench (6,) [N, N m] at the middle, along the frame's axes."""
-        return force.copy()
+        return force
 
 
 def _shift(rows: FloatArray, middle: FloatArray) -> None:

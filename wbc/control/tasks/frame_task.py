@@ -93,4 +93,5 @@ class FrameTask(Task):
 def turn_missing(placement: pin.SE3, target: FloatArray) -> FloatArray:
     """Return R log3(R' R_target), (3,) [rad]: what turns the placement into the target."""
     rotation = placement.rotation
-    return np.asarray(rotation @ pin.log3(rotation.T @ target))
+    turn: FloatArray = rotation.dot(pin.log3(rotation.T.dot(target)))
+    return turn

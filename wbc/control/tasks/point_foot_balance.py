@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import atan2, sqrt
 from typing import final
 
 import numpy as np
@@ -56,7 +56,7 @@ class PointFootBalanceTask(Task):
     def value(self, kinematics: Kinematics) -> float:
         """Return the pitch theta [rad], the rotation of the frame about +y."""
         rotation = kinematics.placement(kinematics.frame_id(self.frame)).rotation
-        return float(np.arctan2(rotation[0, 2], rotation[2, 2]))
+        return atan2(rotation.item(0, 2), rotation.item(2, 2))
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the pitch that is missing, (1,) [rad]."""
@@ -74,19 +74,19 @@ class PointFootBalanceTask(Task):
         """Return xdd, (1,) [m/s^2]: state feedback on (x, xd, k, theta)."""
         foot = kinematics.placement(kinematics.frame_id(self.contact)).translation
         com = kinematics.center_of_mass()
-        momentum = kinematics.momentum_matrix()[4]
-        pitch = -float(self.error(kinematics, reference.position)[0])
-        state = np.array(
-            [com[0] - foot[0], float(rate[0]), float(momentum @ kinematics.velocity), pitch]
+        momentum = kinematics.momentum_matrix()[4].dot(kinematics.velocity)
+        on_place, on_speed, on_momentum, on_pitch = self.gains(
+            kinematics, com.item(2) - foot.item(2)
         )
-        gains = self.gains(kinematics, float(com[2] - foot[2]))
-        wanted = -gains @ state
+        wanted = -on_place * (com.item(0) - foot.item(0)) - on_speed * rate.item(0)
+        wanted -= on_momentum * float(momentum)
+        wanted += on_pitch * self.error(kinematics, reference.position).item(0)
         if reference.acceleration is not None:
-            wanted = wanted + reference.acceleration[0]
+            wanted += float(reference.acceleration[0])
         return np.array([wanted])
 
-    def gains(self, kinematics: Kinematics, height: float) -> FloatArray:
-        """Return the feedback (4,) on (x, xd, k, theta) with all poles at -p, p the bandwidth.
+    def gains(self, kinematics: Kinematics, height: float) -> tuple[float, float, float, float]:
+        """Return the feedback on (x, xd, k, theta) with all poles at -p, p the bandwidth.
 
         With u = xdd, G = m g and Z = m z the loop's polynomial is
 
@@ -96,25 +96,24 @@ class PointFootBalanceTask(Task):
             kinematics: of the present state.
             height: z of the centre of mass above the foot [m], not zero.
         """
-        mass = float(kinematics.data.mass[0])
-        gravity = float(np.linalg.norm(kinematics.model.gravity.linear))
+        mass = kinematics.mass
+        gravity = kinematics.gravity
         from_speed, from_momentum = self._pitch_rate(kinematics)
         pole = sqrt(gravity / abs(height)) if self.bandwidth is None else self.bandwidth
         on_pitch = pole**4 / (from_momentum * mass * gravity)
         on_momentum = 4.0 * pole**3 / (mass * gravity)
         on_speed = 4.0 * pole + mass * height * on_momentum
         on_place = 6.0 * pole**2 - (from_speed - from_momentum * mass * height) * on_pitch
-        return np.array([on_place, on_speed, on_momentum, on_pitch])
+        return on_place, on_speed, on_momentum, on_pitch
 
     def _pitch_rate(self, kinematics: Kinematics) -> tuple[float, float]:
         """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot."""
-        foot = kinematics.frame_jacobian(kinematics.frame_id(self.contact))[[0, 2]]
         rows = np.empty((5, kinematics.model.nv))
-        rows[:2] = foot
-        rows[2:4] = kinematics.center_of_mass_jacobian()[[0, 2]]
+        rows[:2] = kinematics.frame_jacobian(kinematics.frame_id(self.contact))[:3:2]
+        rows[2:4] = kinematics.center_of_mass_jacobian()[::2]
         rows[4] = kinematics.momentum_matrix()[4]
         pitch = kinematics.frame_jacobian(kinematics.frame_id(self.frame))[4]
-        normal = rows @ rows.T
+        normal = rows.dot(rows.T)
         normal.reshape(-1)[::6] += 1e-12
-        _, weights, _ = lapack.dposv(normal, rows @ pitch)
-        return float(weights[2]), float(weights[4])
+        _, weights, _ = lapack.dposv(normal, rows.dot(pitch))
+        return weights.item(2), weights.item(4)
