@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.sim.random_robots import random_robot
 from wbc import Robot, load_robot
+from wbc.control import RotorTorqueLimit
 from wbc.errors import SimulationError
 from wbc.metrics import impact_mitigation
 from wbc.sim import Plane, Plant, Stairs, simulate
@@ -304,3 +306,28 @@ def test_a_point_that_friction_jams_rests_where_it_drifted() -> None:
         for _ in range(40):
             state = plant.step(state, torque / np.abs(robot.transmission.gear_ratio), 1e-3).state
         assert plant.gaps(state).min() > -2e-4
+
+
+def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:
+    leg = load_robot("planar_leg_fixed").lossless().with_gravity([0.0, 0.0, 0.0])
+    robot = _with_gears(leg, torque_limit=1.0, speed_limit=100.0)
+    curve = RotorTorqueLimit(knee=0.5)
+    plant = Plant(robot, Plane(height=-9.0), motor_bounds=curve.bounds)
+    model = robot.model.copy()
+    armature = robot.transmission.reflected_inertia
+    model.armature = armature
+    data = model.createData()
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        speed = 20.0 * y[2:]
+        along = np.clip(2.0 * (1.0 - np.abs(speed) / 100.0), 0.0, 1.0)
+        torque = 20.0 * np.where(speed >= 0.0, np.minimum(2.0, along), 1.0) * [0.0, 1.0]
+        return np.concatenate((y[2:], pin.aba(model, data, y[:2], y[2:], torque)))
+
+    truth = solve_ivp(rate, (0.0, 0.5), np.zeros(4), rtol=1e-9, atol=1e-9).y[2:, -1]
+    run = simulate(plant, lambda s: np.array([0.0, 2.0]), plant.state(np.zeros(2)), 0.5, dt=5e-4)
+    assert run.state.velocity == pytest.approx(truth, abs=5e-3)
+    assert truth[1] > 4.0
+    reported = run.log.column("knee.rotor_torque")
+    assert reported[0] == 1.0  # what the motor takes of the 2 N m it was asked for
+    assert reported[-1] < 0.3

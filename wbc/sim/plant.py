@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -27,6 +29,8 @@ from wbc.sim.terrain import Terrain
 
 _MAX_PARTS = 12
 
+MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
+
 
 @dataclass(frozen=True, eq=False)
 class Plant:
@@ -40,11 +44,15 @@ class Plant:
         terrain: what it stands on.
         restitution: normal speed after over before an impact (Newton), 0 to 1; less in an impact
             that would gain energy from it (`Impact.restitution`).
+        motor_bounds: least and greatest rotor torque (m,) [N m] of a robot's motors at rotor
+            speeds (m,) [rad/s], at the start of a step; None for the robot's `torque_limit` at
+            every speed. `RotorTorqueLimit(knee=...).bounds` gives motors a torque-speed curve.
     """
 
     robot: Robot
     terrain: Terrain = field(default_factory=Plane)
     restitution: float = 0.0
+    motor_bounds: MotorBounds | None = None
     _setup: Setup = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -92,15 +100,14 @@ class Plant:
 
         Args:
             state: where it starts.
-            rotor_torque: (m,) [N m] commanded on the rotors; the drives deliver at most the
-                robot's `torque_limit`.
+            rotor_torque: (m,) [N m] commanded on the rotors; the motors give at most their bounds.
             dt: [s].
             external: generalised force (nv,) from outside, None for none.
 
         Raises:
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
-        setup, command = self._setup, self._command(rotor_torque, dt)
+        setup, command = self._setup, self._command(state, rotor_torque, dt)
         parts: list[Flow] = []
         impacts: list[Impact] = []
         impact = None
@@ -120,7 +127,7 @@ class Plant:
             if left <= 1e-9 * dt:
                 break
             state, impact = settle(setup, part.state)
-        return StepResult(part.state, dt, tuple(parts), tuple(impacts))
+        return StepResult(part.state, dt, command, tuple(parts), tuple(impacts))
 
     def run(
         self,
@@ -151,7 +158,7 @@ class Plant:
         pin.forwardKinematics(space.model, space.data, state.position)
         return barriers.clearance(state.position).gap[barriers.limits :]
 
-    def _command(self, rotor_torque: ArrayLike, dt: float) -> FloatArray:
+    def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
         if not dt > 0.0:
             raise SimulationError(f"the step dt must be positive, got {dt}.")
         gears = self.robot.transmission
@@ -163,8 +170,11 @@ class Plant:
             )
         if not all(map(isfinite, torque.tolist())):
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
-        limit = gears.torque_limit
-        return np.minimum(np.maximum(torque, -limit), limit)
+        if self.motor_bounds is None:
+            return np.minimum(np.maximum(torque, -gears.torque_limit), gears.torque_limit)
+        speed = gears.gear_ratio * MotorMotion.of(self._setup.drive, state).speed
+        low, high = self.motor_bounds(self.robot, speed)
+        return np.minimum(np.maximum(torque, low), high)
 
     def _until_landing(
         self,

@@ -40,16 +40,14 @@ class Recorder:
         self._rows: list[tuple[float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]]
         self._rows = []
 
-    def add(self, state: SimState, command: FloatArray, result: StepResult) -> None:
-        """Record the step from `state` under `command` (m,) that gave `result`."""
+    def add(self, state: SimState, result: StepResult) -> None:
+        """Record the step from `state` that gave `result`."""
         torque = self._robot.transmission.motor_from_joint.T @ result.mesh_torque
-        limit = self._robot.transmission.torque_limit
-        reported = np.clip(command, -limit, limit)
         row = (
             state.time,
             state.position,
             state.velocity,
-            reported,
+            result.command,
             torque,
             result.contact_force.ravel(),
         )

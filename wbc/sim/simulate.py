@@ -86,7 +86,7 @@ def simulate(
             command = np.asarray(controller(state), dtype=np.float64)
             push = None if external is None else external(state)
             result = plant.run(state, command, dt, substeps, push)
-            recorder.add(state, command, result)
+            recorder.add(state, result)
             state = result.state
             flow = flow + result.energy
             impacts.extend(result.impacts)

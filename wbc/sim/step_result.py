@@ -23,12 +23,15 @@ class StepResult:
     Attributes:
         state: at the end of the step.
         duration: dt [s].
+        command: (m,) [N m] on the rotors that the motors took, within their bounds; as a mean where
+            several steps are joined.
         parts: the smooth parts of the step; more than one where something landed in between.
         impacts: those that happened in the step.
     """
 
     state: SimState
     duration: float
+    command: FloatArray
     parts: tuple[Flow, ...]
     impacts: tuple[Impact, ...]
 
@@ -71,9 +74,11 @@ class StepResult:
     @staticmethod
     def joined(results: Sequence[StepResult]) -> StepResult:
         """Return several steps in a row as one."""
+        duration = sum(result.duration for result in results)
         return StepResult(
             state=results[-1].state,
-            duration=sum(result.duration for result in results),
+            duration=duration,
+            command=_sum([result.duration / duration * result.command for result in results]),
             parts=tuple(part for result in results for part in result.parts),
             impacts=tuple(impact for result in results for impact in result.impacts),
         )
