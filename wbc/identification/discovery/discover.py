@@ -134,11 +134,12 @@ def _offers(
     problem: Problem, fit: Fit, joints: Sequence[str], progress: Report
 ) -> dict[str, Formula]:
     """Return the formula of every joint that has one."""
+    band = problem.records[0].bandwidth.residual
     found = {}
     for joint in joints:
         progress(f"searching a formula for {joint}")
         seen = evidence(fit.robot, problem.records)
-        terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained)
+        terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained, band)
         formula = find_formula(term_table(problem, fit, joint, terms))
         if formula is not None:
             found[joint] = formula

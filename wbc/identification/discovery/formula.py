@@ -22,7 +22,8 @@ MOST_TERMS = 4
 _STANDARD_ERRORS = 2.0
 _LEAST_GAIN = 0.05  # of the floor's mean square
 _LEAST_SHARE = 0.35  # of the excess over the floor: what leaves more is no law of this joint
-_LEAST_LOG_SHARE = 0.1  # ... that terms which only logs know must add
+_WIDER_SHARE = 0.01  # ... that terms of other joints or of logs alone must add
+_WIDER_REST = 0.5  # ... and of what formulas without them leave
 _SHARE_PER_TERM = 1e-4  # of the square explained: what filters distort pays for no term
 _STABLE = 0.5  # share of the folds that must choose a term
 _SAME = 0.98  # cosine above which two terms are the same choice
@@ -54,27 +55,35 @@ class Formula:
         before, after = float(np.mean(self.before)), float(np.mean(self.after))
         return min((before - after) / max(before - 1.0, 1e-12), 1.0)
 
-    @property
-    def needs_acceleration(self) -> bool:
-        """Whether a controller or simulator could not use it."""
-        return any(term.needs_acceleration for term in self.terms)
-
 
 def find_formula(table: TermTable) -> Formula | None:
     """Return the smallest formula that does as well as the best one on unseen folds, if any pays.
 
     Every fold is predicted by terms *and* coefficients that were found without it; formulas of
     zero to four terms are compared block by block. The smallest one within one standard error of
-    the best is taken if it beats no formula by two standard errors. Terms with accelerations or
-    loads, which only logs know, must pay in addition to the rest.
+    the best is taken if it beats no formula by two standard errors. Terms of other joints, and
+    terms with accelerations or loads, which only logs know, must in addition remove half of what
+    formulas without them leave: motions of joints resemble one another.
     """
-    widest = _formula(table)
-    if widest is None or not widest.needs_acceleration:
-        return widest
-    plain = _formula(table.only([not term.needs_acceleration for term in table.terms]))
-    if plain is None or _pays(plain.after, widest.after, _LEAST_LOG_SHARE * _excess(plain.before)):
-        return widest
-    return plain
+    best: Formula | None = None
+    for kept in _widening(table):
+        formula = _formula(table.only(kept)) if any(kept) else None
+        if formula is None:
+            continue
+        if best is not None:
+            least = max(_WIDER_SHARE * _excess(best.before), _WIDER_REST * _excess(best.after))
+            if not _pays(best.after, formula.after, least):
+                continue
+        best = formula
+    return best
+
+
+def _widening(table: TermTable) -> list[list[bool]]:
+    """Return which terms concern the joint alone, which any controller knows, and all."""
+    known = [not term.needs_acceleration for term in table.terms]
+    alone = [set(term.joints) <= {table.joint} for term in table.terms]
+    own = [k and a for k, a in zip(known, alone, strict=True)]
+    return [own, known, [True] * len(known)]
 
 
 def _formula(table: TermTable) -> Formula | None:
@@ -159,11 +168,11 @@ def _simplified(table: TermTable, support: Support) -> Support:
     everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
     chosen = list(support.chosen)
     for place in range(len(chosen)):
-        own = complexity(table.terms[chosen[place]])
+        own = complexity(table.terms[chosen[place]], table.joint)
         for k in _ties(table, everything.fitted(chosen))[place]:
             trial = [*chosen[:place], k, *chosen[place + 1 :]]
             fitted = everything.fitted(trial)
-            simpler = complexity(table.terms[k]) < own
+            simpler = complexity(table.terms[k], table.joint) < own
             if simpler and table.possible(fitted.chosen, fitted.coefficients):
                 chosen = trial
                 break
@@ -214,10 +223,10 @@ def _stability(table: TermTable, support: Support, others: Sequence[Support]) ->
     return tuple(result)
 
 
-def complexity(term: TorqueTerm) -> float:
+def complexity(term: TorqueTerm, joint: str) -> float:
     """Return how much a term asks one to believe; what a controller cannot know costs most.
 
-    Friction that would change its direction with a position or load costs a little, too.
+    Motion of other joints costs, and friction that would turn round with a position or load.
     """
     powers = [factor for factor in term.factors if factor.shape == "power"]
     dry = any(factor.shape == "sign" for factor in term.factors)
@@ -227,6 +236,6 @@ def complexity(term: TorqueTerm) -> float:
         + 0.5 * sum(factor.number - 1.0 for factor in powers)
         + 0.1 * sum(factor.shape in ("sin", "cos", "size") for factor in term.factors)
         + 0.3 * turning
-        + 0.5 * len(term.joints)
+        + sum(other != joint for other in term.joints)
         + 3.0 * term.needs_acceleration
     )

@@ -17,7 +17,11 @@ _DISTINCT = 0.2  # orders closer than this share of each other are the same
 
 
 def torque_terms(
-    robot: Robot, joint: str, motions: Sequence[Motion], unexplained: Sequence[FloatArray]
+    robot: Robot,
+    joint: str,
+    motions: Sequence[Motion],
+    unexplained: Sequence[FloatArray],
+    band: float,
 ) -> tuple[TorqueTerm, ...]:
     """Return the products that may make up the unexplained torque of `joint`.
 
@@ -29,11 +33,12 @@ def torque_terms(
         joint: a driven joint.
         motions: one per log.
         unexplained: (N, nv) per log [N m].
+        band: of the residual [Hz]; waves that pass faster are not seen.
     """
     q, v = f"q_{joint}", f"v_{joint}"
     sign = f"sign({v})"
     waves = {1.0, 2.0} if _turns(robot, joint) else set()
-    smooth_orders, dry_orders = _orders(robot, joint, motions, unexplained)
+    smooth_orders, dry_orders = _orders(robot, joint, motions, unexplained, band)
     smooth_waves = _waves(q, waves | smooth_orders)
     dry_waves = _waves(q, waves | dry_orders)
     gravity = [f"gravity_{joint}"] if _weighs(robot, joint, motions) else []
@@ -109,7 +114,11 @@ def _chain(robot: Robot, joint: str) -> list[str]:
 
 
 def _orders(
-    robot: Robot, joint: str, motions: Sequence[Motion], unexplained: Sequence[FloatArray]
+    robot: Robot,
+    joint: str,
+    motions: Sequence[Motion],
+    unexplained: Sequence[FloatArray],
+    band: float,
 ) -> tuple[set[float], set[float]]:
     """Return the orders at which smooth torque and dry friction repeat with position."""
     column, row = robot.position_index(joint), robot.velocity_index(joint)
@@ -119,14 +128,21 @@ def _orders(
         torque * np.sign(motion.velocity[:, row])
         for torque, motion in zip(torques, motions, strict=True)
     ]
-    return _peaks(positions, torques), _peaks(positions, along)
+    speeds = np.concatenate([motion.velocity[:, row] for motion in motions])
+    highest = 2.0 * np.pi * band / max(float(np.sqrt(np.mean(speeds**2))), 1e-9)
+    return _peaks(positions, torques, highest), _peaks(positions, along, highest)
 
 
-def _peaks(positions: Sequence[FloatArray], torques: Sequence[FloatArray]) -> set[float]:
+def _peaks(
+    positions: Sequence[FloatArray], torques: Sequence[FloatArray], highest: float
+) -> set[float]:
+    """Return the strongest orders up to `highest`, read closely."""
     found: list[float] = []
     span = max(float(np.ptp(np.concatenate(list(positions)))), 1e-9)
     place, torque = np.concatenate(list(positions)), np.concatenate(list(torques))
-    for peak in strongest_orders(positions, torques, 2 * _HARMONICS):
+    for peak in strongest_orders(positions, torques, 4 * _HARMONICS):
+        if peak > highest:
+            continue
         # A peak is placed within an eighth of its width 2 pi / span; look closer, twice.
         sharp, reach = peak, 0.3 * 2.0 * np.pi / span
         for _ in range(2):

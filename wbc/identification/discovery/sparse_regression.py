@@ -15,6 +15,7 @@ _ROUNDS = 4  # of exchanges
 _TRIED = 10  # additions to a support that are fitted
 _BEAM = 6  # supports kept per size
 _PAIRS = 40
+_CANCELLING = 10.0  # squares of the single terms over the square of their sum
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +143,13 @@ class SparseRegression:
         return np.where(usable, base - pull**2 / np.where(usable, free, 1.0), np.inf)
 
     def _allowed(self, support: Support) -> Support | None:
-        fine = self._table.possible(support.chosen, support.coefficients)
-        return support if fine else None
+        """Return the support unless its friction drives or its terms mostly cancel one another."""
+        index = list(support.chosen)
+        sizes = support.coefficients * self._scale[index]
+        together = float(sizes @ self._gram[np.ix_(index, index)] @ sizes)
+        apart = float(sizes @ sizes)
+        fine = apart <= _CANCELLING * together
+        return support if fine and self._table.possible(index, support.coefficients) else None
 
 
 def cell_losses(table: TermTable, support: Support, cells: BoolArray) -> FloatArray:

@@ -31,6 +31,7 @@ class TermTable:
     effects could explain by other parameters has been taken out of them.
 
     Attributes:
+        joint: on which the terms act.
         terms: c candidates.
         gram: (cells, c, c) A' A.
         moment: (cells, c) A' r.
@@ -41,6 +42,7 @@ class TermTable:
         levels: (samples, c) level of dry friction that a unit of each term gives; 0 where smooth.
     """
 
+    joint: str
     terms: tuple[TorqueTerm, ...]
     gram: FloatArray
     moment: FloatArray
@@ -92,7 +94,7 @@ def term_table(problem: Problem, fit: Fit, joint: str, terms: Sequence[TorqueTer
         levels.append(level)
     together = np.concatenate(levels)
     every = max(1, len(together) // _LEVEL_SAMPLES)
-    return totals.table(tuple(terms), folds, blocks, together[::every])
+    return totals.table(joint, terms, folds, blocks, together[::every])
 
 
 def _cells(problem: Problem) -> tuple[IntArray, IntArray, IntArray]:
@@ -169,7 +171,12 @@ class _Totals:
         self.count[here] += part.count
 
     def table(
-        self, terms: tuple[TorqueTerm, ...], folds: IntArray, blocks: IntArray, levels: FloatArray
+        self,
+        joint: str,
+        terms: Sequence[TorqueTerm],
+        folds: IntArray,
+        blocks: IntArray,
+        levels: FloatArray,
     ) -> TermTable:
         """Return the table after taking out what the columns of known effects can explain."""
         size = len(terms)
@@ -184,7 +191,8 @@ class _Totals:
         mixed = explained.T @ self.gram[:, size:, kept]
         gram = self.gram[:, kept[:, None], kept] - mixed - np.swapaxes(mixed, 1, 2)
         return TermTable(
-            terms=tuple(terms[k] for k in kept),
+            joint=joint,
+            terms=tuple(terms[int(k)] for k in kept),
             gram=gram + explained.T @ self.gram[:, size:, size:] @ explained,
             moment=self.moment[:, kept] - self.moment[:, size:] @ explained,
             energy=self.energy,
