@@ -1,7 +1,9 @@
 """Steps per second of the plant beside MuJoCo on the same model and step, in the same run.
 
 MuJoCo knows no directional efficiency: it gets lossless gears (armature N^2 I_r) and its own soft
-contact, the plant gets the lossy gears it is for. Run: python -m benchmarks.sim [--profile]
+contact, the plant gets the lossy gears it is for. A second table holds every case against the
+least that its library calls cost in Python, a third the closed loop at 1 kHz, a fourth says where
+the time goes. Run: python -m benchmarks.sim [--profile]
 """
 
 from __future__ import annotations
@@ -18,99 +20,141 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.mujoco_model import mujoco_model
-from wbc import Robot, load_robot
-from wbc.sim import Plant, SimState
+from benchmarks.sim_cases import DT, Case, cases
+from benchmarks.sim_floor import bare_step
+from benchmarks.sim_loop import closed_loop
+from wbc.sim import Plant
 
-DT = 1e-3
-ROUNDS = 7
-
-
-def hold(robot: Robot, pose: np.ndarray, gain: float) -> Callable[[SimState], np.ndarray]:
-    """Return a joint PD that holds a pose."""
-    ratio, at_q, at_v = (
-        robot.transmission.gear_ratio,
-        robot.actuated_position,
-        robot.actuated,
-    )
-
-    def control(state: SimState) -> np.ndarray:
-        error = state.position[at_q] - pose[at_q]
-        return -gain * (error + 0.025 * state.velocity[at_v]) / ratio
-
-    return control
+ROUNDS = 15
 
 
-def plant_rate(robot: Robot, pose: np.ndarray, gain: float, steps: int, profile: bool) -> float:
-    """Return the best rate [steps/s] of the plant from a pose on."""
-    plant, control = Plant(robot), hold(robot, pose, gain)
-
-    def run(state: SimState, count: int) -> SimState:
-        for _ in range(count):
-            state = plant.step(state, control(state), DT).state
-        return state
-
-    start = run(plant.state(pose), 20)
-    best = 0.0
+def best_time(run: Callable[[], object], count: int) -> float:
+    """Return the least CPU time [s] per call of what `run` does `count` times."""
+    best = np.inf
     for _ in range(ROUNDS):
         began = process_time()
-        run(start, steps)
-        best = max(best, steps / (process_time() - began))
-    if profile:
-        profiler = cProfile.Profile()
-        profiler.runcall(run, start, steps)
-        pstats.Stats(profiler).sort_stats("tottime").print_stats(15)
+        run()
+        best = min(best, (process_time() - began) / count)
     return best
 
 
-def mujoco_rate(robot: Robot, pose: np.ndarray, gain: float, steps: int) -> float:
-    """Return the best rate [steps/s] of mj_step under the same PD, called from Python."""
-    model = mujoco_model(robot, DT)
+def plant_run(case: Case) -> tuple[Callable[[], None], int]:
+    """Return a function that steps the plant through the case, and how many steps it takes."""
+    plant, command = Plant(case.robot), case.command()
+    repeats = max(1, 60 // case.steps)
+
+    def run() -> None:
+        for _ in range(repeats):
+            state = case.start
+            for _ in range(case.steps):
+                state = plant.step(state, command(state.position, state.velocity), DT).state
+
+    return run, repeats * case.steps
+
+
+def mujoco_run(case: Case) -> tuple[Callable[[], None], int]:
+    """Return the same for mj_step under the same PD, called from Python."""
+    robot, gears = case.robot, case.robot.transmission
+    model, command = mujoco_model(robot, DT), case.command()
     data = mujoco.MjData(model)
-    start = pose.copy()
+    position = np.array(case.start.position)
     if robot.has_free_flyer:
-        start[3:7] = pose[[6, 3, 4, 5]]
-    at_q, at_v = robot.actuated_position, robot.actuated
-    best = 0.0
-    for _ in range(ROUNDS):
-        mujoco.mj_resetData(model, data)
-        data.qpos[:] = start
-        began = process_time()
-        for _ in range(steps):
-            error = data.qpos[at_q] - pose[at_q]
-            data.qfrc_applied[at_v] = -gain * (error + 0.025 * data.qvel[at_v])
-            mujoco.mj_step(model, data)
-        best = max(best, steps / (process_time() - began))
-    return best
+        position[3:7] = position[[6, 3, 4, 5]]
+    repeats, order = max(1, 60 // case.steps), robot.actuated
+    to_joint = gears.distribution
+
+    def run() -> None:
+        for _ in range(repeats):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:] = position, case.start.velocity
+            for _ in range(case.steps):
+                data.qfrc_applied[order] = to_joint @ command(data.qpos, data.qvel)
+                mujoco.mj_step(model, data)
+
+    return run, repeats * case.steps
+
+
+def rates(timed: dict[str, Case]) -> tuple[Table, Table, dict[str, float]]:
+    """Return the tables beside MuJoCo and beside the floor, and the plant's seconds per step."""
+    beside = Table(title=f"steps per second at dt = {DT * 1e3:g} ms, one core")
+    for name in ("case", "plant", "x real time", "MuJoCo", "MuJoCo / plant"):
+        beside.add_column(name, justify="left" if name == "case" else "right")
+    floor = Table(title="plant step over its bare library calls (pinocchio, LAPACK, numpy)")
+    for name in ("case", "step [us]", "calls [us]", "step / calls"):
+        floor.add_column(name, justify="left" if name == "case" else "right")
+    seconds = {}
+    for name, case in timed.items():
+        own, peer, bare = best_time(*plant_run(case)), best_time(*mujoco_run(case)), bare_step(case)
+        least = best_time(lambda bare=bare: [bare() for _ in range(100)], 100)
+        seconds[name] = own
+        ratio = own / peer
+        beside.add_row(name, f"{1 / own:.0f}", f"{DT / own:.1f}", f"{1 / peer:.0f}", f"{ratio:.1f}")
+        floor.add_row(name, f"{own * 1e6:.0f}", f"{least * 1e6:.0f}", f"{own / least:.1f}")
+    return beside, floor, seconds
+
+
+def shares(case: Case) -> dict[str, float]:
+    """Return the share of the step's time per module; library calls count for their caller."""
+    run, _ = plant_run(case)
+    profiler = cProfile.Profile()
+    profiler.runcall(run)
+    found: dict[str, float] = {}
+    for (file, _, _), (_, _, own, _, callers) in pstats.Stats(profiler).stats.items():
+        if "/wbc/" in file:
+            parts = [(file, own)]
+        else:
+            parts = [(who[0], part[2]) for who, part in callers.items()]
+        for place, time in parts:
+            inside = "/wbc/" in place
+            module = place.split("/wbc/")[1].removesuffix(".py") if inside else "other"
+            found[module] = found.get(module, 0.0) + time
+    total = sum(found.values())
+    return {name: time / total for name, time in sorted(found.items(), key=lambda i: -i[1])}
+
+
+def where_it_goes(timed: dict[str, Case]) -> Table:
+    """Return the table of the modules that take most of a step."""
+    table = Table("module", title="share of a step's time, profiled [%]")
+    found = {name: shares(timed[name]) for name in ("planar leg, stance", "solo12, stance")}
+    for name in found:
+        table.add_column(name, justify="right")
+    first = next(iter(found.values()))
+    for module in list(first)[:12]:
+        table.add_row(module, *(f"{100.0 * part.get(module, 0.0):.0f}" for part in found.values()))
+    return table
+
+
+def loop_table() -> tuple[Table, float]:
+    """Return the closed loop's table and how many times faster than real time it runs."""
+    step, tick, program = closed_loop(ROUNDS)
+    title = "planar leg squatting on its foot, controller and plant at 1 kHz"
+    table = Table("", "ms", "share [%]", title=title)
+    for name, time in (
+        ("plant step", step),
+        ("controller tick", tick - program),
+        ("its quadratic program", program),
+    ):
+        table.add_row(name, f"{time * 1e3:.3f}", f"{100.0 * time / (step + tick):.0f}")
+    factor = DT / (step + tick)
+    table.add_row("together", f"{(step + tick) * 1e3:.3f}", f"{factor:.1f} x real time")
+    return table, factor
 
 
 def main() -> dict[str, float]:
-    """Print the table; return the plant's rates."""
+    """Print the tables; return the plant's seconds per step."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--profile", action="store_true")
-    profile = parser.parse_args().profile
-    leg = load_robot("planar_leg_strong")
-    stance = leg.configuration(hip=-0.5, knee=1.0, base_z=0.8 * np.cos(0.5))
-    flight = leg.configuration(hip=-0.5, knee=1.0, base_z=50.0)
-    drops = leg.configuration(hip=-0.5, knee=1.0, base_z=0.8 * np.cos(0.5) + 2e-3)
-    solo, talos = load_robot("solo12"), load_robot("talos")
-    cases = {
-        "planar leg, stance": (leg, stance, 400.0, 200),
-        "planar leg, flight": (leg, flight, 400.0, 200),
-        "planar leg, landing": (leg, drops, 400.0, 60),
-        "solo12, stance": (solo, np.array(next(iter(solo.poses.values()))), 8.0, 120),
-        "talos, stance": (talos, np.array(next(iter(talos.poses.values()))), 2000.0, 80),
-    }
-    table = Table(title=f"steps per second at dt = {DT * 1e3:g} ms, one core")
-    for name in ("case", "plant", "x real time", "MuJoCo", "MuJoCo / plant"):
-        table.add_column(name, justify="left" if name == "case" else "right")
-    rates = {}
-    for name, (robot, pose, gain, steps) in cases.items():
-        rate = plant_rate(robot, pose, gain, steps, profile)
-        rates[name] = rate
-        peer = mujoco_rate(robot, pose, gain, steps)
-        table.add_row(name, f"{rate:.0f}", f"{rate * DT:.1f}", f"{peer:.0f}", f"{peer / rate:.1f}")
-    Console().print(table)
-    return rates
+    parser.add_argument("--profile", action="store_true", help="print every function's time too")
+    console, timed = Console(), cases()
+    beside, floor, seconds = rates(timed)
+    for table in (beside, floor, loop_table()[0], where_it_goes(timed)):
+        console.print(table)
+    if parser.parse_args().profile:
+        for name, case in timed.items():
+            profiler = cProfile.Profile()
+            profiler.runcall(plant_run(case)[0])
+            console.print(name)
+            pstats.Stats(profiler).sort_stats("tottime").print_stats(20)
+    return seconds
 
 
 if __name__ == "__main__":
