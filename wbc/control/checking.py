@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +74,8 @@ def check_contact(
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
     bound, nv = contact.bind(robot), robot.model.nv
-    at = _along(robot, position, velocity, acceleration)
+    frames = bound.frames(robot.model)
+    at = _along(robot, position, velocity, acceleration, frames)
     here, ahead, behind = at(0.0), at(step), at(-step)
     jacobian, drift = np.zeros((bound.rows, nv)), np.zeros(bound.rows)
     bound.fill(ahead, jacobian, drift)
@@ -86,14 +87,18 @@ def check_contact(
 
 
 def _along(
-    robot: Robot, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    robot: Robot,
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    frames: Sequence[pin.Frame] = (),
 ) -> Callable[[float], Kinematics]:
     """Return the kinematics at time t of the motion with constant acceleration through a state."""
 
     def at(time: float) -> Kinematics:
         moved = time * velocity + 0.5 * time**2 * acceleration
         q = pin.integrate(robot.model, position, moved)
-        kinematics = Kinematics(robot)
+        kinematics = Kinematics(robot, frames)
         kinematics.update(q, velocity + time * acceleration)
         return kinematics
 

@@ -36,7 +36,8 @@ class ContactSet:
         self.jacobian = np.zeros((start, nv))
         self.target = np.zeros(start)
         self._drift = np.zeros(start)
-        self._damping = np.zeros(start)
+        self._placed = False
+        self._slowing = np.zeros(start)
         self._places = [(self.jacobian[rows], self._drift[rows]) for rows in self.slices]
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
@@ -47,10 +48,22 @@ class ContactSet:
             labels.extend(f"{contact.name}: {label}" for label in contact.cone.labels)
             self.cone[first : len(labels), rows] = contact.cone.matrix
             self.normals[i, rows] = contact.cone.normal
-            self._damping[rows] = contact.contact.damping
+            self._slowing[rows] = -contact.contact.damping
         self.cone_labels = tuple(labels)
         self.normal_minimum = np.array([c.contact.normal_minimum for c in self.contacts])
         self.normal_maximum = np.array([c.contact.normal_maximum for c in self.contacts])
+
+    def place(self, jacobian: FloatArray, target: FloatArray) -> bool:
+        """Keep the rows in the memory of a program from now on; return whether that is granted.
+
+        The first program that asks gets them, the programs of further levels must copy.
+        """
+        if self._placed:
+            return False
+        self.jacobian, self.target = jacobian, target
+        self._places = [(jacobian[rows], self._drift[rows]) for rows in self.slices]
+        self._placed = True
+        return True
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate the rows at the present state."""
@@ -58,9 +71,8 @@ class ContactSet:
         for contact, (jacobian, drift) in zip(self.contacts, self._places, strict=True):
             contact.fill(kinematics, jacobian, drift)
         self.jacobian.dot(kinematics.velocity, out=target)
-        target *= self._damping
-        target += self._drift
-        np.negative(target, out=target)
+        target *= self._slowing
+        target -= self._drift
 
     def load_share(self, weight: float) -> FloatArray:
         """Return forces (k,) [N] that share `weight` [N] equally among the normals."""

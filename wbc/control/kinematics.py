@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -31,15 +33,21 @@ class Kinematics:
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
     """
 
-    def __init__(self, robot: Robot) -> None:
-        """Prepare for a robot; `update` must come before anything is read."""
-        space = Workspace(robot)
-        self.model, self.data = space.model, space.data
-        data = self.data
+    def __init__(self, robot: Robot, frames: Sequence[pin.Frame] = ()) -> None:
+        """Prepare for a robot; `update` must come before anything is read.
+
+        Args:
+            robot: the robot.
+            frames: further frames to know, such as the middles of soles.
+        """
+        self.model = Workspace(robot).model.copy()
+        for frame in frames:
+            self.model.addFrame(frame, False)
+        self.data = data = self.model.createData()
         self.position: FloatArray = np.zeros(self.model.nq)
         self.velocity: FloatArray = np.zeros(self.model.nv)
         self.mass_matrix: FloatArray = data.M
-        self.bias: FloatArray = data.nle
+        self.bias: FloatArray = data.tau
         self.mass = float(pin.computeTotalMass(self.model))
         self.gravity = float(np.linalg.norm(self.model.gravity.linear))
         self._rest = np.zeros(self.model.nv)
@@ -55,7 +63,7 @@ class Kinematics:
         model, data = self.model, self.data
         self.position, self.velocity = position, velocity
         pin.crba(model, data, position, pin.Convention.WORLD)
-        pin.nonLinearEffects(model, data, position, velocity)
+        pin.rnea(model, data, position, velocity, self._rest)
         pin.forwardKinematics(model, data, position, velocity, self._rest)
         self._com_ready = self._momentum_ready = self._momentum_drift_ready = False
 

@@ -101,11 +101,11 @@ class ContactForceProgram:
         self._balance_force = self.A[balance, self.nv :]
         self._balance_right = self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
+        self._copies = not contacts.place(self._contact_rows, self._contact_right)
         names = robot.transmission.joints
         self.rows = InequalityRows(
             [names[i] for i in self.gears], contacts, joint_limit, self.nv, self.force_scale
         )
-        self._ramped = True
         self._write_normal_bounds(None)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
         self._scaled_map = np.zeros_like(self.torque_map)
@@ -141,9 +141,10 @@ class ContactForceProgram:
         if self.forces:
             pushed = set_.jacobian.T[plant.undriven]
             np.multiply(pushed, -self.force_scale, out=self._balance_force)
-            np.copyto(self._contact_rows, set_.jacobian)
-            np.copyto(self._contact_right, set_.target)
-        if ceilings is not None or self._ramped:
+            if self._copies:
+                np.copyto(self._contact_rows, set_.jacobian)
+                np.copyto(self._contact_right, set_.target)
+        if ceilings != self._ceilings:
             self._write_normal_bounds(ceilings)
         if self.joint_limit is not None:
             low, high = self.joint_limit.bounds(position, velocity, step)
@@ -231,7 +232,7 @@ class ContactForceProgram:
         if ceilings is not None:
             top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
         self.rows.write_normals(set_.normal_minimum, top)
-        self._ramped = ceilings is not None
+        self._ceilings = None if ceilings is None else dict(ceilings)
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""

@@ -74,6 +74,7 @@ class TaskStack:
         # error, rate, drift, velocity and acceleration asked for, and what each counts for
         self._parts, self._gains = np.zeros((5, total)), np.zeros((5, total))
         self._products = np.zeros((5, total))
+        self._asked = self._parts[3:]
         self._rowed: list[_Rowed] = []
         self._chosen: list[_Chosen] = []
         start = 0
@@ -111,6 +112,7 @@ class TaskStack:
         A task without a reference keeps its last one; one that never had any holds the value that
         it has now.
         """
+        self._asked.fill(0.0)
         for entry in self._rowed:
             self._evaluate(entry, kinematics, references)
         self.jacobian.dot(kinematics.velocity, out=self._parts[1])
@@ -132,9 +134,10 @@ class TaskStack:
         entry.drift[:] = task.drift(kinematics)
         if not entry.own:
             entry.error[:] = task.error(kinematics, reference.position)
-            entry.velocity[:] = 0.0 if reference.velocity is None else reference.velocity
-            asked = reference.acceleration
-            entry.acceleration[:] = 0.0 if asked is None else asked
+            if reference.velocity is not None:
+                entry.velocity[:] = reference.velocity
+            if reference.acceleration is not None:
+                entry.acceleration[:] = reference.acceleration
         self._last[task.name] = reference
 
     def _pull(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:

@@ -74,7 +74,8 @@ class RotorTorqueStage:
         wanted = slopes.at(output > 0.0) * output
         torque = wanted + share
         lower, upper = limits
-        clipped = np.minimum(np.maximum(torque, lower), upper)
+        clipped = np.maximum(torque, lower)
+        np.minimum(clipped, upper, out=clipped)
         if (clipped == torque).all():
             return Realised(torque, wanted, True)
         if self._serial:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.control.kinematics import Kinematics
@@ -93,6 +94,10 @@ class BoundContact(ABC):
     @abstractmethod
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J (k, nv) and dJ/dt v (k,) at the present state."""
+
+    def frames(self, model: pin.Model) -> tuple[pin.Frame, ...]:
+        """Return frames that the contact reads and that `model` does not have; none by default."""
+        return ()
 
     @property
     def components(self) -> IntArray:

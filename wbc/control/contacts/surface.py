@@ -85,32 +85,28 @@ class BoundSurface(BoundContact):
     frame: str
     middle: FloatArray
 
+    @property
+    def _middle_frame(self) -> str:
+        return f"middle of {self.name}"
+
+    def frames(self, model: pin.Model) -> tuple[pin.Frame, ...]:
+        """Return the frame at the rectangle's middle."""
+        number = model.getFrameId(self.frame)
+        parent = model.frames[number]
+        placement = parent.placement * pin.SE3(np.eye(3), np.array(self.middle))
+        kind = pin.FrameType.OP_FRAME
+        return (pin.Frame(self._middle_frame, parent.parentJoint, number, placement, kind),)
+
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
-        """Write the spatial Jacobian and acceleration, shifted to the rectangle's middle."""
-        number = kinematics.frame_id(self.frame)
+        """Write the spatial Jacobian and acceleration at the rectangle's middle, its own axes."""
+        number = kinematics.frame_id(self._middle_frame)
         local = pin.ReferenceFrame.LOCAL
         jacobian[:] = kinematics.frame_jacobian(number, local)
         drift[:] = pin.getFrameAcceleration(kinematics.model, kinematics.data, number, local).vector
-        _shift(jacobian, self.middle)
-        _shift(drift, self.middle)
 
     def wrench(self, force: FloatArray) -> FloatArray:
         """Return the wrench (6,) [N, N m] at the middle, along the frame's axes."""
         return force
-
-
-def _shift(rows: FloatArray, middle: FloatArray) -> None:
-    """Move linear rows from the frame's origin to `middle`: v + omega x middle, in place."""
-    x, y, z = middle
-    if z != 0.0:
-        rows[0] += z * rows[4]
-        rows[1] -= z * rows[3]
-    if y != 0.0:
-        rows[0] -= y * rows[5]
-        rows[2] += y * rows[3]
-    if x != 0.0:
-        rows[1] += x * rows[5]
-        rows[2] -= x * rows[4]
 
 
 def wrench_cone(friction: float, length: float, width: float) -> tuple[FloatArray, tuple[str, ...]]:
