@@ -16,6 +16,7 @@ from wbc.sim.terrain import Terrain
 TOUCH = 1e-6
 """Gap [m, rad] up to which a barrier counts as closed."""
 
+_NONE = np.zeros(0, dtype=np.int_)
 _NOWHERE = (np.zeros(0), np.zeros((0, 3)))
 
 
@@ -109,9 +110,12 @@ class Barriers:
             contacts: rows of all contacts.
             target: (2 j + k,) lowest speed at which each gap may open.
         """
-        limits = closed[: self.limits].nonzero()[0]
+        limits, turning = _NONE, self._turning
         which = closed[self.limits :].nonzero()[0]
-        turning, rows = self._turning[limits], contacts.rows[which]
+        rows = contacts.rows[which]
+        if self.limits:
+            limits = closed[: self.limits].nonzero()[0]
+            turning = turning[limits]
         tangents = rows[:, 1:].reshape(-1, self._nv)
         unilateral = Unilateral(
             turning, rows[:, 0], tangents, self._friction[which], target[closed]

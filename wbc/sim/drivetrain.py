@@ -26,6 +26,7 @@ class Drivetrain:
         play: (m,) [rad] backlash.
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
         any_loose: whether any of them may.
+        rubs: whether any rotor has friction.
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row.
         actuated: (m,) rows of v.
@@ -45,6 +46,7 @@ class Drivetrain:
     play: FloatArray
     loose: BoolArray
     any_loose: bool
+    rubs: bool
     direct: bool
     actuated: IntArray
     every: IntArray
@@ -81,6 +83,7 @@ def drivetrain(robot: Robot) -> Drivetrain:
         play=gears.backlash,
         loose=frozen(loose, np.bool_),
         any_loose=bool(loose.any()),
+        rubs=bool(gears.rotor_coulomb_friction.any() or gears.rotor_viscous_friction.any()),
         direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
         actuated=robot.actuated,
         every=frozen(np.arange(gears.size), np.int_),

@@ -15,7 +15,6 @@ from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import SimulationError
-from wbc.robot import Motion
 from wbc.sim.barriers import TOUCH, ClosedRows
 from wbc.sim.coupling import (
     COUPLING_FAILED,
@@ -101,8 +100,8 @@ def flow(
     model, data, barriers = setup.space.model, setup.space.data, setup.barriers
     velocity, half = state.velocity, 0.5 * step
     middle = pin.integrate(model, state.position, half * velocity)
-    motion = Motion(middle, velocity, time=np.asarray(state.time + half))
-    forces = effect_forces(setup.robot, motion, command, state.memory, step)
+    at = middle, velocity, state.time + half
+    forces = effect_forces(setup.robot, at, command, state.memory, step)
     coupling = step_coupling(setup.robot, setup.space, middle, velocity)
     pin.crba(model, data, middle, pin.Convention.WORLD)
     force = forces.joint - pin.nonLinearEffects(model, data, middle, velocity)

@@ -55,7 +55,7 @@ def checked_memory(robot: Robot, first: EffectMemory, given: EffectMemory) -> Ef
 
 def effect_forces(
     robot: Robot,
-    motion: Motion,
+    at: tuple[FloatArray, FloatArray, float],
     command: FloatArray,
     memory: EffectMemory = (),
     step: float = 0.0,
@@ -64,7 +64,7 @@ def effect_forces(
 
     Args:
         robot: whose effects.
-        motion: in the middle of the step.
+        at: q (nq,), v (nv,) and time [s] in the middle of the step.
         command: rotor torque (m,) [N m].
         memory: of the effects at the start of the step; empty where none has any.
         step: h [s].
@@ -72,6 +72,7 @@ def effect_forces(
     joint = np.zeros(robot.model.nv)
     if not robot.effects:
         return EffectForces(joint, None, command, ())
+    motion = Motion(at[0], at[1], time=np.asarray(at[2]))
     friction: FloatArray | None = None
     rotor, seen = command, [motion] * len(robot.effects)
     following: list[FloatArray | None] = []

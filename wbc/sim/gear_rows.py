@@ -65,9 +65,11 @@ def gear_rows(
         motor: motion of the motor outputs before.
         released: (m,) gears found to pull on their flank, which they cannot.
     """
-    brought = impulse + drive.inertia * motor.speed
-    dry = step * drive.coulomb
-    inertia = drive.inertia + step * drive.viscous
+    up = down = impulse + drive.inertia * motor.speed
+    inertia = drive.inertia
+    if drive.rubs:
+        dry = step * drive.coulomb
+        up, down, inertia = up - dry, down + dry, inertia + step * drive.viscous
     zero = drive.zero
     shared, alone = zero, drive.every[:0]
     if friction is not None:
@@ -78,8 +80,8 @@ def gear_rows(
         alone = np.flatnonzero(level > 0.0)
     elements = Elements(
         drive.rows,
-        brought - dry,
-        brought + dry,
+        up,
+        down,
         inertia,
         drive.forward,
         drive.backward,

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.robot import Motion, Robot
+from wbc.robot import Robot
 from wbc.sim.drivetrain import Drivetrain, drivetrain
 from wbc.sim.elements import Elements, modes_at
 from wbc.sim.forces import EffectForces, effect_forces
@@ -46,8 +46,7 @@ class Mechanism:
         model = self.robot.model
         inertia = np.array(pin.crba(model, self.data, q))
         inertia = np.triu(inertia) + np.triu(inertia, 1).T
-        motion = Motion(q, v, time=np.asarray(time))
-        forces = effect_forces(self.robot, motion, self.torque(time))
+        forces = effect_forces(self.robot, (q, v, time), self.torque(time))
         force = forces.joint - pin.nonLinearEffects(model, self.data, q, v)
         if self.external is not None:
             force = force + self.external(time)
