@@ -25,7 +25,7 @@ def provenance(logs: Sequence[Log], command: str, seed: int | None) -> dict[str,
     """
     facts = {"command": command} if command else {}
     if seed is not None:
-        facts["seed"] = str(seed)
+        facts["seed"] = f"{seed} (blocks drawn for the intervals)"
     facts["versions"] = ", ".join(f"{name} {_version(name)}" for name in _PACKAGES)
     facts["python"] = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     commit = _commit()

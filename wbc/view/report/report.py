@@ -14,6 +14,7 @@ from plotly.offline import get_plotlyjs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis
 from wbc.identification.compare import compare_problem
+from wbc.identification.intervals import BOOTSTRAP_SEED
 from wbc.identification.problem import Problem
 from wbc.measurement import Log, check_logs
 from wbc.robot import Robot
@@ -42,7 +43,7 @@ def write_report(
     diagnosis: Diagnosis | None = None,
     *,
     command: str = "",
-    seed: int | None = None,
+    seed: int = BOOTSTRAP_SEED,
     theme: str = "",
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
@@ -57,7 +58,7 @@ def write_report(
         logs: the logs, in the same order; the first one is played.
         diagnosis: what `diagnose` returned; a report of the comparison alone when left out.
         command: how to run it again, for the last section.
-        seed: of random numbers, for the last section.
+        seed: of the bootstrap behind the intervals, for the last section.
         theme: "light", "dark", or "" for what the reader's system prefers.
 
     Raises:
@@ -72,7 +73,7 @@ def report_page(
     logs: Sequence[Log],
     diagnosis: Diagnosis | None,
     command: str,
-    seed: int | None,
+    seed: int,
     theme: str,
 ) -> str:
     """Return the HTML text of `write_report`."""
@@ -88,7 +89,7 @@ def report_page(
         "quality": quality_rows(check_logs(logs, robot)),
         "floor_source": comparison.floor.source,
         "notes": list(robot.notes),
-        "provenance": provenance(logs, command, seed),
+        "provenance": provenance(logs, command, None if diagnosis is None else seed),
         "logs": [Path(log.source.label).name for log in logs],
     }
     context |= _diagnosis_part(diagnosis)
