@@ -110,6 +110,17 @@ def test_a_law_outside_the_library_is_approximated_and_holds_on_other_logs(robot
     assert found.error.after < 0.3 * found.error.before
 
 
+def test_a_joint_that_stands_still_shows_no_law(robot: Robot) -> None:
+    given = []
+    for log in logs(lambda r: (-0.4 * np.sign(r.v[:, 0]), 0.0)):
+        still = {name: np.zeros_like(c) for name, c in log.columns.items() if "knee" in name}
+        given.append(Log(log.time, log.columns | still))
+    found = discover(robot, given)
+    assert {p.effect.where for p in found.proposals} <= {"hip"}
+    nowhere = [Log(g.time, {n: np.zeros_like(c) for n, c in g.columns.items()}) for g in given]
+    assert discover(robot, nowhere).proposals == ()
+
+
 @pytest.mark.parametrize(
     "torque",
     [

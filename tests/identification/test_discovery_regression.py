@@ -29,6 +29,7 @@ def table(seed: int, truth: dict[int, float], alike: float, dry: bool = False) -
     names = [f"sin({k + 1} q_a)" for k in range(COUNT)]
     a, r = columns.reshape(CELLS, -1, COUNT), residual.reshape(CELLS, -1)
     return TermTable(
+        joint="a",
         terms=tuple(TorqueTerm.parse(name) for name in names),
         gram=np.einsum("cni,cnj->cij", a, a),
         moment=np.einsum("cni,cn->ci", a, r),

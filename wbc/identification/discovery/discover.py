@@ -25,6 +25,7 @@ from wbc.robot import Effect, Robot
 _EXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, below which nothing is left
 _EXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
 
+_STILL = 1e-3  # range of motion [rad, m]
 _LEAST_GAIN = 0.05  # of the floor's mean square
 _LEAST_SHARE = 0.02  # of an output's excess over the floor
 
@@ -137,6 +138,8 @@ def _offers(
     band = problem.records[0].bandwidth.residual
     found = {}
     for joint in joints:
+        if not _moves(problem, joint):
+            continue
         progress(f"searching a formula for {joint}")
         seen = evidence(fit.robot, problem.records)
         terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained, band)
@@ -144,6 +147,13 @@ def _offers(
         if formula is not None:
             found[joint] = formula
     return found
+
+
+def _moves(problem: Problem, joint: str) -> bool:
+    """Whether a joint moves at all; one that stands still shows no law."""
+    column = problem.robot.position_index(joint)
+    ranges = [np.ptp(record.motion.position[:, column]) for record in problem.records]
+    return bool(max(ranges) > _STILL)
 
 
 def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
