@@ -70,24 +70,26 @@ def _sensors(random: np.random.Generator) -> Sensors:
 def _excitations(
     random: np.random.Generator, machine: Machine, richness: str, number: int
 ) -> tuple[Excitation, ...]:
-    pick = {
+    pick: list[tuple[str, ...]] = {
         "poor": [("slow", "multisine", "one_joint")],
         "fair": [("multisine",), ("slow", "holds", "sweep")],
         "good": [("multisine",), ("repeat",), ("fast", "holds", "multisine")],
         "rich": [("multisine",), ("repeat",), ("fast", "shake"), ("holds", "sweep", "slow")],
     }[richness]
-    longest = 6.0 if len(machine.driven) < 4 else 5.0
+    # A diagnosis with a moving base costs several times as much per second of log.
+    longest = 4.0 if machine.base_size else 6.0 if len(machine.driven) < 4 else 5.0
+    shortest = 3.0 if machine.base_size else 4.0
     runs: list[Excitation] = []
     for k, choices in enumerate(pick):
         kind = str(random.choice(choices))
-        duration = float(np.round(random.uniform(4.0 if k else 4.5, longest), 1))
+        duration = float(np.round(random.uniform(shortest, longest), 1))
         noise = 100 * number + k
         if kind == "repeat":
             lead = float(random.uniform(5e-4, 4e-3))
             runs.append(replace(runs[0], noise=noise, lead=lead))
         else:
             runs.append(Excitation(kind, 100 * number + k, duration, noise))
-    return tuple(runs)
+    return tuple(runs[:3] if machine.base_size else runs)
 
 
 def _effects(random: np.random.Generator, machine: Machine, kind: str) -> list[str]:

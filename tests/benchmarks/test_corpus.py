@@ -1,0 +1,97 @@
+"""The corpus itself: what a case follows from, what may rightly be said, how it is judged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.draw import SEED, draw_case
+from benchmarks.corpus.excitation import Excitation
+from benchmarks.corpus.families import draw_machine
+from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.record import record_cases
+from benchmarks.corpus.scorecard import score
+from benchmarks.corpus.sensors import Sensors
+from benchmarks.corpus.trial import try_cases
+from benchmarks.corpus.truth import truth_of
+from benchmarks.corpus.verdicts import first_right, invented, judge_result
+
+SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
+QUICK = (7, 15, 24)  # payload, nothing, supply sag on arms of three and four joints
+
+
+def case_of(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> Case:
+    machine = draw_machine(np.random.default_rng(4), "arm2")
+    noise = 0.005 * np.ones(len(machine.driven))
+    runs = tuple(Excitation(kind, 30 + k, 5.0, k) for k, kind in enumerate(kinds))
+    return Case(0, machine, flaws, runs, "fair", SENSORS, noise)
+
+
+def test_a_case_follows_from_its_number() -> None:
+    one, same = draw_case(6), draw_case(6)
+    assert one.flaws == same.flaws
+    assert one.excitations == same.excitations
+    first, second = (record_cases([(c, c.excitations)])[0] for c in (one, same))
+    for table, other in zip(first, second, strict=True):
+        assert all(np.array_equal(table[name], other[name]) for name in table)
+
+
+def test_a_wrong_zero_of_the_first_joint_is_a_tilted_gravity() -> None:
+    cause = truth_of(case_of(Flaw("position_offset", "j1", {"offset": 0.05}))).causes[0]
+    assert "gravity_direction" in cause.stand_ins
+    cause = truth_of(case_of(Flaw("position_offset", "j2", {"offset": 0.05}))).causes[0]
+    assert "gravity_direction" not in cause.stand_ins
+
+
+def test_what_is_too_small_need_not_be_named() -> None:
+    large, small = (
+        truth_of(case_of(Flaw("viscous_friction", "j1", {"coefficient": c}))).causes[0]
+        for c in (0.2, 1e-5)
+    )
+    assert large.felt
+    assert not small.felt
+    assert large.size == pytest.approx(2e4 * small.size, rel=1e-3)
+
+
+def answer(verdict: str, *found: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
+    causes = [
+        {"effect": "load_friction", "where": ["j1"], "size": 8.0, "felt": True,
+         "stand_ins": ["transmission_efficiency"]}
+    ]  # fmt: skip
+    entries = [
+        {"effect": e, "where": w, "alternatives": list(a), "parameters": {"coefficient": c}}
+        for (e, w, a), c in zip(found, ([0.2, 0.1, 0.3], [0.2, 0.1, 0.3]), strict=False)
+    ]
+    return {"number": 0, "verdict": verdict, "found": entries, "causes": causes, "merged": [],
+            "unlisted": False, "unexplained": 0.0,
+            "flaws": [["load_friction", "j1", {"coefficient": 0.25}]]}  # fmt: skip
+
+
+def test_an_answer_is_held_against_its_truth() -> None:
+    right = answer("named", ("load_friction", "j1", ()))
+    elsewhere = answer("named", ("load_friction", "j2", ()))
+    equal = answer("named", ("transmission_efficiency", "j1", ()))
+    rival = answer("ambiguous", ("viscous_friction", "j1", ("load_friction",)))
+    wrong = answer("named", ("viscous_friction", "j1", ()))
+    extra = answer("named", ("load_friction", "j1", ()), ("viscous_friction", "j1", ()))
+    every = (right, elsewhere, equal, rival, wrong, extra)
+    assert [judge_result(r).covered for r in every] == [True, True, True, True, False, True]
+    assert [judge_result(r).placed for r in every] == [True, False, False, False, False, False]
+    assert [judge_result(r).names for r in every] == [1, 1, 1, 2, 1, 2]
+    assert [first_right(r) for r in (right, equal, wrong)] == [True, True, False]
+    assert [invented(r) for r in every] == [False, False, False, False, True, True]
+    figures = {figure.name: figure for figure in score([right, wrong])}
+    assert figures["truth in the named set"][1:3] == (50.0, 2)
+    assert figures["90 % intervals cover"][1:3] == (100.0, 1)
+
+
+def test_a_few_cases_are_told_and_kept(tmp_path: Path) -> None:
+    results = try_cases(QUICK, tmp_path, SEED)
+    assert [judge_result(result).good for result in results] == [True] * len(QUICK)
+    kept = [json.loads((tmp_path / f"{n:04d}.json").read_text()) for n in QUICK]
+    assert kept == json.loads(json.dumps(results))

@@ -1,0 +1,106 @@
+"""The corpus' plants against one another, and the library's effects against the plants."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.draw import LISTED
+from benchmarks.corpus.excitation import Excitation
+from benchmarks.corpus.families import draw_machine
+from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.machine import Machine
+from benchmarks.corpus.planar import PlanarLinks
+from benchmarks.corpus.record import record_cases
+from benchmarks.corpus.rigid import Rigid
+from benchmarks.corpus.sensors import Sensors
+from benchmarks.corpus.trial import logs_of, robot_of
+from wbc.effects import EFFECTS
+from wbc.identification import compare
+
+SENSORS = Sensors(rate=250.0, position=2e-5, bits=18, velocity=3e-3, torque=0.005, force=0.3)
+
+
+def recorded(machine: Machine, flaws: tuple[Flaw, ...], kinds: tuple[str, ...]) -> Case:
+    noise = 0.02 * np.ones(len(machine.driven))
+    runs = tuple(Excitation(kind, 10 + k, 4.0, 20 + k) for k, kind in enumerate(kinds))
+    return Case(0, machine, flaws, runs, "fair", SENSORS, noise)
+
+
+def flaw_of(effect: str, machine: Machine) -> Flaw:
+    first, middle, last = (machine.driven[k] for k in (0, len(machine.driven) // 2, -1))
+    torque = {"pendulum": 1.0, "arm3": 4.0}.get(machine.family, 2.0)
+    return {
+        "viscous_friction": Flaw(effect, last, {"coefficient": 0.2 * torque}),
+        "coulomb_friction": Flaw(effect, last, {"level": 0.2 * torque}),
+        "stribeck_friction": Flaw(effect, last, {"level": 0.2 * torque, "speed": 0.5}),
+        "load_friction": Flaw(effect, last, {"coefficient": 0.15}),
+        "quadratic_drag": Flaw(effect, last, {"coefficient": 0.1 * torque}),
+        "transmission_efficiency": Flaw(
+            effect, last, {"forward_efficiency": 0.8, "backward_efficiency": 0.7}
+        ),
+        "rotor_inertia": Flaw(effect, last, {"reflected_inertia": 2.5 * machine.reflected[-1]}),
+        "payload_mass": Flaw(effect, machine.contacts[0][0], {"mass": 0.2}),
+        "center_of_mass": Flaw(effect, machine.bodies[-1], {"x": 0.03, "y": 0.0, "z": -0.02}),
+        "joint_spring": Flaw(effect, last, {"stiffness": 0.5 * torque, "rest": 0.2}),
+        "joint_compliance": Flaw(effect, middle, {"stiffness": 150.0 * torque, "damping": 3.0}),
+        "torque_constant": Flaw(effect, last, {"factor": 1.15}),
+        "torque_offset": Flaw(effect, last, {"offset": 0.2 * torque}),
+        "torque_ripple": Flaw(effect, last, {"amplitude": 0.2, "order": 6.0, "phase": 1.0}),
+        "actuation_delay": Flaw(effect, last, {"delay": 0.01}),
+        "position_offset": Flaw(effect, last, {"offset": 0.08}),
+        "gravity_direction": Flaw(effect, "robot", {"roll": 0.05, "pitch": 0.05}),
+        "supply_sag": Flaw(effect, "robot", {"coefficient": 0.003}),
+        "thermal_drift": Flaw(effect, last, {"rate": 0.04, "time_constant": 8.0}),
+        "current_limit": Flaw(effect, first, {"limit": 0.7}),
+        "backlash": Flaw(effect, first, {"width": 0.02, "stiffness": 2000.0, "damping": 8.0}),
+    }[effect]
+
+
+def test_the_closed_form_is_what_mujoco_computes() -> None:
+    random = np.random.default_rng(1)
+    machines = [draw_machine(random, "arm2") for _ in range(5)]
+    q, v = random.uniform(-2.0, 2.0, (2, 5, 2))
+    mass, bias = PlanarLinks(machines).terms(q, v)
+    for k, machine in enumerate(machines):
+        expected = Rigid(machine).mass_and_bias(q[k], v[k])
+        np.testing.assert_allclose(mass[k], expected[0], rtol=1e-9)
+        np.testing.assert_allclose(bias[k], expected[1], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("family", ["arm3", "wrist6", "biped", "flyer"])
+def test_a_machine_without_flaws_leaves_nothing_but_noise(family: str) -> None:
+    machine = draw_machine(np.random.default_rng(3), family)
+    case = recorded(machine, (), ("multisine", "holds"))
+    tables = record_cases([(case, case.excitations)])[0]
+    assert compare(robot_of(case), logs_of(tables)).error < 1.4
+
+
+@pytest.mark.parametrize(
+    ("family", "effect"),
+    [("arm3", effect) for effect in LISTED if effect not in ("current_limit", "backlash")]
+    + [("biped", effect) for effect in ("load_friction", "payload_mass", "gravity_direction")],
+)
+def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, effect: str) -> None:
+    machine = draw_machine(np.random.default_rng(3), family)
+    assert_told(recorded(machine, (flaw_of(effect, machine),), ("multisine", "sweep")))
+
+
+def test_the_librarys_effects_are_the_plants_in_closed_loop() -> None:
+    machine = draw_machine(np.random.default_rng(3), "pendulum")
+    names = [e for e in LISTED if e not in ("joint_compliance", "backlash", "supply_sag")]
+    cases = [recorded(machine, (flaw_of(name, machine),), ("multisine",)) for name in names]
+    jobs = [(case, case.excitations) for case in cases]
+    for case, tables in zip(cases, record_cases(jobs), strict=True):
+        assert_told(case, tables)
+
+
+def assert_told(case: Case, tables: list[dict[str, np.ndarray]] | None = None) -> None:
+    """The robot with its flaw explains the logs that the robot as drawn does not."""
+    logs = logs_of(tables or record_cases([(case, case.excitations)])[0])
+    robot = robot_of(case)
+    true = robot.with_effects(*(EFFECTS[f.effect].at(f.where, dict(f.values)) for f in case.flaws))
+    before, after = compare(robot, logs).error, compare(true, logs).error
+    assert before > 1.5, case.label
+    assert after < max(1.4, 0.06 * before), case.label
