@@ -105,6 +105,7 @@ def test_the_next_mark_is_the_impact_and_its_force_shows_with_its_cone(
     tab.click("#mark")
     landing = squat.time[np.argmax(squat.column("foot.force.z") > 0.0)]
     assert tab.evaluate("player.time") == pytest.approx(landing, abs=1.0 / 60.0)
+    assert tab.inner_text("#note").startswith("impact of foot, 9")
     assert tab.evaluate("player.visible(['contacts', 'foot', 'shaft'])")
     assert colour_of(tab, "contacts", "foot", "cone") == pytest.approx(rgb(YELLOW), abs=0.01)
     tab.get_by_label("cones").uncheck()

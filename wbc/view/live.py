@@ -128,7 +128,7 @@ class LiveView:
         if not shown:
             return
         turn = along(force)
-        length = min(size * self._size.metres_per_newton, 1.6 * self._size.reach)
+        length = min(size * self._size.metres_per_newton, 1.1 * self._size.reach)
         shaft = max(length - self._size.arrow_head, 1e-4)
         place["shaft"].set_transform(_moved(point, turn @ np.diag([1.0, 1.0, shaft])))
         place["head"].set_transform(_moved(point + shaft * turn[:, 2], turn))

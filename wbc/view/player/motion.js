@@ -34,7 +34,7 @@ function drawContact(c, i) {
   const force = at3(c.force, i), point = at3(c.position, i), normal = at3(c.normal, i);
   const size = Math.hypot(...force);
   const shown = size > 0.02 * data.weight;
-  const full = Math.min(size * data.metres_per_newton, 1.6 * data.reach);
+  const full = Math.min(size * data.metres_per_newton, 1.1 * data.reach);
   const shaft = Math.max(full - data.arrow_head, 1e-4);
   c.node.shaft.visible = c.node.head.visible = shown && layers.forces;
   c.node.cone.visible = shown && layers.cones;

@@ -22,6 +22,9 @@ function buildReadout() {
 const signed = (x, digits) => Number.isNaN(x) ? "–" : (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
 function readout(i) {
   $("clock").textContent = `t = ${now.toFixed(3)} s · frame ${i + 1} of ${frames}`;
+  // What is marked between the frame before and this one happens now.
+  const mark = data.marks.find((m) => m.time <= time[i] + 1e-6 && (i === 0 || m.time > time[i - 1] + 1e-6));
+  $("note").textContent = mark ? mark.label : "";
   data.gears.forEach((g, k) => {
     const [, torque, power, mode, residual] = cells[k];
     torque.textContent = signed(g.torque[i], 1);

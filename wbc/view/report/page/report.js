@@ -26,7 +26,8 @@ function drawStairs() {
   if (!data.steps.length) return;
   const steps = data.steps.slice().reverse(), narrow = window.innerWidth < 560;
   const shown = layout("held-out error [noise floors]", "");
-  Object.assign(shown.xaxis, { type: "log", dtick: 1, range: [Math.log10(0.5), Math.log10(2.5 * Math.max(...steps.map((s) => s.error), 2))] });
+  const end = 2.5 * Math.max(...steps.map((s) => s.error), 2);
+  Object.assign(shown.xaxis, { type: "log", dtick: end < 50 ? "D2" : 1, range: [Math.log10(0.5), Math.log10(end)] });
   Object.assign(shown.yaxis, { title: "", tickfont: { size: narrow ? 10 : 12 } });
   shown.margin.t = 20;
   shown.shapes = [{ type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: { color: style("--before"), dash: "dash" } }];
