@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.effects import TorqueTerm
 from wbc.identification.discovery.sparse_regression import (
     SparseRegression,
     Support,
     block_errors,
     cell_losses,
+    fold_regressions,
     held_out,
 )
 from wbc.identification.discovery.term_table import TermTable
+
+_Folds: TypeAlias = Sequence[tuple[BoolArray, SparseRegression]]
 
 MOST_TERMS = 4
 _STANDARD_ERRORS = 2.0
@@ -87,13 +91,14 @@ def _widening(table: TermTable) -> list[list[bool]]:
 
 
 def _formula(table: TermTable) -> Formula | None:
-    paths, losses = _nested(table)
+    folds = fold_regressions(table)
+    paths, losses = _nested(table, folds)
     errors = [block_errors(table, loss) for loss in losses]
     count, least = _fewest(errors), _LEAST_SHARE * _excess(errors[0])
     if count == 0 or not _pays(errors[0], errors[count], least):
         return None
     for fewer in range(count, 0, -1):
-        support = _everything(table, fewer)
+        support = _everything(table, folds, fewer)
         if support is None or not _pays(errors[0], errors[fewer], least):
             continue
         stability = _stability(table, support, [path[fewer] for path in paths])
@@ -109,26 +114,24 @@ def _formula(table: TermTable) -> Formula | None:
                 stability=stability,
                 rivals=tuple(
                     tuple(table.terms[k].text for k in ties[:_RIVALS])
-                    for ties in _ties(table, support)
+                    for ties in _ties(table, folds, support)
                 ),
             )
     return None
 
 
-def _everything(table: TermTable, count: int) -> Support | None:
+def _everything(table: TermTable, folds: _Folds, count: int) -> Support | None:
     """Return the support of `count` terms that all cells ask for."""
     path = SparseRegression(table, np.ones(len(table.folds), dtype=bool)).path(count)
-    return _simplified(table, path[count]) if len(path) > count else None
+    return _simplified(table, folds, path[count]) if len(path) > count else None
 
 
-def _nested(table: TermTable) -> tuple[list[list[Support]], list[FloatArray]]:
+def _nested(table: TermTable, folds: _Folds) -> tuple[list[list[Support]], list[FloatArray]]:
     """Return each fold's supports, and the cell losses (cells,) for every number of terms."""
-    folds = np.unique(table.folds)
-    paths = [SparseRegression(table, table.folds != fold).path(MOST_TERMS) for fold in folds]
+    paths = [others.path(MOST_TERMS) for _, others in folds]
     most = min(len(path) for path in paths)
     losses = [np.zeros(len(table.folds)) for _ in range(most)]
-    for fold, path in zip(folds, paths, strict=True):
-        inside = table.folds == fold
+    for (inside, _), path in zip(folds, paths, strict=True):
         for loss, support in zip(losses, path[:most], strict=True):
             loss[inside] = cell_losses(table, support, inside)
     return paths, losses
@@ -163,13 +166,13 @@ def _standard_error(values: FloatArray) -> float:
     return float(np.std(values, ddof=1) / np.sqrt(values.size))
 
 
-def _simplified(table: TermTable, support: Support) -> Support:
+def _simplified(table: TermTable, folds: _Folds, support: Support) -> Support:
     """Return the support with every term replaced by the simplest that does as well."""
     everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
     chosen = list(support.chosen)
     for place in range(len(chosen)):
         own = complexity(table.terms[chosen[place]], table.joint)
-        for k in _ties(table, everything.fitted(chosen))[place]:
+        for k in _ties(table, folds, everything.fitted(chosen))[place]:
             trial = [*chosen[:place], k, *chosen[place + 1 :]]
             fitted = everything.fitted(trial)
             simpler = complexity(table.terms[k], table.joint) < own
@@ -179,16 +182,16 @@ def _simplified(table: TermTable, support: Support) -> Support:
     return everything.fitted(chosen)
 
 
-def _ties(table: TermTable, support: Support) -> list[list[int]]:
+def _ties(table: TermTable, folds: _Folds, support: Support) -> list[list[int]]:
     """Return, for each term, those that do as well in its place on held-out folds, best first."""
-    present = block_errors(table, held_out(table, support.chosen))
+    present = block_errors(table, held_out(table, support.chosen, folds))
     result = []
     for place, own in enumerate(support.chosen):
         rest = [*support.chosen[:place], *support.chosen[place + 1 :]]
         near = _alike(table, own, rest)
         close = []
         for k in near:
-            error = block_errors(table, held_out(table, [*rest, int(k)]))
+            error = block_errors(table, held_out(table, [*rest, int(k)], folds))
             difference = error - present
             equal = _SAME_ERROR * float(np.mean(present))
             if float(np.mean(difference)) <= max(_standard_error(difference), equal):

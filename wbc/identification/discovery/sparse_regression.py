@@ -154,9 +154,10 @@ class SparseRegression:
 
 def cell_losses(table: TermTable, support: Support, cells: BoolArray) -> FloatArray:
     """Return the sum of squares that a support leaves in each of `cells`."""
-    index, c = list(support.chosen), support.coefficients
+    index, c = np.asarray(support.chosen, dtype=np.int_), support.coefficients
     explained = 2.0 * table.moment[cells][:, index] @ c
-    model = np.einsum("i,kij,j->k", c, table.gram[cells][:, index][:, :, index], c)
+    gram = table.gram[np.ix_(np.flatnonzero(cells), index, index)]
+    model = np.einsum("i,kij,j->k", c, gram, c)
     return np.asarray(table.energy[cells] - explained + model)
 
 
@@ -166,11 +167,21 @@ def block_errors(table: TermTable, losses: FloatArray) -> FloatArray:
     return np.asarray(np.bincount(blocks, losses) / np.bincount(blocks, table.count))
 
 
-def held_out(table: TermTable, chosen: Sequence[int]) -> FloatArray:
+def fold_regressions(table: TermTable) -> list[tuple[BoolArray, SparseRegression]]:
+    """Return, for every fold, its cells and the regression on all others."""
+    return [
+        (table.folds == fold, SparseRegression(table, table.folds != fold))
+        for fold in np.unique(table.folds)
+    ]
+
+
+def held_out(
+    table: TermTable,
+    chosen: Sequence[int],
+    folds: Sequence[tuple[BoolArray, SparseRegression]],
+) -> FloatArray:
     """Return cell losses (cells,) of these terms, each fold with coefficients of the others."""
     losses = np.zeros(len(table.folds))
-    for fold in np.unique(table.folds):
-        inside = table.folds == fold
-        support = SparseRegression(table, ~inside).fitted(chosen)
-        losses[inside] = cell_losses(table, support, inside)
+    for inside, others in folds:
+        losses[inside] = cell_losses(table, others.fitted(chosen), inside)
     return losses
