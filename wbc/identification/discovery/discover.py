@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.effects import CustomTorque, TorqueTerm
+from wbc.effects import CustomTorque
 from wbc.identification.atoms import evidence
-from wbc.identification.diagnosis import ErrorLevel, Estimate
-from wbc.identification.discovery.discovery import Discovery, Outcome, Proposal
+from wbc.identification.diagnosis import ErrorLevel
+from wbc.identification.discovery.attempt import Attempt, better_somewhere
+from wbc.identification.discovery.discovery import Discovery, Outcome
 from wbc.identification.discovery.formula import Formula, find_formula
 from wbc.identification.discovery.library import torque_terms
+from wbc.identification.discovery.proposals import estimated, proposals_of
 from wbc.identification.discovery.term_table import term_table
 from wbc.identification.fit import Fit
-from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
 from wbc.identification.remainder import describe_remainder
 from wbc.measurement import Log
@@ -24,39 +23,9 @@ from wbc.robot import Effect, Robot
 
 _EXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, below which nothing is left
 _EXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
-
 _STILL = 1e-3  # range of motion [rad, m]
-_LEAST_GAIN = 0.05  # of the floor's mean square
-_LEAST_SHARE = 0.02  # of an output's excess over the floor
 
 Report = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    """Named effects and formulas with their fit.
-
-    Attributes:
-        fit: all of them, refitted together; named effects first.
-        squares: (rows, outputs) held-out squares in floors.
-        formulas: by joint.
-    """
-
-    fit: Fit
-    squares: FloatArray
-    formulas: dict[str, Formula]
-
-    @property
-    def error(self) -> float:
-        return float(np.mean(self.squares))
-
-    @property
-    def known(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self.fit.effects if not isinstance(e, CustomTorque))
-
-    @property
-    def freedom(self) -> int:
-        return sum(effect.freedom for effect in self.fit.effects)
 
 
 def discover(
@@ -82,16 +51,16 @@ def discover(
         LogError: a channel is missing.
     """
     problem = Problem.from_logs(robot, logs)
-    start = _attempt(problem, known, {})
+    start = Attempt.of(problem, known, {})
     found = _search(problem, start, progress)
     if known:
-        fresh = _search(problem, _attempt(problem, (), {}), progress)
+        fresh = _search(problem, Attempt.of(problem, (), {}), progress)
         found = _preferred(problem, fresh, found)
     outcome = _outcome(start, found)
-    estimates = _estimates(problem, found.fit)
+    estimates = estimated(problem, found.fit)
     return Discovery(
         outcome=outcome,
-        proposals=_proposals(found, estimates),
+        proposals=proposals_of(found, estimates),
         known=found.known,
         dropped=_dropped(known, found),
         error=ErrorLevel(
@@ -106,12 +75,7 @@ def discover(
     )
 
 
-def _attempt(problem: Problem, effects: Sequence[Effect], formulas: dict[str, Formula]) -> _Attempt:
-    fit = problem.fit(effects)
-    return _Attempt(fit, problem.held_out(fit), formulas)
-
-
-def _search(problem: Problem, start: _Attempt, progress: Report) -> _Attempt:
+def _search(problem: Problem, start: Attempt, progress: Report) -> Attempt:
     """Return `start` with the formulas that pay, the one that explains most of its joint first."""
     current = start
     waiting = list(problem.robot.transmission.joints)
@@ -121,8 +85,8 @@ def _search(problem: Problem, start: _Attempt, progress: Report) -> _Attempt:
         formula = offers.pop(joint)
         waiting.remove(joint)
         effects = (*current.fit.effects, CustomTorque(joint, formula.terms))
-        wider = _attempt(problem, effects, current.formulas | {joint: formula})
-        if _better_somewhere(problem, current, wider):
+        wider = Attempt.of(problem, effects, {**current.formulas, joint: formula})
+        if better_somewhere(problem, current, wider):
             current = wider
             progress(f"formula at {joint}")
             again = _coupled(problem.robot, joint, waiting)
@@ -136,12 +100,12 @@ def _offers(
 ) -> dict[str, Formula]:
     """Return the formula of every joint that has one."""
     band = problem.records[0].bandwidth.residual
+    seen = evidence(fit.robot, problem.records)
     found = {}
     for joint in joints:
         if not _moves(problem, joint):
             continue
         progress(f"searching a formula for {joint}")
-        seen = evidence(fit.robot, problem.records)
         terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained, band)
         formula = find_formula(term_table(problem, fit, joint, terms))
         if formula is not None:
@@ -163,40 +127,30 @@ def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
     return [other for other in others if (reaches[joint] & reaches[other]).any()]
 
 
-def _pruned(problem: Problem, attempt: _Attempt) -> _Attempt:
+def _pruned(problem: Problem, attempt: Attempt) -> Attempt:
     """Return the attempt without named effects that the formulas have made idle."""
     current = attempt
     for effect in attempt.known if attempt.formulas else ():
         effects = [
             e for e in current.fit.effects if (e.name, e.where) != (effect.name, effect.where)
         ]
-        smaller = _attempt(problem, effects, current.formulas)
-        if not _better_somewhere(problem, smaller, current):
+        smaller = Attempt.of(problem, effects, current.formulas)
+        if not better_somewhere(problem, smaller, current):
             current = smaller
     return current
 
 
-def _preferred(problem: Problem, fresh: _Attempt, beside: _Attempt) -> _Attempt:
+def _preferred(problem: Problem, fresh: Attempt, beside: Attempt) -> Attempt:
     """Return formulas instead of the named effects where they do no worse, else beside them."""
-    if not fresh.formulas or _better_somewhere(problem, fresh, beside):
+    if not fresh.formulas or better_somewhere(problem, fresh, beside):
         return beside
-    if _better_somewhere(problem, beside, fresh):
+    if better_somewhere(problem, beside, fresh):
         return fresh
     # Names are worth more than formulas that explain the same.
     return fresh if beside.formulas and fresh.freedom < beside.freedom else beside
 
 
-def _better_somewhere(problem: Problem, worse: _Attempt, better: _Attempt) -> bool:
-    """Whether an output's held-out error falls by more than chance; a bad joint hides no other."""
-    for one, other in zip(worse.squares.T, better.squares.T, strict=True):
-        least = max(_LEAST_GAIN, _LEAST_SHARE * (float(np.mean(one)) - 1.0))
-        pays = float(np.mean(one - other)) > least
-        if pays and problem.significant(one[:, None], other[:, None]):
-            return True
-    return False
-
-
-def _outcome(start: _Attempt, found: _Attempt) -> Outcome:
+def _outcome(start: Attempt, found: Attempt) -> Outcome:
     if not found.formulas:
         return "none"
     left = np.sqrt(max(found.error - 1.0, 0.0))
@@ -204,62 +158,6 @@ def _outcome(start: _Attempt, found: _Attempt) -> Outcome:
     return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
 
 
-def _dropped(known: Sequence[Effect], found: _Attempt) -> tuple[tuple[str, str], ...]:
+def _dropped(known: Sequence[Effect], found: Attempt) -> tuple[tuple[str, str], ...]:
     kept = {(effect.name, effect.where) for effect in found.known}
     return tuple((e.name, e.where) for e in known if (e.name, e.where) not in kept)
-
-
-def _estimates(problem: Problem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
-    """Return every parameter with its interval, by effect, place and name."""
-    model = problem.robot.model
-    slides = {
-        name
-        for name in problem.robot.single_joints
-        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
-    }
-    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
-    result = {}
-    for (number, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
-        effect, unit = fit.effects[number], parameter.unit
-        if isinstance(effect, CustomTorque):
-            unit = TorqueTerm.parse(parameter.name).unit(slides, at_slide=effect.where in slides)
-        value = effect.values[parameter.name]
-        key = (effect.name, effect.where, parameter.name)
-        result[key] = Estimate(value, unit, float(low), float(high))
-    return result
-
-
-def _proposals(
-    found: _Attempt, estimates: Mapping[tuple[str, str, str], Estimate]
-) -> tuple[Proposal, ...]:
-    proposals = []
-    for effect in found.fit.effects:
-        if not isinstance(effect, CustomTorque):
-            continue
-        formula = found.formulas[effect.where]
-        terms = [term.text for term in effect.terms]
-        own = {term: estimates[effect.name, effect.where, term] for term in terms}
-        others = dict.fromkeys(joint for term in effect.terms for joint in term.joints)
-        others.pop(effect.where, None)
-        proposals.append(
-            Proposal(
-                effect=effect,
-                coefficients=own,
-                share=formula.share,
-                stability=dict(zip(terms, formula.stability, strict=True)),
-                rivals=dict(zip(terms, formula.rivals, strict=True)),
-                joints=(effect.where, *others),
-                warnings=tuple(_warnings(effect, own)),
-            )
-        )
-    return tuple(proposals)
-
-
-def _warnings(effect: CustomTorque, estimates: Mapping[str, Estimate]) -> list[str]:
-    texts = []
-    loose = [name for name, e in estimates.items() if e.low <= 0.0 <= e.high]
-    if loose:
-        texts.append(f"the interval of {', '.join(loose)} holds zero")
-    if effect.needs_acceleration:
-        texts.append("needs accelerations: for logs only, not for controller or simulator")
-    return texts
