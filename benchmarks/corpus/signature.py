@@ -64,14 +64,16 @@ class Signatures:
             reported[:, j] += torque[:, j] - np.clip(torque[:, j], -limit, limit)
         if not any(flaw.effect in _MOVES for flaw in flaws):
             return reported - torque
+        m, b = len(machine.driven), machine.base_size
         q, v, _ = motor_motion(machine, flaws, motion, true)
         q, v = reported_motion(machine, flaws, q, v)
-        m, b = len(machine.driven), machine.base_size
+        # Only what differs is differentiated: the links' own acceleration is known exactly.
+        rise = np.gradient(v - motion.v[:, b:], 1.0 / _RATE, axis=0)
         seen = Motion(
             motion.time,
             np.concatenate([motion.q[:, :-m], q], axis=1),
             np.concatenate([motion.v[:, :b], v], axis=1),
-            np.concatenate([motion.a[:, :b], np.gradient(v, 1.0 / _RATE, axis=0)], axis=1),
+            np.concatenate([motion.a[:, :b], motion.a[:, b:] + rise], axis=1),
             motion.forces,
         )
         return reported - needed_torque(machine, (), seen, link_torque(machine, (), seen))
