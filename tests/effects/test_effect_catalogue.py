@@ -17,9 +17,8 @@ from wbc.robot.units import SI_UNITS
 SAMPLES = 20
 
 
-@pytest.fixture
-def motion() -> Motion:
-    q, v, a = np.random.default_rng(9).normal(size=(3, SAMPLES, 2))
+def motion_of(robot: Robot) -> Motion:
+    q, v, a = np.random.default_rng(9).normal(size=(3, SAMPLES, robot.model.nv))
     return Motion(
         q,
         v,
@@ -59,9 +58,17 @@ def test_it_explains_itself(name: str) -> None:
         assert 0.0 < parameter.scale <= parameter.high - parameter.low
 
 
+def fitting(name: str, robot: str) -> Robot:
+    """Return `robot`, or one with coupled gears for effects that sit at a coupled motor."""
+    return load_robot(
+        "parallelogram_leg" if name.startswith("rotor_") and "friction" in name else robot
+    )
+
+
 @pytest.mark.parametrize("name", sorted(EFFECTS))
-def test_at_its_null_value_it_changes_nothing_anywhere(name: str, motion: Motion) -> None:
-    robot, kind = load_robot("planar_leg_fixed"), EFFECTS[name]
+def test_at_its_null_value_it_changes_nothing_anywhere(name: str) -> None:
+    robot, kind = fitting(name, "planar_leg_fixed"), EFFECTS[name]
+    motion = motion_of(robot)
     places = kind.places(robot)
     assert places
     for where in places:
@@ -74,7 +81,7 @@ def test_at_its_null_value_it_changes_nothing_anywhere(name: str, motion: Motion
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_bounds_and_places_are_kept(name: str) -> None:
-    robot, kind = load_robot("planar_leg"), EFFECTS[name]
+    robot, kind = fitting(name, "planar_leg"), EFFECTS[name]
     effect = away_from_null(kind, robot, kind.places(robot)[-1])
     for parameter in kind.parameters:
         for value in (parameter.low - 1e-3, parameter.high * 1.01 + 1e-3, np.nan):
@@ -90,7 +97,7 @@ def test_bounds_and_places_are_kept(name: str) -> None:
 def test_it_survives_saving_and_leaves_the_robot_it_was_added_to_alone(
     name: str, tmp_path: Path
 ) -> None:
-    robot, kind = load_robot("planar_leg"), EFFECTS[name]
+    robot, kind = fitting(name, "planar_leg"), EFFECTS[name]
     before = [inertia.copy() for inertia in robot.model.inertias]
     gravity = robot.model.gravity.linear.copy()
     for where in kind.places(robot):

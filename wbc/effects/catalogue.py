@@ -17,7 +17,9 @@ from wbc.effects.load_friction import LoadFriction
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
 from wbc.effects.quadratic_drag import QuadraticDrag
+from wbc.effects.rotor_coulomb_friction import RotorCoulombFriction
 from wbc.effects.rotor_inertia import RotorInertia
+from wbc.effects.rotor_viscous_friction import RotorViscousFriction
 from wbc.effects.stribeck_friction import StribeckFriction
 from wbc.effects.supply_sag import SupplySag
 from wbc.effects.thermal_drift import ThermalDrift
@@ -32,6 +34,8 @@ from wbc.robot import Effect
 _CLASSES: tuple[type[Effect], ...] = (
     ViscousFriction,
     CoulombFriction,
+    RotorViscousFriction,
+    RotorCoulombFriction,
     StribeckFriction,
     TransmissionEfficiency,
     LoadFriction,

@@ -36,15 +36,25 @@ class CurrentLimit(JointEffect):
 
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per limit, between a third and nearly all of the largest torque."""
-        column = robot.transmission.index(where)
-        ratio = abs(float(robot.transmission.gear_ratio[column]))
-        seen = np.abs(np.concatenate([torque[:, column] for torque in evidence.reported])) * ratio
-        if not np.any(seen > 0.0):
-            return ()
-        limits = np.quantile(seen, (0.5, 0.7, 0.8, 0.87, 0.93, 0.97, 0.99, 0.997))
+        """Return one screen per limit that reported or needed torques suggest.
+
+        Where a drive saturates most of the time, its report lies far above the limit, and what
+        the motion needed lies just below it.
+        """
+        column, row = robot.transmission.index(where), robot.velocity_index(where)
+        ratio = float(robot.transmission.gear_ratio[column])
+        reported = [torque[:, column] * ratio for torque in evidence.reported]
+        missing = [torque[:, row] for torque in evidence.unexplained]
+        needed = [r - np.sign(ratio) * m for r, m in zip(reported, missing, strict=True)]
+        seen, used = (np.abs(np.concatenate(parts)) for parts in (reported, needed))
+        limits = [
+            *np.quantile(seen, (0.5, 0.7, 0.8, 0.87, 0.93, 0.97, 0.99, 0.997)),
+            *np.quantile(used, (0.3, 0.5, 0.7, 0.85, 0.95)),
+        ]
         return tuple(
-            Screen.fixed({"limit": float(limit)}) for limit in np.unique(limits) if limit > 1e-3
+            Screen.fixed({"limit": float(limit)})
+            for limit in np.unique(limits)
+            if 1e-3 < limit < seen.max()
         )
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:

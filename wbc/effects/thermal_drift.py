@@ -33,7 +33,7 @@ class ThermalDrift(JointEffect):
 
     name: ClassVar[str] = "thermal_drift"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("rate", "1/s", 0.0, -10.0, 10.0, 0.005),
+        Parameter("rate", "1/s", 0.0, -0.5, 0.5, 0.005),
         Parameter("time_constant", "s", 60.0, 1.0, 1e5, 10.0, shape=True),
     )
     explanation: ClassVar[str] = (

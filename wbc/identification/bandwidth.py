@@ -36,6 +36,11 @@ class SensorNoise:
         from_velocity = turn**2 * self.velocity * cutoff**3 / 3.0
         return from_position, from_velocity
 
+    def speed_deviation(self, cutoff: float) -> FloatArray:
+        """Return the standard deviation (nv,) of velocities smoothed at `cutoff` [rad/s, m/s]."""
+        from_position = (2.0 * np.pi) ** 2 * self.position * cutoff**3 / 3.0
+        return np.asarray(np.sqrt(np.nan_to_num(np.fmin(from_position, self.velocity * cutoff))))
+
 
 @dataclass(frozen=True)
 class Bandwidth:

@@ -12,6 +12,7 @@ from wbc.errors import IdentificationError
 from wbc.measurement import Log, rotor_torques
 from wbc.robot import Robot
 
+_BEYOND = 3.0  # times the limit of a joint
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
 
 
@@ -65,6 +66,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         columns = values.reshape(len(log), -1).T
         return np.stack([np.interp(grid, log.time, c) for c in columns], axis=1)
 
+    _require_reachable(robot, log)
     joints = robot.transmission.joints
     velocity = _velocity(robot, log)
     forces = {
@@ -72,8 +74,9 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         for contact in robot.contacts
         if contact.name in log.contacts
     }
-    if robot.floating_size and not forces:
-        named = ", ".join(contact.name for contact in robot.contacts) or "(none)"
+    # A robot without contacts flies: its base needs no force.
+    if robot.floating_size and robot.contacts and not forces:
+        named = ", ".join(contact.name for contact in robot.contacts)
         raise IdentificationError(
             f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
             f"forces, for example '<contact>.force.z' of: {named}."
@@ -89,6 +92,22 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
     )
+
+
+def _require_reachable(robot: Robot, log: Log) -> None:
+    """Raise where a joint stands so far beyond its limits that the unit must be another."""
+    for name in robot.single_joints:
+        row = robot.position_index(name)
+        low = float(robot.model.lowerPositionLimit[row])
+        high = float(robot.model.upperPositionLimit[row])
+        seen = log.column(f"{name}.position") if log.has(f"{name}.position") else np.zeros(1)
+        farthest = float(seen[np.argmax(np.abs(seen))])
+        if high > low and abs(farthest) > _BEYOND * max(abs(low), abs(high)):
+            raise IdentificationError(
+                f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
+                f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the log holds degrees, "
+                "say so in a column map; if the joint turns on, widen its limits in the URDF."
+            )
 
 
 def _position(robot: Robot, log: Log) -> FloatArray:

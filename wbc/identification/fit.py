@@ -102,7 +102,7 @@ def refine(
         robot: the robot that lacks them.
         effects: start values.
         records: the logs.
-        whitening: (outputs, outputs) by which residuals are multiplied.
+        whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
     """
     current = list(effects)

@@ -24,11 +24,13 @@ class NoiseFloor:
         sensors: the same from the white noise of the sensors alone, a lower bound.
         repeats: pairs of record numbers that repeat one another; with none, `covariance` is the
             lower bound.
+        aside: numbers of outputs that are not judged, because nothing can be learnt from them.
     """
 
     covariance: FloatArray
     sensors: FloatArray
     repeats: tuple[tuple[int, int], ...]
+    aside: tuple[int, ...] = ()
 
     @property
     def values(self) -> FloatArray:
@@ -42,17 +44,21 @@ class NoiseFloor:
 
     @property
     def whitening(self) -> FloatArray:
-        """W (m + b, m + b): residual @ W has unit covariance where there is only noise.
+        """W (m + b, k): residual @ W has unit covariance where there is only noise.
 
-        Outputs that share their noise (a joint and the base it pushes against, through the same
-        contact force) are judged by their differences, too; correlations are shrunk a little,
-        since no model is so good that noise cancels altogether.
+        k counts the outputs that are not set aside. Outputs that share their noise (a joint and the
+        base it pushes against, through the same contact force) are judged by their differences,
+        too; correlations are shrunk a little, since no model is so good that noise cancels
+        altogether.
         """
-        size = self.values
-        correlation = self.covariance / np.outer(size, size)
+        kept = [k for k in range(len(self.covariance)) if k not in self.aside]
+        size = self.values[kept]
+        correlation = self.covariance[np.ix_(kept, kept)] / np.outer(size, size)
         shrunk = (1.0 - _SHRINKAGE) * correlation + _SHRINKAGE * np.eye(size.size)
         lower = np.linalg.cholesky(shrunk)
-        return np.asarray(np.linalg.inv(lower).T / size[:, None])
+        weights = np.zeros((len(self.covariance), len(kept)))
+        weights[kept] = np.linalg.inv(lower).T / size[:, None]
+        return weights
 
     @property
     def source(self) -> str:

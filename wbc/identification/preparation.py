@@ -147,7 +147,7 @@ def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -
     acceleration = motion.acceleration[:, rows]  # type: ignore[index]
     period = 1.0 / band.kinematics
     typical = np.sqrt(np.mean(acceleration**2, axis=0))
-    noise_speed = _speed_noise(noise, band)[rows]
+    noise_speed = noise.speed_deviation(band.kinematics)[rows]
     threshold = _REVERSAL * period * typical * 0.8 + 4.0 * noise_speed
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
     trusted = gate(speed, threshold)
@@ -155,11 +155,3 @@ def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -
     moves = np.abs(robot.transmission.topology) > 0.0
     per_gear = np.stack([trusted[:, moves[:, k]].min(axis=1) for k in range(rows.size)], axis=1)
     return np.concatenate([per_gear, np.ones((len(speed), robot.floating_size))], axis=1)
-
-
-def _speed_noise(noise: SensorNoise, band: Bandwidth) -> FloatArray:
-    """Return the standard deviation (nv,) of the smoothed velocity [rad/s]."""
-    cutoff = band.kinematics
-    by_position = (2.0 * np.pi) ** 2 * noise.position * cutoff**3 / 3.0
-    by_velocity = noise.velocity * cutoff
-    return np.asarray(np.sqrt(np.nan_to_num(np.fmin(by_position, by_velocity))))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from wbc.identification.folds import block_means, bootstrap_blocks, held_out_fol
 from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
+from wbc.identification.silent_drives import reported_torque, silent_drives
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -47,6 +48,9 @@ class Problem:
         records = prepare(robot, logs)
         parts = [condensed_residual(robot, [record]) for record in records]
         floor = noise_floor(records, parts)
+        silent = silent_drives(records, parts, floor.values)
+        aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
+        floor = replace(floor, aside=aside)
         return cls(
             robot=robot,
             records=records,
@@ -57,8 +61,21 @@ class Problem:
         )
 
     @property
+    def torque_in_floors(self) -> float:
+        """Root mean square over the judged joints of the reported torque in noise floors."""
+        size = self.robot.transmission.size
+        kept = [k for k in range(size) if k not in self.floor.aside]
+        torque = np.concatenate([reported_torque(record) for record in self.records])[:, kept]
+        return float(np.sqrt(np.mean((torque / self.floor.values[kept]) ** 2)))
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """The joints whose drives report nothing that could be compared."""
+        return tuple(self.robot.transmission.joints[k] for k in self.floor.aside)
+
+    @property
     def whitening(self) -> FloatArray:
-        """(outputs, outputs) by which residuals are multiplied."""
+        """(outputs, judged outputs) by which residuals are multiplied."""
         return self.floor.whitening
 
     def fit(self, effects: Sequence[Effect]) -> Fit:

@@ -33,7 +33,7 @@ def describe_remainder(problem: Problem, fit: Fit) -> str:
         values = [part[:, column] for part in parts]
         size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
         floor = float(problem.floor.values[column])
-        if size < _MATTERS * floor:
+        if size < _MATTERS * floor or column in problem.floor.aside:
             continue
         clues = [
             f"{b.variable} ({100.0 * b.share:.0f} %)"

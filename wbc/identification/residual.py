@@ -115,7 +115,7 @@ def _unexplained(
     needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
     delivered, slope = _delivered(robot, motion, record.torque)
     share = record.reported_share
-    size = np.sqrt(share * slope**2 + 1.0 - share)
+    size = np.sqrt(share * np.maximum(slope, _LEAST_GAIN) ** 2 + 1.0 - share)
     driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
     return np.concatenate([driven, -wrench], axis=1)
 
@@ -129,6 +129,26 @@ def condensed_residual(
     held = swinging or [None] * len(records)
     pairs = zip(records, held, strict=True)
     return np.concatenate([record.condense(raw_residual(robot, record, s)) for record, s in pairs])
+
+
+def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (m,) the share of the reported torque that the drives of `robot` deliver."""
+    return np.asarray(np.mean([_delivered(robot, r.motion, r.torque)[1] for r in records], axis=0))
+
+
+def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
+    missing, needed = [], []
+    size, passive = robot.transmission.size, robot.floating_size
+    for record in records:
+        motion, links, contacts = _loads(robot, record, None)
+        need, _ = rotor_torque(_without_drives(robot), motion, links, contacts)
+        delivered, _ = _delivered(robot, motion, record.torque)
+        nothing = np.zeros((len(need), passive))
+        missing.append(record.condense(np.concatenate([delivered - need, nothing], axis=1)))
+        needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
+    left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
+    return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))
 
 
 def _without_drives(robot: Robot) -> Robot:
@@ -150,4 +170,4 @@ def _delivered(robot: Robot, motion: Motion, torque: FloatArray) -> tuple[FloatA
         power = np.sum(before**2, axis=0)
         share = np.sum(before * delivered, axis=0) / np.where(power > 0.0, power, 1.0)
         slope = slope * np.where(power > 0.0, share, 1.0)
-    return delivered, np.maximum(slope, _LEAST_GAIN)
+    return delivered, slope

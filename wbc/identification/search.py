@@ -42,7 +42,7 @@ class BeamSearch:
         Args:
             fit: the model that causes are added to; its own parameters stay free to move.
             atoms: candidates with columns (rows, outputs, r).
-            whitening: (outputs, outputs) of the fit.
+            whitening: (outputs, judged outputs) of the fit.
             folds: (rows,) numbers of the folds.
             width: sets kept per size.
         """

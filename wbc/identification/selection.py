@@ -9,8 +9,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
+from wbc.identification.credibility import credible, showing
 from wbc.identification.fit import Fit
-from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import Problem
 from wbc.identification.residual import deflects
 from wbc.identification.search import BeamSearch, Subset
@@ -100,9 +100,13 @@ class Selector:
         distorted = share**2 * np.mean(first.squares, axis=0)
         return float(np.mean(np.maximum(by_output - distorted, 0.0))) > _LEAST_GAIN
 
-    def run(self) -> list[Model]:
-        """Return the models from no cause to the chosen ones, each one cause larger."""
-        path = [self.model(())]
+    def run(self, start: Sequence[Model] = ()) -> list[Model]:
+        """Return the models from no cause to the chosen ones, each one cause larger.
+
+        Args:
+            start: a path to continue.
+        """
+        path = list(start) or [self.model(())]
         first = path[0]
         while len(path) <= _MOST_CAUSES:
             best = self.best_addition(path[-1], first)
@@ -112,13 +116,23 @@ class Selector:
             self.report(f"{best.effects[-1].name} at {best.effects[-1].where}")
         return path
 
-    def best_addition(self, model: Model, first: Model) -> Model | None:
-        """Return the simplest of the models with one cause more that do best, or None."""
+    def best_addition(self, model: Model, first: Model, most: float = np.inf) -> Model | None:
+        """Return the simplest of the models with one cause more that do best, or None.
+
+        Args:
+            model: to add to.
+            first: the model without causes.
+            most: screened error above which nothing is fitted.
+        """
         least = _LEAST_SHARE * max(model.error - 1.0, 0.0)
+        shown = [self.shown(m, model) for m in self.additions(model, _REFINED, most=most)]
         refined = [
             m
-            for m in self.additions(model, _REFINED)
-            if self.pays(model, m, first) and model.error - m.error > least and self.shown(m)
+            for m in shown
+            if len(m.effects) > len(model.effects)
+            and self.pays(model, m, first)
+            and model.error - m.error > least
+            and credible(self.problem, m.fit)
         ]
         if not refined:
             return None
@@ -126,19 +140,11 @@ class Selector:
         close = [m for m in refined if not self.pays(m, lowest, first)]
         return min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
 
-    def shown(self, model: Model) -> bool:
-        """Whether the last cause has a parameter whose interval leaves out its null value.
-
-        A cause that helps each log with another value of its own is none that the logs share.
-        """
-        last = len(model.effects) - 1
-        null = model.effects[last].null_values(self.problem.robot, model.effects[last].where)
-        bounds = interval_bounds(model.fit, self.problem.blocks, np.zeros(1))
-        return any(
-            not low <= null[parameter.name] <= high
-            for (k, parameter), (low, high) in zip(model.fit.parameters, bounds, strict=True)
-            if k == last and not parameter.shape
-        )
+    def shown(self, model: Model, smaller: Model) -> Model:
+        """Return `model` without those of the causes added to `smaller` that do not show."""
+        seen = showing(self.problem, model.fit)
+        kept = [e for k, e in enumerate(model.effects) if k < len(smaller.effects) or k in seen]
+        return model if len(kept) == len(model.effects) else self.model(kept)
 
     def _rank(self, model: Model) -> int:
         """Return the place of the last cause in the list of candidates, for ties."""
@@ -151,25 +157,33 @@ class Selector:
         count: int,
         exclude: Sequence[tuple[str, str]] = (),
         enough: float = 0.0,
+        most: float = np.inf,
     ) -> list[Model]:
         """Return the `count` most promising models with one cause more, fitted.
 
-        Those whose screened error is clearly above both the best one and `enough` are left out.
+        Those whose screened error is clearly above both the best one and `enough`, or above `most`,
+        are left out.
         """
+        if not self.candidates:
+            return []
         search, atoms = self.screen(model, exclude)
         start = Subset((), search.error(()))
         found = search.grow([start])
+        found = [subset for subset in found if subset.error < most]
         if not found:
             return []
         # The screen is linear: leave room for what the refit may still gain over it.
         doubt = _SCREEN_ERROR * (start.error - found[0].error) + _SCREEN_NOISE
         worst = max(found[0].error, enough) + doubt
+        # Beside the best group of places stands the best single one.
+        single = next((s for s in found if len(s.atoms) == 1), found[0])
         refined: list[Model] = []
         seen: set[tuple[tuple[str, str], ...]] = set()
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
             key = tuple(sorted(atom.key for atom in added))
-            if key in seen or len(seen) >= count or subset.error > min(worst, start.error):
+            enters = subset is single or subset.error <= worst
+            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
             pairs = zip(added, search.coefficients(subset.atoms), strict=True)
             effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
@@ -221,7 +235,8 @@ class Selector:
         """Return models in which another cause stands in the place of number `k`."""
         own = model.effects[k]
         rest = self.model(_without(model.effects, k))
-        return self.additions(rest, _REFINED, [(own.name, own.where)], model.error)
+        found = self.additions(rest, _REFINED, [(own.name, own.where)], model.error)
+        return [m for m in found if credible(self.problem, m.fit)]
 
     def _better(self, rivals: Sequence[Model], current: Model, first: Model) -> Model | None:
         simpler = [

@@ -1,0 +1,31 @@
+"""Effects that sit at a motor which does not turn with one joint alone."""
+
+from __future__ import annotations
+
+from abc import ABC
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Robot
+
+
+@dataclass(frozen=True)
+class CoupledGearEffect(JointEffect, ABC):
+    """Base of the effects whose place is a motor that several joints turn.
+
+    Where a motor turns with its joint alone, what happens at the motor cannot be told from what
+    happens at the joint, and the effects of the joint stand for both.
+    """
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Every gear that a topology D couples with another joint, by its joint's name."""
+        gears = robot.transmission
+        coupled = np.count_nonzero(gears.motor_from_joint, axis=1) > 1
+        return tuple(joint for joint, yes in zip(gears.joints, coupled, strict=True) if yes)
+
+    def ratio(self, robot: Robot) -> float:
+        """Return |N| of this gear."""
+        return abs(float(robot.transmission.gear_ratio[robot.transmission.index(self.where)]))

@@ -1,0 +1,53 @@
+"""Whether fitted numbers are an explanation at all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.identification.fit import Fit
+from wbc.identification.intervals import interval_bounds
+from wbc.identification.problem import Problem
+from wbc.identification.residual import drive_gains, drive_misses
+
+_FOLLOWED = 0.3  # share of the needed torque that a drive model may miss and still be believed
+_LEAST_MASS = 0.1  # of a link, that a payload of negative mass may leave
+_MOST_GAIN = 2.5  # of a drive: delivered over reported torque, or the inverse
+
+
+def showing(problem: Problem, fit: Fit) -> set[int]:
+    """Return the numbers of the effects with a parameter whose interval leaves out its null value.
+
+    A cause that helps each log with another value of its own is none that the logs share.
+    """
+    bounds = interval_bounds(fit, problem.blocks, np.zeros(1))
+    seen = set()
+    for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+        effect = fit.effects[k]
+        null = effect.null_values(problem.robot, effect.where)[parameter.name]
+        if not parameter.shape and not low <= null <= high:
+            seen.add(k)
+    return seen
+
+
+def credible(problem: Problem, fit: Fit) -> bool:
+    """Whether no number lies at the end of a fit's range, and no drive or mass explains too much.
+
+    A drive model that makes much more or much less of the reported torque would explain any
+    channel that holds no torque; it is believed where what it delivers is what the motion needs.
+    """
+    for k, parameter in fit.parameters:
+        effect = fit.effects[k]
+        value = effect.values[parameter.name]
+        null = effect.null_values(problem.robot, effect.where)[parameter.name]
+        if not parameter.shape and value in (parameter.low, parameter.high) and value != null:
+            return False
+    before, after = (
+        np.array([i.mass for i in r.model.inertias]) for r in (problem.robot, fit.robot)
+    )
+    if np.any(after < _LEAST_MASS * before):
+        return False
+    gains = drive_gains(fit.robot, problem.records)
+    inside = (gains > 1.0 / _MOST_GAIN) & (gains < _MOST_GAIN)
+    if inside.all():
+        return True
+    return bool(np.all(inside | (drive_misses(fit.robot, problem.records) < _FOLLOWED)))

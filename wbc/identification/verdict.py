@@ -1,0 +1,73 @@
+"""What a search amounts to, and what to record next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.effects import EFFECTS
+from wbc.identification.diagnosis import Finding, Verdict
+from wbc.identification.problem import Problem
+from wbc.identification.residual import deflects
+from wbc.identification.selection import Model
+
+_UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
+_DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
+# A link that bounces in its play is chaotic: no simulation follows it for long.
+_UNEXPLAINED_SHARE_SIMULATED = 0.3
+_UNEXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
+_UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
+
+
+def unexplained(problem: Problem, before: float, final: Model) -> bool:
+    """Whether so much is left that the cause must lie outside the candidates."""
+    left = np.sqrt(max(final.error - 1.0, 0.0))
+    first = np.sqrt(max(before - 1.0, 0.0))
+    bouncing = any(deflects(e) for e in final.effects)
+    share = _UNEXPLAINED_SHARE_SIMULATED if bouncing else _UNEXPLAINED_SHARE
+    most = min(share * first, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
+    return bool(left > max(_UNEXPLAINED_FLOOR, most))
+
+
+def judge(
+    problem: Problem, before: float, final: Model, alternatives: Sequence[Sequence[str]]
+) -> Verdict:
+    """Return the verdict from held-out errors (mean squares in floors)."""
+    if unexplained(problem, before, final):
+        return "unknown"
+    if not final.effects:
+        return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
+    return "ambiguous" if any(alternatives) else "named"
+
+
+def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves: bool) -> str:
+    """Return what to record next, in words."""
+    if nothing_moves:
+        return (
+            "Nothing moves in these logs, and at rest every effect looks like another. Move each "
+            "joint back and forth through its range, slowly and fast, loaded and unloaded."
+        )
+    if verdict == "none":
+        return "Nothing is missing on these logs; record faster or loaded motions to look further."
+    if verdict == "not_repeatable":
+        return (
+            "Runs that should repeat one another do not: check what changed between them "
+            "(temperature, mounting, payload, supply) and record one motion several times."
+        )
+    if verdict == "unknown":
+        return (
+            "No known effect explains what is left. Repeat one run exactly, then move one joint "
+            "at a time slowly and fast through the same positions."
+        )
+    texts = []
+    for finding in findings:
+        if finding.alternatives:
+            rivals = [EFFECTS[name].experiment for name in finding.alternatives if name in EFFECTS]
+            texts.append(
+                f"To tell {finding.effect.name} from {', '.join(finding.alternatives)} at "
+                f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
+            )
+    if texts:
+        return " ".join(texts)
+    return " ".join(dict.fromkeys(f"{f.effect.experiment}" for f in findings))
