@@ -50,7 +50,7 @@ def playback() -> None:
     (hit, *_), film = log_impacts(robot, load_logs([OUT / "landing.parquet"])[0]), OUT / "fall.gif"
     write_animation(film, page, start=0.0, stop=1.0, speed=0.5, width=560, height=400)
     keep(film, "landing")
-    keep(write_picture(OUT / "moment.png", page, hit.time + 0.035, height=760), "playback")
+    keep(write_picture(OUT / "moment.png", page, hit.time + 1e-3, height=760), "playback")
 
 
 def residuals(diagnosis: Diagnosis) -> None:

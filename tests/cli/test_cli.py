@@ -54,6 +54,13 @@ def test_metrics_print_the_papers_figures(tmp_path, capsys):
     assert "GIT [kg]" in capsys.readouterr().out
 
 
+def test_joints_that_a_log_does_not_hold_are_told(rubbing, tmp_path, capsys):
+    page = tmp_path / "run.html"
+    assert main(["play", rubbing[0], "--robot", "planar_leg", "--html", str(page)]) == 0
+    assert "no position of base_x, base_z, base_pitch" in capsys.readouterr().out
+    assert page.stat().st_size > 100_000
+
+
 @pytest.mark.parametrize("what", ["robots", "effects"])
 def test_lists_name_what_there_is(what, capsys):
     assert main(["list", what]) == 0

@@ -75,6 +75,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     require_outputs(options)
     robot = load_robot(options.robot)
     log = _one_log(options, robot)
+    absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
+    if absent:
+        console.print(f"no position of {', '.join(absent)} in the log: shown at rest")
     for option, instant in (("at", options.at), ("from", options.start), ("to", options.stop)):
         _require_inside(option, instant, log)
     with tempfile.TemporaryDirectory() as folder:
