@@ -87,9 +87,8 @@ def _share(name: str, hits: Iterable[bool], target: str = "") -> Figure:
 
 
 def _resolved(judged: Judged) -> bool:
-    """Whether the runs asked for leave one name, and a right one."""
+    """Whether the runs asked for leave only names that are right on all runs together."""
     followed = judged.result.get("followed")
     if followed is None:
         return False
-    after = judge_result({**followed, "causes": judged.result["causes"]})
-    return bool(followed["verdict"] == "named" and after.covered)
+    return judge_result(followed).covered and first_right(followed)

@@ -6,7 +6,7 @@ import json
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +43,9 @@ def try_cases(numbers: Sequence[int], folder: Path, seed: int) -> list[Result]:
         else:
             _write(result, folder)
     jobs = [(case, runs) for case, _, _, runs in open_ends]
-    for (case, logs, result, _), more in zip(open_ends, record_cases(jobs), strict=True):
-        result["followed"] = _tried(case, [*logs, *logs_of(more)])[0]
+    for (case, logs, result, runs), more in zip(open_ends, record_cases(jobs), strict=True):
+        longer = replace(case, excitations=(*case.excitations, *runs))
+        result["followed"] = _tried(longer, [*logs, *logs_of(more)])[0]
         _write(result, folder)
     return results
 

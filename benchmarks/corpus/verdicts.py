@@ -81,7 +81,7 @@ def _stands_in(cause: dict[str, Any], named: set[str], merged: list[Any]) -> boo
 
 
 def first_right(result: dict[str, Any]) -> bool:
-    """Whether a set of one names the only cause or one that can stand for it."""
+    """Whether only the one cause is named, or what can stand for it."""
     cause = result["causes"][0]
     return named_set(result) <= {cause["effect"], *cause["stand_ins"]}
 
