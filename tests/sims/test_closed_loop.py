@@ -1,0 +1,103 @@
+"""The controller on plants from outside, and in the loops that the documentation shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sims import embedding_plain, embedding_realtime
+from sims.closed_loop import main
+from sims.embedding_realtime import PATIENCE, PERIOD, DeadlineMonitor
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+ERROR, TORQUE = "centre of mass, rms error [mm]", "torque, rms [% of limit]"
+
+
+def needs_mujoco():
+    return pytest.importorskip("mujoco", reason="MuJoCo, a development dependency, is not here")
+
+
+@pytest.mark.parametrize("robot", ["solo12", "talos"])
+def test_knowing_the_losses_pays_in_mujoco(robot):
+    """MuJoCo's links, contacts and integrator, and losses written anew as an external torque."""
+    needs_mujoco()
+    found = main(0.6, [robot], ["MuJoCo"])
+    assert all(figures["refused ticks"] == 0 for figures in found.values())
+    kinds = {
+        act: [found[robot, "MuJoCo", act, k] for k in ("dissipative", "conservative")]
+        for act in ("stand", "squat", "push")
+    }
+    knowing, not_knowing = kinds["squat"]
+    assert knowing[ERROR] < 1.0
+    assert knowing[ERROR] < 0.25 * not_knowing[ERROR]
+    for act in ("stand", "push"):  # in the squat the other one moves less, and needs less
+        knowing, not_knowing = kinds[act]
+        assert knowing[ERROR] < 1.1 * not_knowing[ERROR] + 0.1
+        assert knowing[TORQUE] < 1.1 * not_knowing[TORQUE]
+
+
+def test_mujoco_and_the_plant_agree():
+    """Two implementations of links, contacts and gears: the same squat, within a few percent."""
+    needs_mujoco()
+    found = main(0.5, ["solo12"], ["MuJoCo", "wbc.sim"])
+    for kind in ("dissipative", "conservative"):
+        one, other = (found["solo12", engine, "squat", kind] for engine in ("MuJoCo", "wbc.sim"))
+        assert one[ERROR] == pytest.approx(other[ERROR], rel=0.1)
+        assert one[TORQUE] == pytest.approx(other[TORQUE], rel=0.02)
+
+
+def test_plain_loop():
+    figures = embedding_plain.main(0.2)
+    assert figures["refused ticks"] == 0
+    assert figures["largest error of the centre of mass [mm]"] < 2.0
+
+
+def test_mujoco_loop():
+    needs_mujoco()
+    from sims import embedding_mujoco
+
+    figures = embedding_mujoco.main(0.2)
+    assert figures["refused ticks"] == 0
+    assert figures["largest error of the centre of mass [mm]"] < 2.0
+
+
+class Clock:
+    """A clock that advances only when told, or by `cost` at every reading."""
+
+    def __init__(self, cost):
+        self.now, self.cost, self.slept = 0.0, cost, []
+
+    def __call__(self):
+        self.now += self.cost
+        return self.now
+
+    def sleep(self, time):
+        self.now += time
+        self.slept.append(time)
+
+
+def test_monitor_keeps_the_period_and_does_not_make_up_for_missed_ones():
+    clock = Clock(0.0)
+    monitor = DeadlineMonitor(clock, clock.sleep)
+    clock.now += 0.4 * PERIOD
+    monitor.wait()
+    assert clock.slept == [pytest.approx(0.6 * PERIOD)]
+    clock.now += 3.5 * PERIOD
+    monitor.wait()
+    assert (monitor.missed, monitor.in_a_row, len(clock.slept)) == (1, 1, 1)
+    monitor.wait()
+    assert clock.slept[-1] == pytest.approx(PERIOD)
+    assert monitor.in_a_row == 0
+
+
+def test_realtime_loop_says_late_and_hands_over():
+    slow = Clock(2.0 * PERIOD)
+    figures = embedding_realtime.main(0.05, budget=1e-9, clock=slow, sleep=slow.sleep)
+    assert figures["ticks"] == figures["late by the controller's own clock"] == 50
+    assert figures["periods missed"] == 50
+    assert figures["ticks left to the drives"] == 50 - PATIENCE
+    assert figures["unusable"] == 0
+    easy = Clock(0.0)
+    figures = embedding_realtime.main(0.05, budget=10.0, clock=easy, sleep=easy.sleep)
+    assert figures["late by the controller's own clock"] == figures["periods missed"] == 0
+    assert np.isclose(easy.now, 0.05)
