@@ -75,9 +75,6 @@ def run(options: argparse.Namespace, console: Console) -> int:
     require_outputs(options)
     robot = load_robot(options.robot)
     log = _one_log(options, robot)
-    absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
-    if absent:
-        console.print(f"no position of {', '.join(absent)} in the log: shown at rest")
     for option, instant in (("at", options.at), ("from", options.start), ("to", options.stop)):
         _require_inside(option, instant, log)
     with tempfile.TemporaryDirectory() as folder:
@@ -86,6 +83,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             write_playback(
                 page, robot, log, ghost=_ghost(options, log), ground=_ground(options), at=options.at
             )
+        _tell_absent(robot, log, console)
         written = [page] if options.html else []
         written += _pictures(options, page, log, console)
         for path in written:
@@ -101,6 +99,13 @@ def _one_log(options: argparse.Namespace, robot: Robot) -> Log:
         names = ", ".join(log.source.part for log in logs)
         raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
     return logs[0]
+
+
+def _tell_absent(robot: Robot, log: Log, console: Console) -> None:
+    absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
+    if absent:
+        more = f" and {len(absent) - 4} more" if len(absent) > 4 else ""
+        console.print(f"no position of {', '.join(absent[:4])}{more} in the log: shown at rest")
 
 
 def _require_inside(option: str, instant: float | None, log: Log) -> None:
