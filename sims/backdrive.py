@@ -12,59 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-from sims.impact import with_gears
+from sims.leg import with_gears
 from sims.plots import Panel, sweep_figure
+from sims.pushes import FREE, force_to_move, hanging_leg, torque_of
 from sims.tables import print_columns
-from wbc import Robot, load_robot
+from wbc import Robot
 from wbc.arrays import FloatArray
-from wbc.dynamics import evaluate
 from wbc.measurement import Log
 from wbc.metrics import ForceCapability, force_capability
-from wbc.sim import Plane, Plant, SimState, simulate
+from wbc.sim import Plant, SimState, simulate
 from wbc.transmission import Direction
 from wbc.view import write_playback
 from wbc.view.plots import write_figure
 
 OUT = Path("out")
-_FRICTION = 0.02  # [N m] of each rotor, assumed
-_STRONGEST = 1e5  # [N], a push that is not tried any more
-_FREE = Plane(height=-10.0)
-
-
-def leg() -> Robot:
-    """Return the fixed leg of the paper, weightless, with friction in its rotors."""
-    robot = load_robot("planar_leg_fixed").with_gravity([0.0, 0.0, 0.0])
-    friction = np.full(robot.transmission.size, _FRICTION)
-    return robot.with_transmission(robot.transmission.replace(rotor_coulomb_friction=friction))
-
-
-def torque_of(robot: Robot, push: FloatArray, q: FloatArray) -> FloatArray:
-    """Return the joint torque (m,) that a push (3,) [N] on the foot is in the pose q."""
-    terms = evaluate(robot, q, np.zeros(robot.model.nv))
-    return np.asarray(terms.contact_jacobian[:3].T @ push)
-
-
-def acceleration(robot: Robot, push: FloatArray, powered: bool) -> float:
-    """Return how fast the foot gives way along a push (3,) [N] from rest [m/s^2]."""
-    plant, q = Plant(robot, _FREE), robot.pose("paper")
-    torque = torque_of(robot, push, q)
-    motor = -torque / robot.transmission.gear_ratio if powered else np.zeros(len(torque))
-    step = 1e-4
-    after = plant.step(plant.state(q), motor, step, torque).state
-    return float(torque @ after.velocity / np.linalg.norm(push) / step)
-
-
-def force_to_move(robot: Robot, direction: Sequence[float], powered: bool) -> float:
-    """Return the least push [N] along `direction` that moves the foot; infinite for none."""
-    low, high = 0.0, _STRONGEST
-    unit = np.array(direction) / np.linalg.norm(direction)
-    if acceleration(robot, high * unit, powered) < 1e-6:
-        return np.inf
-    while high - low > 1e-6 * high:
-        middle = 0.5 * (low + high) if low > 1.0 else np.sqrt(max(low, 1e-3) * high)
-        moves = acceleration(robot, middle * unit, powered) > 1e-6
-        low, high = (low, middle) if moves else (middle, high)
-    return high
 
 
 def capability(robot: Robot, powered: bool) -> ForceCapability:
@@ -98,19 +59,21 @@ def main(
     efficiencies: Sequence[float] = (0.45, 0.51, 0.55, 0.6, 0.7, 0.85, 1.0),
 ) -> dict[float, dict[str, float]]:
     """Return the figures over the forward efficiency of both gears (wedge)."""
-    return {eta: figures(with_gears(leg(), eta)) for eta in efficiencies}
+    return {eta: figures(with_gears(hanging_leg(), eta)) for eta in efficiencies}
 
 
 def panels(table: dict[float, dict[str, float]]) -> list[Panel]:
     """Return forces over efficiency, and the map of forces that the paper's leg holds."""
     rows, fine = [], np.linspace(0.508, 1.0, 80)
     for name, powered in (("unpowered", False), ("powered", True)):
-        held = [capability(with_gears(leg(), e), powered).along([0.0, 1.0]).hold for e in fine]
+        held = [
+            capability(with_gears(hanging_leg(), e), powered).along([0.0, 1.0]).hold for e in fine
+        ]
         pushed = [row[f"{name}: push [N]"] for row in table.values()]
         lines, points = {"metric": (fine, held)}, {"pushed": (list(table), pushed)}
         title = f"{name}: push up that moves the foot"
         rows.append(Panel(title, "forward efficiency", "[N]", lines, points, log=True))
-    robot, turn = leg(), np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+    robot, turn = hanging_leg(), np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
     moved = force_map(robot, np.arctan2(200.0 * np.sin(turn), 50.0 * np.cos(turn)))
     corners = capability(robot, powered=True).vertices(Direction.BACKWARD)
     order = np.argsort(np.arctan2(*corners.T))
@@ -126,7 +89,7 @@ def pushed_about(robot: Robot) -> Log:
         force = np.array([0.0, 0.0, 6.0 * np.sin(2.0 * np.pi * 0.75 * state.time)])
         return torque_of(robot, force, state.position)
 
-    plant = Plant(robot, _FREE)
+    plant = Plant(robot, FREE)
     start = plant.state(robot.pose("paper"))
     return simulate(plant, lambda _: np.zeros(2), start, 4.0, dt=2e-3, external=push).log
 
@@ -134,7 +97,7 @@ def pushed_about(robot: Robot) -> Log:
 def report(table: dict[float, dict[str, float]]) -> list[Path]:
     """Print the table; return the plot and the playback written."""
     print_columns("pushing the foot up, over eta_f", {f"{e:g}": row for e, row in table.items()})
-    page, robot = OUT / "backdrive.html", leg()
+    page, robot = OUT / "backdrive.html", hanging_leg()
     return [
         write_figure(OUT / "backdrive.png", sweep_figure(panels(table))),
         write_playback(page, robot, pushed_about(robot), title="Backdriven, unpowered"),

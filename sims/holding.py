@@ -8,36 +8,26 @@ Noise in the measured speeds eats into the saving: a gear that may be turning is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from sims.impact import with_gears
-from sims.leg import balanced_pose
+from sims.leg import balanced_pose, with_gears
 from sims.plots import Panel, sweep_figure
+from sims.stander import standing_cost, standing_loop
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
-from wbc.control import (
-    CenterOfMassTask,
-    Controller,
-    ControllerSettings,
-    PointContact,
-    PointFootBalanceTask,
-    PostureTask,
-    Reference,
-    RestPolicy,
-)
-from wbc.dynamics import evaluate
-from wbc.measurement import Log
+from wbc.control import RestPolicy
 from wbc.sim import Plant, SimState, Simulation, simulate
 from wbc.transmission import wedge_backward_efficiency
 from wbc.view import write_playback
 from wbc.view.plots import write_figure
 
 OUT = Path("out")
+_QUIET = (0.5, 0.999)  # [s] between which the cost of standing is taken
 _PUSHED = (1.0, 1.1)  # [s] between which something pushes the base
 _NOISE = 2e-3  # [m/s, rad/s] of the speeds that a second run measures
 
@@ -48,36 +38,6 @@ class Hold:
 
     run: Simulation
     figures: dict[str, float]
-
-
-def standing_loop(
-    robot: Robot, q: FloatArray, policy: RestPolicy, noise: float = 0.0
-) -> Callable[[SimState], FloatArray]:
-    """Return a controller that keeps the leg standing in pose q, speeds measured with noise."""
-    tasks = [
-        CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
-        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
-        PostureTask.of(robot, weight=1e-3),
-    ]
-    settings = ControllerSettings(rest_policy=policy)
-    controller = Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
-    height = evaluate(robot, q, np.zeros(robot.model.nv)).center_of_mass[2:]
-    references = {"height": Reference(height), "balance": Reference(0.0)}
-    random = np.random.default_rng(1)
-
-    def torque(state: SimState) -> FloatArray:
-        seen = state.velocity + noise * random.standard_normal(robot.model.nv)
-        return controller.step(state.replace(velocity=seen), references).rotor_torque
-
-    return torque
-
-
-def standing_cost(robot: Robot, log: Log) -> tuple[float, float]:
-    """Return mean knee torque [N m] and Joule heat [W] from 0.5 s to 1 s."""
-    quiet, gears = log.between(0.5, _PUSHED[0] - 1e-3), robot.transmission
-    torque = np.stack([quiet.column(f"{j}.rotor_torque") for j in gears.joints], axis=1)
-    heat = gears.resistance * (torque / gears.torque_constant) ** 2
-    return float(np.abs(torque[:, 1]).mean()), float(heat.sum(axis=1).mean())
 
 
 def stand(robot: Robot, policy: RestPolicy, push: float, recovery: float) -> Hold:
@@ -93,12 +53,12 @@ def stand(robot: Robot, policy: RestPolicy, push: float, recovery: float) -> Hol
     run = simulate(plant, loop, plant.state(q), _PUSHED[1] + recovery, external=pushed)
     noisy_loop = standing_loop(robot, q, policy, _NOISE)
     noisy = simulate(plant, noisy_loop, plant.state(q), _PUSHED[0])
-    torque, heat = standing_cost(robot, run.log)
+    torque, heat = standing_cost(robot, run.log.between(*_QUIET))
     pitch = np.rad2deg(run.log.column("base_pitch.position"))
     figures = {
         "knee torque [N m]": torque,
         "Joule heat [W]": heat,
-        "heat, noisy speeds [W]": standing_cost(robot, noisy.log)[1],
+        "heat, noisy speeds [W]": standing_cost(robot, noisy.log.between(*_QUIET))[1],
         "push: worst pitch [deg]": float(np.abs(pitch).max()),
         "push: worst shift [mm]": 1e3 * float(np.ptp(run.log.column("base_x.position"))),
         "push: pitch left [deg]": float(abs(pitch[-1])),

@@ -8,56 +8,22 @@ leg over that of the same leg with blocked gears on a frictionless ground, and s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from sims.drops import drop, mitigation
+from sims.leg import with_gears
 from sims.plots import Panel, sweep_figure
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.metrics import efficiency_sweep, gear_ratio_sweep, impact_mitigation
-from wbc.sim import Impact, Plant, simulate
-from wbc.transmission import wedge_backward_efficiency
+from wbc.sim import Plant, simulate
 from wbc.view import write_playback
 from wbc.view.plots import write_figure
 
 OUT = Path("out")
 Sweeps = dict[str, dict[float, dict[str, float]]]
-_BLOCKED = 1e9  # [kg m^2], a rotor that no impact moves
-
-
-def with_gears(robot: Robot, efficiency: float | None = None, ratio: float | None = None) -> Robot:
-    """Return the leg with all gears of one forward efficiency (wedge) or one ratio."""
-    gears, one = robot.transmission, np.ones(robot.transmission.size)
-    if efficiency is not None:
-        backward = float(wedge_backward_efficiency(efficiency))
-        changes = {"forward_efficiency": efficiency * one, "backward_efficiency": backward * one}
-        gears = gears.replace(**changes)
-    if ratio is not None:
-        gears = gears.replace(gear_ratio=ratio * one)
-    return robot.with_transmission(gears)
-
-
-def drop(robot: Robot, height: float) -> Impact:
-    """Return the impact of the unpowered leg, dropped from `height` [m] in the paper's pose."""
-    plant, q = Plant(robot), robot.pose("paper")
-    q[robot.position_index("base_z")] += height
-    state, rest = plant.state(q), np.zeros(robot.transmission.size)
-    while True:
-        result = plant.step(state, rest, 5e-3)
-        if result.impacts:
-            return result.impacts[0]
-        state = result.state
-
-
-def mitigation(robot: Robot, height: float) -> float:
-    """Return the impact mitigation factor that drops on frictionless ground show."""
-    smooth = replace(robot, contacts=tuple(replace(c, friction=0.0) for c in robot.contacts))
-    rotors = np.full(robot.transmission.size, _BLOCKED)
-    blocked = smooth.with_transmission(robot.transmission.replace(rotor_inertia=rotors))
-    give, rigid = (drop(leg, height).contact_impulse[0, 2] for leg in (smooth, blocked))
-    return float(1.0 - give / rigid)
 
 
 def figures(robot: Robot, height: float) -> dict[str, float]:
@@ -97,10 +63,10 @@ def panels(sweeps: Sweeps) -> list[Panel]:
     def curve(sweep: str, figure: str) -> tuple[list[float], list[float]]:
         return list(sweeps[sweep]), [values[figure] for values in sweeps[sweep].values()]
 
-    rows = [
-        Panel("impulse of the ground", name, "[N s]", {"": curve(name, "impulse, up [N s]")})
-        for name in sweeps
-    ]
+    rows = []
+    for name in sweeps:
+        drops = {"": curve(name, "impulse, up [N s]")}
+        rows.append(Panel("impulse of the ground", name, "[N s]", drops, drops))
     leg = load_robot("planar_leg")
     site = (leg, leg.pose("paper"), "foot", [0.0, 1.0])
     for name, metric in (

@@ -22,11 +22,24 @@ from wbc.control import (
 from wbc.dynamics import evaluate
 from wbc.robot import Robot
 from wbc.sim import SimState
+from wbc.transmission import wedge_backward_efficiency
 
 _CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
 
 HeightReference = Callable[[float], FloatArray]
 """Time [s] -> height, its rate and its acceleration (3,) [m, m/s, m/s^2]."""
+
+
+def with_gears(robot: Robot, efficiency: float | None = None, ratio: float | None = None) -> Robot:
+    """Return the leg with all gears of one forward efficiency (wedge) or one ratio."""
+    gears, one = robot.transmission, np.ones(robot.transmission.size)
+    if efficiency is not None:
+        backward = float(wedge_backward_efficiency(efficiency))
+        changes = {"forward_efficiency": efficiency * one, "backward_efficiency": backward * one}
+        gears = gears.replace(**changes)
+    if ratio is not None:
+        gears = gears.replace(gear_ratio=ratio * one)
+    return robot.with_transmission(gears)
 
 
 def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatArray:
@@ -48,6 +61,14 @@ def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatAr
     q[hip] = brentq(overhang, -knee, 0.5 * knee)
     q[height] = lift - evaluate(robot, q, rest).contact_position[0, 2]
     return q
+
+
+def standing_torque(robot: Robot, q: FloatArray) -> FloatArray:
+    """Return the torque (m,) [N m] that leaves each gear while the leg stands in pose q."""
+    terms = evaluate(robot, q, np.zeros(robot.model.nv))
+    weight = np.array([0.0, 0.0, terms.bias[robot.velocity_index("base_z")]])
+    joint = terms.bias - terms.contact_jacobian.T @ weight
+    return np.asarray(robot.transmission.topology.T @ joint[robot.actuated])
 
 
 def squat(height: float, amplitude: float, frequency: float, start: float = 0.0) -> HeightReference:

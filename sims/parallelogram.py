@@ -15,11 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sims.impact import with_gears
-from sims.leg import LegControl, balanced_pose, squat
+from sims.leg import LegControl, balanced_pose, squat, standing_torque, with_gears
 from sims.tables import print_columns
 from wbc import Robot, load_robot
-from wbc.arrays import FloatArray
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
 from wbc.view import write_playback
@@ -35,14 +33,6 @@ class Squat:
     robot: Robot
     run: Simulation
     figures: dict[str, float]
-
-
-def standing_torque(robot: Robot, q: FloatArray) -> FloatArray:
-    """Return the torque (m,) [N m] that leaves each gear while the leg stands in pose q."""
-    terms = evaluate(robot, q, np.zeros(robot.model.nv))
-    weight = np.array([0.0, 0.0, terms.bias[robot.velocity_index("base_z")]])
-    joint = terms.bias - terms.contact_jacobian.T @ weight
-    return np.asarray(robot.transmission.topology.T @ joint[robot.actuated])
 
 
 def run_leg(robot: Robot, duration: float, knee: float) -> Squat:

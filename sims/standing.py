@@ -7,6 +7,7 @@ the same plant, and the ideal, the conservative controller on a plant with perfe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +16,10 @@ from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
-from wbc.view.plots import standing_figure, write_figure
+from wbc.view import write_playback
+from wbc.view.plots import impact_figure, standing_figure, write_figure
+
+OUT = Path("out")
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,7 @@ def rms(values: object) -> float:
 def run_loop(plant: Robot, model: Robot, duration: float, title: str | None) -> Loop:
     """Squat for `duration`, then land from 10 cm, and return the figures."""
     q = balanced_pose(plant)
-    terms = evaluate(plant, q, np.zeros(plant.model.nv))  # owns the memory of what it returns
-    height = float(terms.center_of_mass[2])
+    height = float(evaluate(plant, q, np.zeros(plant.model.nv)).center_of_mass[2])
     legs = (
         LegControl(model, squat(height, 0.025, 0.5)),
         LegControl(model, squat(height, 0.0, 0.5)),
@@ -89,9 +92,20 @@ def main(duration: float = 4.0, progress: bool = False) -> dict[str, Loop]:
     }
 
 
+def report(loops: dict[str, Loop]) -> list[Path]:
+    """Print the table; return the plots and the playback of our landing written."""
+    print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
+    robot = load_robot("planar_leg_strong")
+    squats = {name: loop.squat.log for name, loop in loops.items()}
+    landings = {name: loop.landing.log for name, loop in loops.items()}
+    page, ours = OUT / "standing.html", landings["dissipative"]
+    return [
+        write_figure(OUT / "standing.png", standing_figure(robot, squats)),
+        write_figure(OUT / "standing_landing.png", impact_figure(robot, landings)),
+        write_playback(page, robot, ours, title="Landing from 10 cm on lossy gears"),
+    ]
+
+
 if __name__ == "__main__":
-    results = main(progress=True)
-    print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in results.items()})
-    logs = {name: loop.squat.log for name, loop in results.items()}
-    figure = standing_figure(load_robot("planar_leg_strong"), logs)
-    print(write_figure("out/standing.png", figure))
+    for path in report(main(progress=True)):
+        print(path)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.sim.brute_force import solutions
+from tests.sim.brute_force import Case, solutions
 from tests.sim.random_steps import random_step
-from wbc.sim import solve_program
+from wbc.errors import SimulationError
+from wbc.sim import StepProgram, solve_program
 
 COUNTS = {1: 800, 2: 800, 3: 600, 4: 400, 5: 100, 6: 20}
 
@@ -40,6 +43,50 @@ def test_contacts_with_friction_find_a_solution_of_coulombs_law(gears: int, cont
         assert np.abs(found.velocity - program.free_velocity).max() < 1e6
         assert found.residuals.worst_speed < 1e-9 * scale
         assert len(impulses) > 0
+
+
+def _light_and_locking(rng: np.random.Generator, gears: int) -> tuple[StepProgram, Case]:
+    """Return a step whose rotors may be too light for what their gears lock."""
+    program, case = random_step(rng, gears)
+    reflected = 10.0 ** rng.uniform(-2.0, 1.0, gears)
+    eta_b = np.where(rng.random(gears) < 0.7, -rng.uniform(0.02, 2.0, gears), case.eta_b)
+    brought = rng.normal(size=gears)
+    case = replace(case, inertia=reflected, eta_b=eta_b, brought=brought)
+    elements = replace(
+        program.elements,
+        up=brought - case.coulomb,
+        down=brought + case.coulomb,
+        inertia=reflected,
+        backward=eta_b,
+    )
+    return replace(program, elements=elements), case
+
+
+@pytest.mark.parametrize("gears", [1, 2, 3])
+def test_locking_gears_are_solved_where_one_solution_exists_and_refused_where_several(
+    gears: int,
+) -> None:
+    rng = np.random.default_rng(40 + gears)
+    seen = {"one": 0, "several": 0, "none": 0}
+    for _ in range(400):
+        program, case = _light_and_locking(rng, gears)
+        _, speeds = solutions(case)
+        scale = 1.0 + np.abs(case.free).max()
+        apart = np.abs(speeds - speeds[0]).max() if len(speeds) else 0.0
+        falling = np.where(case.eta_b < 0.0, case.eta_b / case.inertia, 0.0)
+        unique = np.linalg.eigvalsh(case.Lambda + np.diag(falling))[0] > 0.0
+        if unique:
+            assert len(speeds) > 0
+            assert apart < 1e-6 * scale
+        if len(speeds) == 0 or apart > 1e-3 * scale:
+            seen["several" if len(speeds) else "none"] += 1
+            with pytest.raises(SimulationError, match=r"several solutions|no solution"):
+                solve_program(program)
+        elif unique:
+            seen["one"] += 1
+            assert np.abs(solve_program(program).speed - speeds[0]).max() < 1e-6 * scale
+    assert seen["one"] > 20
+    assert seen["several"] > 10
 
 
 def test_the_guess_does_not_change_the_answer() -> None:

@@ -8,6 +8,7 @@ import pytest
 from sims import backdrive, holding, hopping, impact, parallelogram, standing
 from sims.hopper import Hopper
 from sims.leg import balanced_pose
+from sims.pushes import hanging_leg
 from wbc.sim import Plant, simulate
 
 
@@ -55,7 +56,7 @@ def test_backdrive() -> None:
             assert table[eta][f"{powered}: metric [N]"] == pytest.approx(expected, rel=1e-9)
         assert table[0.45][f"{powered}: push [N]"] == np.inf
         assert table[0.45][f"{powered}: metric [N]"] == np.inf
-    leg = backdrive.leg()
+    leg = hanging_leg()
     angles = np.deg2rad([0.0, 70.0, 90.0, 200.0])
     capability = backdrive.capability(leg, powered=True)
     for push in backdrive.force_map(leg, angles):
@@ -126,7 +127,9 @@ def test_ten_hops_without_falling() -> None:
 
 
 def test_standing() -> None:
-    loops = {name: loop.figures for name, loop in standing.main(0.6).items()}
+    runs = standing.main(0.6)
+    loops = {name: loop.figures for name, loop in runs.items()}
     error = {name: figures["height error, rms [mm]"] for name, figures in loops.items()}
     assert error["conservative"] > 3.0 * error["dissipative"]
     assert all(figures["ticks without a solution"] == 0 for figures in loops.values())
+    written(standing.report(runs), 3)

@@ -43,7 +43,7 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     if not done:
         impulse, used, method = _fall_back(reduced, start, tolerance, used)
     if any(law[4] < 0.0 for law in reduced.laws):
-        check_uniqueness(reduced, impulse)
+        check_uniqueness(reduced)
     return StepSolution(
         reduced.velocity(impulse), impulse, reduced.speeds(impulse), used, method, reduced
     )
