@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,18 +11,25 @@ import pytest
 from wbc.control import (
     AngularMomentumTask,
     CenterOfMassTask,
+    CentroidalMomentumTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    JointLimit,
+    LinearMomentumTask,
+    MotorBraking,
     PointContact,
     PointFootBalanceTask,
     PostureTask,
+    SurfaceContact,
 )
-from wbc.control.checking import check_contact, check_task
+from wbc.control.checking import check_contact, check_joint_limit, check_task
+from wbc.control.kinematics import Kinematics
 from wbc.effects import load_robot
 
 SOLO = load_robot("solo12")
 LEG = load_robot("planar_leg")
+TALOS = load_robot("talos")
 
 CASES = {
     "com": (SOLO, CenterOfMassTask()),
@@ -31,6 +40,21 @@ CASES = {
     "position_xz": (SOLO, FramePositionTask(name="foot", frame="FL_FOOT", axes="xz")),
     "orientation": (SOLO, FrameOrientationTask(name="base", frame="base_link")),
     "pose": (SOLO, FramePoseTask(name="base", frame="FL_FOOT")),
+    "linear_momentum": (SOLO, LinearMomentumTask(axes="xz")),
+    "whole_momentum": (SOLO, CentroidalMomentumTask()),
+    "position_in_base": (
+        SOLO,
+        FramePositionTask(name="foot", frame="FL_FOOT", relative_to="base_link"),
+    ),
+    "position_in_foot_y": (
+        SOLO,
+        FramePositionTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="y"),
+    ),
+    "orientation_in_foot": (
+        SOLO,
+        FrameOrientationTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="xz"),
+    ),
+    "pose_in_base": (SOLO, FramePoseTask(name="foot", frame="FL_FOOT", relative_to="base_link")),
     "leg_momentum": (LEG, AngularMomentumTask(axes="y")),
     "leg_posture": (LEG, PostureTask.of(LEG, ("base_pitch", "knee"))),
 }
@@ -57,9 +81,74 @@ def test_balance_task_accelerates_the_centre_of_mass(seed):
     assert check_task(LEG, task, *random_motion(LEG, seed)).drift < 1e-6
 
 
-@pytest.mark.parametrize(("robot", "name"), [(SOLO, "FL_foot"), (LEG, "foot")])
-def test_contact_drift(robot, name):
-    assert check_contact(robot, PointContact(name=name), *random_motion(robot, 1)) < 1e-6
+SOLE = ("left_sole_front_left", "left_sole_front_right")
+CONTACTS = {
+    "point": (SOLO, PointContact(name="FL_foot")),
+    "planar point": (LEG, PointContact(name="foot")),
+    "slope": (SOLO, PointContact(name="FL_foot", ground_normal=(0.2, -0.1, 1.0))),
+    "sole": (
+        TALOS,
+        SurfaceContact(name="left", corners=(*SOLE, *(c.replace("front", "rear") for c in SOLE))),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CONTACTS)
+def test_contact_drift(case):
+    robot, contact = CONTACTS[case]
+    assert check_contact(robot, contact, *random_motion(robot, 1)) < 1e-6
+
+
+def test_pose_in_another_frame_is_what_pinocchio_says():
+    """The value of a relative task against placements computed apart."""
+    task = FramePoseTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT")
+    q, v, _ = random_motion(SOLO, 5)
+    kinematics = Kinematics(SOLO)
+    kinematics.update(q, v)
+    data = SOLO.model.createData()
+    pin.framesForwardKinematics(SOLO.model, data, q)
+    own, root = (data.oMf[SOLO.model.getFrameId(n)] for n in ("FL_FOOT", "HR_FOOT"))
+    np.testing.assert_allclose(
+        task.value(kinematics).homogeneous, (root.inverse() * own).homogeneous, atol=1e-12
+    )
+
+
+def narrow(limit, half=0.3):
+    """Return a limit with stops close around zero."""
+    return replace(limit, lower=np.full(12, -half), upper=np.full(12, half))
+
+
+def test_joint_limit_keeps_its_stops_however_hard_it_is_driven():
+    limit = narrow(JointLimit.of(SOLO, acceleration=60.0))
+    q, v = SOLO.neutral(), np.zeros(SOLO.model.nv)
+    assert check_joint_limit(limit, q, v, duration=0.6) < 1e-12
+    fast = v.copy()
+    fast[6:] = 2.0
+    assert check_joint_limit(limit, q, fast, duration=0.6) < 1e-12
+
+
+def test_limit_checker_sees_a_joint_that_brakes_too_late():
+    class Late(JointLimit):
+        def bounds(self, position, velocity, step, strength=None):
+            low, high = super().bounds(position, velocity, step, strength)
+            return low, np.maximum(high, -20.0)
+
+    good = narrow(JointLimit.of(SOLO, acceleration=60.0))
+    late = Late(**{name: getattr(good, name) for name in good.__dataclass_fields__})
+    q, v = SOLO.neutral(), np.zeros(SOLO.model.nv)
+    assert check_joint_limit(late, q, v, duration=0.6) > 1e-3
+
+
+def test_motor_braking_is_the_balance_of_a_braked_joint():
+    """M b = |T| + c with eta_b |T| + N^2 I_r b = share U, from the numbers of the gears."""
+    gears = SOLO.transmission
+    rows, load, inertia = np.arange(12), np.linspace(-0.5, 0.5, 12), np.full(12, 0.01)
+    up, down = MotorBraking(share=0.9, least=1e-9).strength(gears, rows, inertia, load)
+    limit = 0.9 * gears.gear_ratio * gears.torque_limit
+    for b, helping in ((up, load), (down, -load)):
+        torque = inertia * b - helping
+        spent = gears.backward_efficiency * torque + gears.reflected_inertia * b
+        np.testing.assert_allclose(spent, limit, rtol=1e-12)
 
 
 def test_checker_sees_a_wrong_drift():

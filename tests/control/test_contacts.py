@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.optimize import linprog
 
 from wbc.control import (
     CenterOfMassTask,
     ConeApproximation,
+    ContactRamp,
     Controller,
     PointContact,
     PostureTask,
@@ -133,3 +135,74 @@ def test_flat_feet_carry_the_weight():
     rows, _ = wrench_cone(0.7 / np.sqrt(2.0), 0.105, 0.065)
     for wrench in command.forces.values():
         assert (rows @ wrench).max() <= 1e-4
+
+
+def test_ramp_gives_the_load_off_and_back_while_the_robot_moves():
+    """The weight moves away from a foot, the foot leaves by a ramp and comes back by one."""
+    contacts = [PointContact(name=c.name) for c in SOLO.contacts]
+    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=0.1)]
+    controller = Controller(SOLO, tasks, contacts)
+    names = [contact.name for contact in contacts]
+    ramp = ContactRamp(names, load=15.0, duration=0.02)
+    q, v = next(iter(SOLO.poses.values())), np.zeros(18)
+    start, leaving = center_of_mass(SOLO, q), np.array([-0.02, -0.02, 0.0])
+    seen, torques = set(), []
+    for tick in range(400):
+        wanted = set(names) - ({"FL_foot"} if 150 <= tick < 250 else set())
+        ceilings = ramp.step(wanted, 1e-3)
+        moved = start + leaving * min(tick / 150, 1.0)
+        command = controller.step(Motion(q, v), {"center_of_mass": Reference(moved)}, ceilings)
+        assert command.status.usable, (tick, command.message)
+        for name, force in command.forces.items():
+            assert force[2] <= ceilings[name] + 1e-5
+        seen.add(frozenset(command.forces))
+        torques.append(command.rotor_torque)
+        v = v + 1e-3 * command.acceleration
+        q = pin.integrate(SOLO.model, q, 1e-3 * v)
+    assert seen == {frozenset(names), frozenset(names) - {"FL_foot"}}
+    jumps = np.abs(np.diff(torques[10:], axis=0)).max()
+    assert jumps < 0.1 * SOLO.transmission.torque_limit.max()
+
+
+def test_ramp_names_what_it_does_not_know():
+    ramp = ContactRamp(["left", "right"], load=10.0, duration=0.1)
+    assert ramp.settled
+    assert dict(ramp.step({"left"}, 0.05)) == {"left": np.inf, "right": pytest.approx(5.0)}
+    assert not ramp.settled
+    assert dict(ramp.step({"left"}, 0.05)) == {"left": np.inf}
+    with pytest.raises(ControlError, match="lft"):
+        ramp.step({"lft"}, 0.01)
+    with pytest.raises(ControlError, match="duration"):
+        ContactRamp(["left"], load=10.0, duration=0.0)
+
+
+def test_force_on_a_slope_stays_in_the_cone_about_its_normal():
+    """Coulomb's law itself: tangential at most mu times normal force, about the ground's normal."""
+    normal = np.array([0.25, 0.1, 1.0])
+    contacts = [
+        PointContact(name=c.name, ground_normal=tuple(normal), friction=0.3) for c in SOLO.contacts
+    ]
+    tasks = [CenterOfMassTask(weight=10.0, stiffness=400.0), PostureTask.of(SOLO, weight=0.1)]
+    q, n = next(iter(SOLO.poses.values())), normal / np.linalg.norm(normal)
+    controller = Controller(SOLO, tasks, contacts)
+    target = center_of_mass(SOLO, q) + np.array([-0.05, 0.05, 0.0])  # more than friction gives
+    command = controller.step(Motion(q, np.zeros(18)), {"center_of_mass": Reference(target)})
+    assert command.status.usable
+    used = []
+    for force in command.forces.values():
+        push = force @ n
+        used.append(np.linalg.norm(force - push * n) / (0.3 * push))
+    assert 0.7 < max(used) <= 1.0 + 1e-6
+
+
+def test_ground_that_leans_where_a_planar_robot_cannot_move_is_refused():
+    leg = load_robot("planar_leg_strong")
+    PointContact(name="foot", ground_normal=(0.2, 0.0, 1.0)).bind(leg)
+    with pytest.raises(ControlError, match="along y"):
+        PointContact(name="foot", ground_normal=(0.0, 0.2, 1.0)).bind(leg)
+    with pytest.raises(ControlError, match="point up"):
+        PointContact(name="foot", ground_normal=(1.0, 0.0, 0.0))
+
+
+def center_of_mass(robot, q):
+    return pin.centerOfMass(robot.model, robot.model.createData(), q).copy()

@@ -1,6 +1,7 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
 from wbc.control.command import Command, Status
+from wbc.control.contact_ramp import ContactRamp
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
 from wbc.control.controller import Controller
 from wbc.control.efforts import (
@@ -12,7 +13,7 @@ from wbc.control.efforts import (
     RotorTorqueEffort,
 )
 from wbc.control.gears import RestPolicy
-from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
 from wbc.control.reference import Reference
 from wbc.control.safety import Damped, Hold, RepeatLast, SafetyPolicy
 from wbc.control.settings import ControllerSettings
@@ -40,6 +41,7 @@ __all__ = [
     "ConeApproximation",
     "Contact",
     "ContactForceTask",
+    "ContactRamp",
     "Controller",
     "ControllerSettings",
     "Damped",
@@ -52,6 +54,7 @@ __all__ = [
     "JouleHeatEffort",
     "LinearMomentumTask",
     "MeshLossEffort",
+    "MotorBraking",
     "OutputTorqueEffort",
     "PointContact",
     "PointFootBalanceTask",

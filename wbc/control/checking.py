@@ -1,4 +1,4 @@
-"""Finite differences against what tasks and contacts say about themselves."""
+"""Finite differences against what tasks, contacts and limits say about themselves."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control.contacts import Contact
 from wbc.control.kinematics import Kinematics
+from wbc.control.limits import JointLimit
 from wbc.control.tasks import Task
 from wbc.robot import Robot
 
@@ -84,6 +85,38 @@ def check_contact(
     found = (found - jacobian @ behind.velocity) / (2.0 * step)
     bound.fill(here, jacobian, drift)
     return float(np.abs(jacobian @ acceleration + drift - found).max())
+
+
+def check_joint_limit(
+    limit: JointLimit,
+    position: FloatArray,
+    velocity: FloatArray,
+    *,
+    step: float = 1e-3,
+    duration: float = 2.0,
+) -> float:
+    """Return how far a joint that is driven as hard as its limit allows gets beyond its stops.
+
+    The joints are driven up for `duration` with the greatest acceleration allowed, and down with
+    the least, each from the given state; the limit keeps its promise if neither goes beyond.
+
+    Args:
+        limit: any joint limit, whose rows are one-degree joints.
+        position, velocity: (nq,) and (nv,) to start from, within the limit.
+        step, duration: of the motion [s].
+    """
+    beyond = 0.0
+    for up in (True, False):
+        q, v = position.copy(), velocity.copy()
+        for _ in range(round(duration / step)):
+            least, greatest = limit.bounds(q, v, step)
+            a = greatest if up else least
+            q[limit.position_rows] += step * v[limit.rows] + 0.5 * step**2 * a
+            v[limit.rows] += step * a
+            at = q[limit.position_rows]
+            worst = np.maximum(at - limit.upper, limit.lower - at).max(initial=0.0)
+            beyond = max(beyond, float(worst))
+    return beyond
 
 
 def _along(

@@ -97,12 +97,14 @@ class Controller:
         self._effects = EffectTorques(robot)
         self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
         self._fallback = Fallback(robot, self._plant, self._motors)
+        joint_limit = single_limit(JointLimit, limits)
+        self._brakes = joint_limit is not None and joint_limit.braking is not None
         self._programs = ProgramLibrary(
             Recipe(
                 plant=self._plant,
                 contacts=self._contacts,
                 limited=self._motors.limited,
-                joint_limit=single_limit(JointLimit, limits),
+                joint_limit=joint_limit,
                 settings=self.settings,
                 efforts=checked_efforts(robot, self.tasks),
                 force_tasks=checked_force_tasks(self.tasks, self._contacts),
@@ -133,6 +135,7 @@ class Controller:
         self._output = np.zeros(m)
         self._expected = np.zeros(self.robot.model.nv)
         self._fallback.forget()
+        self._plant.forget()
 
     def step(
         self,
@@ -213,6 +216,8 @@ class Controller:
         self._output = answer.found.output
         self._expected = self._expected + self.settings.time_step * answer.found.acceleration
         self._fallback.remember(motion, answer.realised.torque)
+        if self._brakes:
+            self._plant.remember(answer.found.acceleration, answer.found.output)
 
     def _safe(
         self, motion: Motion, complaint: Complaint, start: float, found: Found | None = None

@@ -6,6 +6,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
+from wbc.control.limits import JointLimit
 from wbc.control.selection import as_rows
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot
@@ -48,6 +49,7 @@ class Plant:
         self._viscous = gears.gear_ratio**2 * gears.rotor_viscous_friction
         self._rotors_rub = bool(np.any(self._dry > 0.0) or np.any(self._viscous > 0.0))
         self.rotor_bias = np.zeros(gears.size)
+        self._load: FloatArray | None = None
         self.mass: FloatArray
         self.bias: FloatArray
 
@@ -74,6 +76,23 @@ class Plant:
         if self._rotors_rub:
             share += self.rotor_bias
         return share
+
+    def remember(self, acceleration: FloatArray, output: FloatArray) -> None:
+        """Take qdd (nv,) and T (m,) of a solution; what T does beyond them is load."""
+        self._load = output - self.to_motors(self.mass.dot(acceleration))
+
+    def forget(self) -> None:
+        """Forget the load of the last solution."""
+        self._load = None
+
+    def braking(self, limit: JointLimit) -> tuple[FloatArray, FloatArray] | None:
+        """Return how hard the motors can brake the joints of a limit (k,), None if it is given."""
+        if limit.braking is None or limit.gears is None:
+            return None
+        load = self.output_bias if self._load is None else self._load
+        inertia = self.mass.diagonal()[limit.rows]
+        gears = self.robot.transmission
+        return limit.braking.strength(gears, limit.gears, inertia, load[limit.gears])
 
     def update(
         self,

@@ -147,7 +147,8 @@ class ContactForceProgram:
         if ceilings != self._ceilings:
             self._write_normal_bounds(ceilings)
         if self.joint_limit is not None:
-            low, high = self.joint_limit.bounds(position, velocity, step)
+            strength = self.plant.braking(self.joint_limit)
+            low, high = self.joint_limit.bounds(position, velocity, step, strength)
             self.rows.lower[self.rows.joint] = low
             self.rows.upper[self.rows.joint] = high
 

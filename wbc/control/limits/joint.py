@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.control.limits.motor_braking import MotorBraking, serial_gears
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
@@ -21,11 +22,11 @@ class JointLimit:
     With braking at most b, a joint at distance d from its stop may not be faster than
     sqrt(2 b d); the bound on the acceleration over one step h is the least of
 
-        (v_max - v)/h,   (sqrt(2 b d) - v)/h,   a_max,
+        (v_max - v)/h,   a such that (v + h a)^2 = 2 b (d - h v - h^2 a/2),   a_max,
 
-    with d taken after the step, so that a joint which keeps it can always stop in time
-    (a viable state stays viable, Del Prete 2018). A joint already beyond its stop or too fast
-    for it brakes with b at most.
+    the second judging speed and distance at the end of the step, so that a joint which keeps it
+    can always stop in time (a viable state stays viable, Del Prete 2018). A joint already beyond
+    its stop or too fast for it brakes with b at most.
 
     Attributes:
         joints: names, in the order of the arrays.
@@ -33,7 +34,9 @@ class JointLimit:
         position_rows: position rows (k,).
         lower, upper: stops (k,) [rad or m].
         speed: greatest speed (k,) [rad/s or m/s].
-        acceleration: greatest acceleration (k,), which is also the braking b.
+        acceleration: greatest acceleration (k,), which is also the greatest braking b.
+        braking: what the motors can do about it, None where they can always brake with b.
+        gears: number of the gear of each joint (k,), where `braking` is given.
     """
 
     joints: tuple[str, ...]
@@ -43,6 +46,8 @@ class JointLimit:
     upper: FloatArray
     speed: FloatArray
     acceleration: FloatArray
+    braking: MotorBraking | None = None
+    gears: IntArray | None = None
 
     @classmethod
     def of(
@@ -52,6 +57,7 @@ class JointLimit:
         *,
         acceleration: float | FloatArray = 100.0,
         margin: float = 0.0,
+        braking: MotorBraking | None = None,
     ) -> JointLimit:
         """Return the limits that the robot's model states.
 
@@ -60,6 +66,7 @@ class JointLimit:
             joints: names of one-degree joints, all driven ones when left out.
             acceleration: greatest acceleration and braking [rad/s^2], one number or one per joint.
             margin: distance kept from every stop [rad].
+            braking: how hard the motors can brake; left out they can with `acceleration`.
 
         Raises:
             ControlError: an acceleration that is not positive, or stops that leave no room.
@@ -73,10 +80,10 @@ class JointLimit:
         for joint, low, high in zip(names, lower, upper, strict=True):
             if not low < high:
                 raise ControlError(f"joint '{joint}': stops at {low:g} and {high:g} leave no room.")
-        braking = checked(
+        greatest = checked(
             np.broadcast_to(acceleration, (len(rows),)), (len(rows),), "acceleration", ControlError
         )
-        if np.any(braking <= 0.0):
+        if np.any(greatest <= 0.0):
             raise ControlError("the greatest acceleration of a joint must be positive.")
         speed = np.abs(np.asarray(robot.model.upperVelocityLimit)[rows])
         return cls(
@@ -86,11 +93,17 @@ class JointLimit:
             lower=frozen(lower),
             upper=frozen(upper),
             speed=frozen(np.where(speed > 0.0, speed, np.inf)),
-            acceleration=braking,
+            acceleration=greatest,
+            braking=braking,
+            gears=None if braking is None else _gears_of(robot, names, braking),
         )
 
     def bounds(
-        self, position: FloatArray, velocity: FloatArray, step: float
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        step: float,
+        strength: tuple[FloatArray, FloatArray] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest acceleration (k,) of the joints.
 
@@ -98,16 +111,38 @@ class JointLimit:
             position: q (nq,).
             velocity: v (nv,).
             step: time until the next decision [s].
+            strength: what the motors can brake, of motion upwards and downwards (k,), see
+                `MotorBraking.strength`; None where they can always brake with `acceleration`.
         """
+        from_above = from_below = self.acceleration
+        if strength is not None:
+            from_above = np.minimum(self.acceleration, strength[0])
+            from_below = np.minimum(self.acceleration, strength[1])
         q, v = position[self.position_rows], velocity[self.rows]
-        ahead = q + step * v
-        up = np.minimum(self.speed, _viable_speed(self.upper - ahead, self.acceleration))
-        down = np.minimum(self.speed, _viable_speed(ahead - self.lower, self.acceleration))
-        highest = np.clip((up - v) / step, -self.acceleration, self.acceleration)
-        lowest = np.clip((-down - v) / step, -self.acceleration, self.acceleration)
+        up = np.minimum((self.speed - v) / step, _viable(self.upper - q, v, from_above, step))
+        down = np.minimum((self.speed + v) / step, _viable(q - self.lower, -v, from_below, step))
+        highest = np.clip(up, -self.acceleration, self.acceleration)
+        lowest = np.clip(-down, -self.acceleration, self.acceleration)
         return np.minimum(lowest, highest), np.maximum(lowest, highest)
 
 
-def _viable_speed(distance: FloatArray, braking: FloatArray) -> FloatArray:
-    """Return the speed (k,) from which a joint can still stop within `distance`."""
-    return np.sqrt(2.0 * braking * np.maximum(distance, 0.0))
+def _gears_of(robot: Robot, joints: tuple[str, ...], braking: MotorBraking) -> IntArray:
+    """Return the number of the gear that drives each joint (k,)."""
+    braking.check(robot, joints)
+    own = serial_gears(robot.transmission)
+    return np.asarray(frozen([own[joint] for joint in joints], np.int_))
+
+
+def _viable(
+    distance: FloatArray, speed: FloatArray, braking: FloatArray, step: float
+) -> FloatArray:
+    """Return the acceleration (k,) towards a stop after which the joint can still stop before it.
+
+    The larger root a of (v + h a)^2 = 2 b (d - h v - h^2 a/2); braking in full where none is left.
+    """
+    reach = braking * step
+    with np.errstate(invalid="ignore"):  # far stops and endless braking: no bound
+        root = reach**2 + 8.0 * braking * distance - 4.0 * reach * speed
+        viable = (np.sqrt(np.maximum(root, 0.0)) - 2.0 * speed - reach) / (2.0 * step)
+    viable = np.where(np.isfinite(viable), viable, np.inf)
+    return np.asarray(np.where(root < 0.0, -braking, viable))
