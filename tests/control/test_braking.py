@@ -1,0 +1,83 @@
+"""Joints driven against their stops, in a plant whose motors are what they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.control.scenes import CERTAIN
+from wbc.control import (
+    Controller,
+    ControllerSettings,
+    JointLimit,
+    MotorBraking,
+    PostureTask,
+    Reference,
+    RotorTorqueLimit,
+)
+from wbc.effects import load_robot
+from wbc.errors import ControlError
+from wbc.robot import Motion
+
+STOP, STEP = 0.9, 1e-3
+
+
+def thrown_at_its_stop(braking, *, torque=0.5):
+    """Return the fastest, farthest and refused ticks of a knee that is sent far beyond its stop."""
+    robot = load_robot("planar_leg_fixed")
+    robot = robot.with_transmission(robot.transmission.replace(torque_limit=[torque, torque]))
+    limit = JointLimit.of(robot, ("knee",), acceleration=400.0, braking=braking)
+    limit = replace(limit, lower=np.array([-2.0]), upper=np.array([STOP]), speed=np.array([30.0]))
+    tasks = [PostureTask.of(robot, stiffness=400.0, weight=[1.0, 1.0])]
+    control = Controller(
+        robot,
+        tasks,
+        limits=[RotorTorqueLimit(), limit],
+        settings=ControllerSettings(speed_blend=CERTAIN, time_step=STEP),
+    )
+    q, v = np.array([0.0, -1.0]), np.zeros(2)
+    refused, top, far = 0, 0.0, -np.inf
+    for _ in range(1200):
+        command = control.step(Motion(q, v), {"posture": Reference(np.array([0.0, 3.0]))})
+        refused += not command.status.usable
+        a = command.acceleration
+        q, v = q + STEP * v + 0.5 * STEP**2 * a, v + STEP * a
+        top, far = max(top, v[1]), max(far, q[1])
+        if refused:
+            break
+    return top, far, refused
+
+
+def test_knee_stops_with_its_motors_own_torque():
+    """As fast as the motor can brake, no faster: no tick without a solution, no stop overrun."""
+    top, far, refused = thrown_at_its_stop(MotorBraking(share=0.8))
+    assert refused == 0
+    assert far <= STOP + 1e-6
+    assert far > STOP - 0.05
+    assert top > 1.0
+
+
+def test_knee_that_counts_on_more_than_its_motor_has_cannot_stop():
+    _, _, refused = thrown_at_its_stop(None)
+    assert refused > 0
+
+
+def test_losses_lengthen_no_way_to_a_stop():
+    """Teeth help to brake: the lossy knee may come faster than one with perfect gears."""
+    robot = load_robot("planar_leg_fixed")
+    braking, rows = MotorBraking(), np.arange(2)
+    lossy, _ = braking.strength(robot.transmission, rows, np.ones(2), np.zeros(2))
+    ideal, _ = braking.strength(robot.lossless().transmission, rows, np.ones(2), np.zeros(2))
+    assert np.all(lossy > ideal)
+
+
+def test_joints_without_a_motor_of_their_own_are_refused():
+    leg = load_robot("parallelogram_leg")
+    with pytest.raises(ControlError, match="no motor of its own"):
+        JointLimit.of(leg, braking=MotorBraking())
+    with pytest.raises(ControlError, match="share"):
+        MotorBraking(share=1.5)
+    with pytest.raises(ControlError, match="least"):
+        MotorBraking(least=0.0)
