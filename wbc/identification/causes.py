@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from wbc.identification.problem import Problem
 from wbc.identification.residual import deflects
-from wbc.identification.selection import Model, Selector
+from wbc.identification.selection import SIMPLER, Model, Selector
 from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried
@@ -50,7 +50,14 @@ def find_causes(
             continue
         longer = direct.run([first, swings] if start is first else [*path, swings])
         found = direct.prune(longer[-1], first)
-        if found.error < best[2].error and direct.pays(best[2], found, first):
+        if _better(direct, found, best[2], first):
             best = everything, longer, found
             explained = rough
     return best
+
+
+def _better(judge: Selector, found: Model, known: Model, first: Model) -> bool:
+    """Whether a model does better, or as well while it asks for less to be believed."""
+    if judge.pays(known, found, first):
+        return True
+    return found.complexity < known.complexity - SIMPLER and not judge.pays(found, known, first)

@@ -4,29 +4,51 @@ from __future__ import annotations
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.identification.fit import Fit
 from wbc.identification.intervals import interval_bounds
-from wbc.identification.problem import Problem
+from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import drive_gains, drive_misses
 
 _FOLLOWED = 0.3  # share of the needed torque that a drive model may miss and still be believed
 _LEAST_MASS = 0.1  # of a link, that a payload of negative mass may leave
+_DEVIATIONS = 5.0
+_ROWS_PER_SAMPLE = 2.5
 _MOST_GAIN = 2.5  # of a drive: delivered over reported torque, or the inverse
 
 
 def showing(problem: Problem, fit: Fit) -> set[int]:
     """Return the numbers of the effects with a parameter whose interval leaves out its null value.
 
-    A cause that helps each log with another value of its own is none that the logs share.
+    A cause that helps each log with another value of its own is none that the logs share. Where
+    nothing but noise is left, its known size may tell more than the few blocks of a short log.
     """
+    sure = _sure(problem, fit)
     bounds = interval_bounds(fit, problem.blocks, np.zeros(1))
     seen = set()
-    for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+    pairs = zip(fit.parameters, bounds, sure, strict=True)
+    for (k, parameter), (low, high), deviation in pairs:
         effect = fit.effects[k]
         null = effect.null_values(problem.robot, effect.where)[parameter.name]
-        if not parameter.shape and not low <= null <= high:
+        away = abs(effect.values[parameter.name] - null) / parameter.scale
+        if not parameter.shape and (not low <= null <= high or away > _DEVIATIONS * deviation):
             seen.add(k)
     return seen
+
+
+def _sure(problem: Problem, fit: Fit) -> FloatArray:
+    """Return the deviations (p,) of the parameters, in scales, that noise of known size allows.
+
+    Infinite where more than noise is left.
+    """
+    count = len(fit.parameters)
+    if not count or np.mean(problem.held_out(fit)) > ONLY_NOISE:
+        return np.full(count, np.inf)
+    a = fit.jacobian.reshape(-1, count)
+    norm = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-300)
+    gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(count)
+    # About five rows are taken per period of the band: two of them are independent.
+    return np.asarray(np.sqrt(_ROWS_PER_SAMPLE * np.diag(np.linalg.inv(gram))) / norm)
 
 
 def credible(problem: Problem, fit: Fit) -> bool:

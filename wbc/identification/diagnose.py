@@ -13,6 +13,7 @@ from wbc.identification.diagnosis import (
     ErrorLevel,
     Step,
 )
+from wbc.identification.exchange import settle
 from wbc.identification.findings import describe_findings
 from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.problem import Problem
@@ -64,7 +65,7 @@ def diagnose(
     before = path[0].error
     alternatives: Sequence[tuple[str, ...]] = [() for _ in final.effects]
     if not unexplained(problem, before, final):
-        final, alternatives = selector.settle(final, path[0])
+        final, alternatives = settle(selector, final, path[0])
     verdict = judge(problem, before, final, alternatives)
     findings = describe_findings(problem, final, alternatives)
     return Diagnosis(

@@ -20,6 +20,9 @@ from wbc.robot import Effect, Robot
 
 _STANDARD_ERRORS = 2.0
 _LIKELIHOOD_RATIO = 12.0
+ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
+_SAMPLES_PER_BLOCK = 4.0  # independent ones: a block lasts four periods of the band or longer
+_CHI_SQUARE = 25.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,16 +104,20 @@ class Problem:
     def significant(self, worse: FloatArray, better: FloatArray) -> bool:
         """Whether the held-out error falls by more than chance, blocks being the observations.
 
-        Three ways to show it: the paired difference of squares or of their logarithms exceeds two
+        Four ways to show it: the paired difference of squares or of their logarithms exceeds two
         standard errors (the first hears the few blocks in which most happens, the second gives
         each block a voice), or, for what happens rarely but violently, the likelihood ratio
-        of as many independent observations as there are blocks.
+        of as many independent observations as there are blocks; and, where nothing but noise is
+        left, its known size (a short log has few blocks, but many samples).
         """
         one = block_means(worse.mean(axis=1), self.blocks)
         other = block_means(better.mean(axis=1), self.blocks)
         ratio = one.size * float(np.log(np.mean(one) / np.mean(other)))
-        return (
-            _standard_errors(one - other) > _STANDARD_ERRORS
+        samples = _SAMPLES_PER_BLOCK * one.size
+        known = np.mean(better) < ONLY_NOISE and samples * np.mean(worse - better) > _CHI_SQUARE
+        return bool(
+            known
+            or _standard_errors(one - other) > _STANDARD_ERRORS
             or _standard_errors(np.log(one / other)) > _STANDARD_ERRORS
             or ratio > _LIKELIHOOD_RATIO
         )

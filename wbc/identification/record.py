@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -21,6 +22,7 @@ from wbc.identification.smoothing import low_pass
 from wbc.robot import LinkResponse, Motion, Robot
 
 _SMALL = 1e-6
+_KEPT_MOTIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,7 @@ class Record:
     reported_share: FloatArray
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
+    _moved: dict[bytes, Record] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -103,11 +106,24 @@ class Record:
         """J' f of the measured contact forces, (N, nv)."""
         return contact_torque(self.robot, self.motion.position, self.forces)
 
-    def contacts_along(self, motion: Motion) -> FloatArray:
-        """Return J' f (N, nv) for another motion under the same measured forces."""
+    def along(self, motion: Motion) -> Record:
+        """Return this record for another motion under the same measured forces.
+
+        What the links need along the motions asked for last is kept: a model with a wrong encoder
+        zero is evaluated often.
+        """
         if motion is self.motion:
-            return self.contacts
-        return contact_torque(self.robot, motion.position, self.forces)
+            return self
+        parts = (motion.position, motion.velocity, motion.acceleration)
+        key = b"".join(np.ascontiguousarray(p).tobytes() for p in parts if p is not None)
+        digest = hashlib.blake2b(key).digest()
+        if digest not in self._moved:
+            while len(self._moved) >= _KEPT_MOTIONS:
+                del self._moved[next(iter(self._moved))]
+            self._moved[digest] = replace(
+                self, motion=motion, _gravity_terms={}, _responses={}, _moved={}
+            )
+        return self._moved[digest]
 
     @cached_property
     def links(self) -> FloatArray:
@@ -119,10 +135,8 @@ class Record:
         """Y (N, nv, 10 n_links) of the link parameters."""
         return inertial_regressor(self.robot, self.motion)
 
-    def links_of(self, robot: Robot, motion: Motion) -> FloatArray:
+    def links_of(self, robot: Robot) -> FloatArray:
         """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
-        if motion is not self.motion:
-            return link_torque(robot, motion)
         torque = self.links
         if robot.model is self.robot.model:
             return torque
@@ -155,7 +169,8 @@ class Record:
         faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
         pushed = motion.replace(acceleration=acceleration)
         load = self.links - self.contacts
-        bent = link_torque(robot, moved) - self.contacts_along(moved)
+        pushing = contact_torque(robot, moved.position, self.forces)
+        bent = link_torque(robot, moved) - pushing
         return LinkResponse(
             step=1.0 / self.rate,
             row=row,

@@ -50,8 +50,8 @@ def _loads(
     motion = record.motion
     for effect in reversed(robot.effects):
         motion = effect.true(robot, motion)
-    links = record.links_of(robot, motion)
-    contacts = record.contacts_along(motion)
+    moved = record.along(motion)
+    links, contacts = moved.links_of(robot), moved.contacts
     if swinging is None and any(deflects(effect) for effect in robot.effects):
         swinging = _swinging(robot, record, motion, links, contacts)
     if swinging is not None:

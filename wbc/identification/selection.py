@@ -20,9 +20,8 @@ _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SYSTEMATIC_SIMULATED = 0.1  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
-_REFINED = 6
-_EXCHANGES = 3
-_SIMPLER = 0.05  # complexities closer than this are the same
+REFINED = 6
+SIMPLER = 0.05  # complexities closer than this are the same
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
@@ -125,7 +124,7 @@ class Selector:
             most: screened error above which nothing is fitted.
         """
         least = _LEAST_SHARE * max(model.error - 1.0, 0.0)
-        shown = [self.shown(m, model) for m in self.additions(model, _REFINED, most=most)]
+        shown = [self.shown(m, model) for m in self.additions(model, REFINED, most=most)]
         refined = [
             m
             for m in shown
@@ -209,70 +208,11 @@ class Selector:
         search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)
         return search, atoms
 
-    def settle(self, model: Model, first: Model) -> tuple[Model, list[tuple[str, ...]]]:
-        """Return the model after exchanges of single causes, and what could stand for each.
-
-        What was added early was chosen without the rest: a rival that does better, or as well while
-        it asks for less to be believed, takes its place. Rivals that do as well and are no more
-        complicated remain as alternatives; order of addition is no evidence.
-        """
-        current = model
-        for _ in range(_EXCHANGES):
-            rivals = [self.rivals(current, k) for k in range(len(current.effects))]
-            better = self._better([m for group in rivals for m in group], current, first)
-            if better is None:
-                break
-            current = self.prune(better, first)
-        else:
-            rivals = [self.rivals(current, k) for k in range(len(current.effects))]
-        names = [
-            self._names([m for m in group if self._stands(m, current, first)], effect)
-            for group, effect in zip(rivals, current.effects, strict=True)
-        ]
-        return current, names
-
-    def rivals(self, model: Model, k: int) -> list[Model]:
-        """Return models in which another cause stands in the place of number `k`."""
-        own = model.effects[k]
-        rest = self.model(_without(model.effects, k))
-        found = self.additions(rest, _REFINED, [(own.name, own.where)], model.error)
-        return [m for m in found if credible(self.problem, m.fit)]
-
-    def _better(self, rivals: Sequence[Model], current: Model, first: Model) -> Model | None:
-        simpler = [
-            m
-            for m in rivals
-            if m.complexity < current.complexity - _SIMPLER and not self.pays(m, current, first)
-        ]
-        if simpler:
-            return min(simpler, key=lambda m: (round(m.complexity, 6), m.error))
-        stronger = [
-            m
-            for m in rivals
-            if m.complexity < current.complexity + _SIMPLER and self.pays(current, m, first)
-        ]
-        return min(stronger, key=lambda m: m.error) if stronger else None
-
-    def _stands(self, rival: Model, model: Model, first: Model) -> bool:
-        simple = rival.complexity < model.complexity + _SIMPLER
-        return simple and not self.pays(rival, model, first)
-
-    @staticmethod
-    def _names(rivals: Sequence[Model], own: Effect) -> tuple[str, ...]:
-        """Return effect names; the same effect elsewhere is named `effect at place`."""
-        names: dict[str, None] = {}
-        for rival in rivals:
-            other = rival.effects[-1]
-            names[f"{other.name} at {other.where}" if other.name == own.name else other.name] = None
-        return tuple(names)
-
     def prune(self, model: Model, first: Model) -> Model:
         """Return the model without causes that do not pay any more."""
         current = model
         while current.effects:
-            smaller = [
-                self.model(_without(current.effects, k)) for k in range(len(current.effects))
-            ]
+            smaller = [self.model(without(current.effects, k)) for k in range(len(current.effects))]
             idle = [m for m in smaller if not self.pays(m, current, first)]
             if not idle:
                 return current
@@ -280,5 +220,6 @@ class Selector:
         return current
 
 
-def _without(effects: Sequence[Effect], k: int) -> tuple[Effect, ...]:
+def without(effects: Sequence[Effect], k: int) -> tuple[Effect, ...]:
+    """Return the effects but number `k`."""
     return (*effects[:k], *effects[k + 1 :])
