@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.sim.random_robots import BASES, random_robot
@@ -52,6 +52,7 @@ def _audit(plant: Plant, state: SimState, torque: np.ndarray, dt: float, duratio
     coupled=st.booleans(),
     strength=st.floats(0.0, 20.0),
 )
+@example(206, "planar", 1.0, 1.0, 0.0, 0.0, True, 0.0)  # coupled rotors in an impact
 def test_no_random_robot_makes_energy(
     seed, base, eta_f, eta_b, friction, restitution, coupled, strength
 ) -> None:

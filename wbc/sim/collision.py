@@ -12,6 +12,7 @@ from wbc.sim.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
     COUPLING_TOLERANCE,
+    StepCoupling,
     step_coupling,
 )
 from wbc.sim.ground import ContactRows, world_impulse
@@ -104,12 +105,15 @@ def _bounce(
     drive = setup.drive
     target = -restitution * np.minimum(approach, 0.0)
     hit = setup.barriers.closed_rows(closed, contacts, target)
-    solution = _solve(setup, state, hit.unilateral)
+    coupling = step_coupling(setup.robot, setup.space, state.position, state.velocity)
+    solution = _solve(setup, state, hit.unilateral, coupling)
     after = np.array(solution.velocity)
+    coupled = drive.zero if coupling is None else -coupling.inertia @ (after - state.velocity)
     motor = MotorMotion.of(drive, state).speed
     following = np.where(drive.loose, motor, drive.rows @ after)
     rigid = ~drive.loose
-    mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], solution.element_impulse)
+    net = coupled[rigid] - solution.element_impulse
+    mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], net)
     given = kinetic_energy(setup, state.position, state.velocity, motor)
     given -= kinetic_energy(setup, state.position, after, following)
     impulse = world_impulse(contacts, hit.which, solution)
@@ -118,10 +122,11 @@ def _bounce(
     )
 
 
-def _solve(setup: Setup, state: SimState, unilateral: Unilateral) -> StepSolution:
+def _solve(
+    setup: Setup, state: SimState, unilateral: Unilateral, coupling: StepCoupling | None
+) -> StepSolution:
     """Solve the impact's program, with rotor coupling by repetition."""
     drive, velocity = setup.drive, state.velocity
-    coupling = step_coupling(setup.robot, setup.space, state.position, velocity)
     inertia = setup.space.data.M.copy()
     motor = MotorMotion.of(drive, state).speed
     if coupling is None:

@@ -71,18 +71,25 @@ def impact_elements(drive: Drivetrain, before: FloatArray, coupled: FloatArray) 
 
 
 def impact_mesh_loss(
-    drive: Drivetrain, before: FloatArray, after: FloatArray, impulse: FloatArray
+    drive: Drivetrain, before: FloatArray, after: FloatArray, net: FloatArray
 ) -> float:
     """Return the energy lost in the meshes of the rigid gears along the straight path [J].
 
-    It is what the rotors lose and the links do not get, -T (w + w')/2 per gear for a mesh impulse
-    T. A gear that reverses has a bent path: its rotor gives all it has, of which (1 - eta_f) is
-    lost, then takes new energy E from the mesh, which costs (1/eta_b - 1) E.
+    It is what the rotors and their coupling to the housings give and the links do not get: with
+    the mesh impulse T and the coupling's C on the rotor, (M (w - w') + C - T) (w + w')/2 per gear.
+    A gear that reverses has a bent path: its rotor gives all it has, of which (1 - eta_f) is lost,
+    then takes new energy E from the mesh, which costs (1/eta_b - 1) E.
+
+    Args:
+        drive: the gears.
+        before: w (r,) of the rigid gears' motor outputs.
+        after: w' (r,).
+        net: C - T (r,) [N m s].
     """
     rigid = ~drive.loose
     inertia = drive.inertia[rigid]
     given, taken = 0.5 * inertia * before**2, 0.5 * inertia * after**2
-    straight = given - taken - 0.5 * impulse * (before + after)
+    straight = given - taken + 0.5 * net * (before + after)
     eta_b = np.where(drive.backward[rigid] > 0.0, drive.backward[rigid], 1.0)
     bent = (1.0 - drive.forward[rigid]) * given + (1.0 / eta_b - 1.0) * taken
     return float(np.where(before * after < 0.0, bent, straight).sum())
