@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.control.direction_branching import DirectionBranching
 from wbc.control.gears import Slopes
 from wbc.control.program import ContactForceProgram
-from wbc.control.qp import INFINITE, QPProblem, QPSolution, QPStatus, Solver, make_solver
+from wbc.control.qp import QPProblem, QPSolution, QPStatus, Solver, make_solver
+from wbc.control.solution_torques import Limits, beyond_limits
 
 _ACTIVE = 1e-6
 _SMALL = 1e-6
 _GUESSES = 3
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
-
-Limits = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,7 +76,7 @@ class DirectionSearch:
         self._solver_name, self._tolerance = solver_name, tolerance
         self._iterations, self._rounds = iterations, rounds
         self._solver: Solver = self._make(len(program.rows.labels))
-        self._branching: Solver | None = None
+        self._branching: DirectionBranching | None = None
         self._spent = 0.0
         self._count = 0
 
@@ -112,12 +112,16 @@ class DirectionSearch:
                 contested = self._contested(slopes, solution)
                 if not contested.size:
                     return self._found(solution, True, output)
-                return self._branch(slopes, limits, solution, contested, positive)
+                return self._branch(slopes, limits, solution, contested, positive, None)
             positive = np.where(turned, ~positive, positive)
         solved = solution.status is QPStatus.SOLVED
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
             return self._found(solution, False)
-        if solved and program.efforts and not self._beyond(solution, slopes, limits).any():
+        if (
+            solved
+            and program.efforts
+            and not beyond_limits(program, solution, slopes, limits).any()
+        ):
             return self._found(solution, False)
         return self._branch(slopes, limits, None, _NONE, positive, solution)
 
@@ -144,13 +148,6 @@ class DirectionSearch:
         acceleration = solution.x[: self.program.nv].copy()
         return Found(solution, output, self._count, self._spent, proven, acceleration)
 
-    def _torque(self, solution: QPSolution, slopes: Slopes) -> tuple[FloatArray, FloatArray]:
-        """Return T (m,) and N tau_phi (m,) at a solution by the mesh law."""
-        program = self.program
-        output = program.output_torque(solution.x)
-        share = program.plant.rotor_share(solution.x[: program.nv])
-        return output, slopes.at(output > 0.0) * output + share
-
     def _turned(
         self,
         positive: BoolArray,
@@ -167,16 +164,10 @@ class DirectionSearch:
         program = self.program
         if program.efforts:
             return np.asarray(wrong & (np.abs(output) > _SMALL))
-        beyond = self._beyond(solution, slopes, limits)
+        beyond = beyond_limits(program, solution, slopes, limits)
         pushing = np.zeros(len(output), dtype=bool)
         pushing[program.gears] = np.abs(solution.z[program.rows.torque]) > _ACTIVE
         return np.asarray(wrong & (np.abs(output) > _SMALL) & (beyond | pushing))
-
-    def _beyond(self, solution: QPSolution, slopes: Slopes, limits: Limits) -> BoolArray:
-        """Return the gears (m,) whose torque by the mesh law is beyond their limits."""
-        _, torque = self._torque(solution, slopes)
-        slack = 1e-5 * (1.0 + np.abs(torque))
-        return np.asarray((torque < limits[0] - slack) | (torque > limits[1] + slack))
 
     def _contested(self, slopes: Slopes, solution: QPSolution) -> IntArray:
         """Return the gears at a limit on the side where the allowed set is a union."""
@@ -195,79 +186,16 @@ class DirectionSearch:
         incumbent: QPSolution | None,
         contested: IntArray,
         positive: BoolArray,
-        unsolved: QPSolution | None = None,
+        unsolved: QPSolution | None,
     ) -> Found:
         """Return the best solution over all directions, or the best within the rounds left."""
-        rows = len(self.program.rows.labels) + len(self.program.gears)
         if self._branching is None:
-            self._branching = self._make(rows)
-        nodes: list[dict[int, bool]] = []
-        decided: dict[int, bool] = {}
-        for gear in contested.tolist():
-            nodes.append(decided | {gear: not positive[gear]})
-            decided[gear] = bool(positive[gear])
-        if incumbent is None:
-            nodes.append({})
-        lowest = np.inf if incumbent is None else self._cost(incumbent)
-        while nodes and self._count < self._rounds:
-            node = nodes.pop()
-            solution = self._run(self._branching, self._node(node, slopes, limits))
-            if solution.status is not QPStatus.SOLVED or self._cost(solution) >= lowest:
-                continue
-            beyond = np.flatnonzero(self._beyond(solution, slopes, limits)).tolist()
-            open_gears = [gear for gear in beyond if gear not in node]
-            if not open_gears:
-                incumbent, lowest = solution, self._cost(solution)
-                continue
-            for choice in (True, False):
-                nodes.append(node | {open_gears[0]: choice})
-        if incumbent is not None:
-            return self._found(self._plain(incumbent, slopes, limits), not nodes)
-        return self._found(unsolved if unsolved is not None else solution, not nodes)
-
-    def _plain(self, solution: QPSolution, slopes: Slopes, limits: Limits) -> QPSolution:
-        """Assemble the plain program in the directions of `solution`; return it with its rows' z.
-
-        Of the two rows that a node has per gear, the one in the solution's own direction stays.
-        """
-        program = self.program
-        positive = program.output_torque(solution.x) > 0.0
-        program.assemble_torque_limits(slopes.at(positive), *limits)
-        rows = len(program.rows.labels)
-        if len(solution.z) == rows:
-            return solution
-        z = solution.z[:rows].copy()
-        own = positive[program.gears]
-        z[program.rows.torque] = np.where(own, z[program.rows.torque], solution.z[rows:])
-        return replace(solution, z=z)
-
-    def _cost(self, solution: QPSolution) -> float:
-        x, program = solution.x, self.program
-        return float(0.5 * x @ program.H @ x + program.g @ x)
-
-    def _node(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> QPProblem:
-        """Return the program with the convex rows of all gears and one half-space of some.
-
-        `decided` maps a gear to whether its half-space is that of T > 0.
-        """
-        program = self.program
-        convex = slopes.positive >= slopes.negative
-        bounds = []
-        for sign in (True, False):
-            low = np.where(convex, -INFINITE, limits[0])
-            high = np.where(convex, limits[1], INFINITE)
-            for gear, choice in decided.items():
-                if choice is sign:
-                    low[gear], high[gear] = limits[0][gear], limits[1][gear]
-            bounds.append((low, high))
-        program.assemble_torque_limits(slopes.negative, *bounds[1])
-        rows = program.rows.torque
-        own = program.rows
-        more = (own.C[rows].copy(), own.lower[rows].copy(), own.upper[rows].copy())
-        program.assemble_torque_limits(slopes.positive, *bounds[0])
-        plain = program.problem
-        return plain._replace(
-            C=np.vstack([plain.C, more[0]]),
-            lower=np.concatenate([plain.lower, more[1]]),
-            upper=np.concatenate([plain.upper, more[2]]),
+            rows = len(self.program.rows.labels) + len(self.program.gears)
+            self._branching = DirectionBranching(self.program, self._make(rows), self._run)
+        left = self._rounds - self._count
+        found, proven = self._branching.solve(
+            slopes, limits, incumbent, contested.tolist(), positive, left
         )
+        if found is None:
+            found = self._branching.last if unsolved is None else unsolved
+        return self._found(found, proven)

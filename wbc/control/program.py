@@ -10,6 +10,7 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.contact_force_cost import ContactForceCost
 from wbc.control.contact_set import ContactSet
+from wbc.control.effort_cost import add_effort
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.inequality_rows import InequalityRows
 from wbc.control.limits import JointLimit
@@ -89,7 +90,6 @@ class ContactForceProgram:
         self._cost_H, self._cost_g = self.H, self.g
         if self.efforts:
             self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
-            self._effort_rows = np.zeros((robot.transmission.size, self.n))
         rest = self.undriven + contacts.rows
         self.locked_rows = slice(rest, rest + locked)
         stop = task_rows + rest + locked
@@ -183,20 +183,11 @@ class ContactForceProgram:
         """
         if not self.efforts:
             return
-        plant, nv = self.plant, self.nv
         np.copyto(self.H, self._cost_H)
         np.copyto(self.g, self._cost_g)
         for effort in self.efforts:
-            cost = effort.cost(plant.robot, slopes, speed, last)
-            steep, rows = cost.slope[:, None], self._effort_rows
-            np.multiply(self.torque_map, steep, out=rows)
-            offset = cost.slope * plant.output_bias
-            if cost.rotor:
-                rows[:, :nv] += cost.rotor * plant.rotor
-                offset += cost.rotor * plant.rotor_bias
-            weighted = rows.T * cost.weight
-            self.H += weighted @ rows
-            self.g += weighted @ offset
+            cost = effort.cost(self.plant.robot, slopes, speed, last)
+            add_effort(cost, self.torque_map, self.plant, self.H, self.g)
 
     def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
         """Write the rows on qdd (k, nv) that a more important level has decided, and values."""

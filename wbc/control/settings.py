@@ -41,7 +41,7 @@ class ControllerSettings:
     solver: str = "proxqp"
     tolerance: float = 1e-7
     max_iterations: int = 200
-    max_rounds: int = 8
+    max_rounds: int = 16
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     safety: SafetyPolicy = field(default_factory=Damped)
