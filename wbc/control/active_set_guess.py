@@ -15,6 +15,7 @@ ROOM = 24
 """How many constraints may bind besides the equalities."""
 
 _ROUNDS = 4
+_ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
 _REFINEMENTS = 2
 
 
@@ -46,6 +47,7 @@ class ActiveSetGuess:
         """
         self._program, self._tasks, self._tolerance = program, tasks, tolerance
         k, base = len(tasks.wanted), len(tasks.wanted) + len(program.b)
+        self._residual = (_ROUNDING * tolerance) ** 2
         self._base, self._equalities = base, slice(k, base)
         self._G, self._right = program.stacked, program.stacked_right
         self._task_rows = self._G[:k, : program.nv]
@@ -115,7 +117,7 @@ class ActiveSetGuess:
             x += self._free
             left = right - G.dot(x)
             left -= softness * force
-            if left.dot(left) <= self._tolerance**2:
+            if left.dot(left) <= self._residual:
                 return x, force
             step, _ = lapack.dpotrs(factor, left)
             force += step
