@@ -7,7 +7,7 @@ or what it leaves is too little to be told from noise on these logs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -63,38 +63,60 @@ def truth_of(case: Case) -> Truth:
     """Return what may rightly be said about a case."""
     signatures = Signatures(case.machine, case.excitations, case.sensors)
     typical = Typical.of(case.machine, signatures)
-    runs = len(case.excitations) / len(signatures.motions)
     groups = {name: [f for f in case.flaws if f.effect == name] for name in case.causes}
-    own = {name: signatures.of(flaws) for name, flaws in groups.items()}
-    if not own:
+    if not groups:
         return Truth((), (), 0.0)
     candidates = _candidates(signatures, typical)
     if case.unlisted:
-        signal = next(iter(own.values()))
-        cause = _cause(case.causes[0], groups[case.causes[0]], largest(signal), True, ())
+        name = case.causes[0]
+        signal = signatures.of(groups[name])
+        cause = _cause(name, groups[name], largest(signal), True, ())
         return Truth((cause,), (), _unexplained(signal, candidates))
-    causes, merged = [], []
+    own = {name: signatures.of(flaws) for name, flaws in groups.items()}
+    runs = len(case.excitations) / len(signatures.motions)
+    causes = []
     for name, flaws in groups.items():
-        rest = [own[other].ravel() for other in own if other != name]
-        left = _without(own[name].ravel(), rest)
-        size = largest(own[name])
-        hidden_state = name == "backlash"
-        felt = hidden_state or bool(size >= 1.0 and runs * float(left @ left) > TELLABLE)
-        order = _order(name, flaws)
-        names = {
-            c for c, where, columns in candidates
-            if (c, where) != (name, flaws[0].where) and c != name
-            and columns.shape[1] <= order and _stands(left, columns, rest, runs)
-        }  # fmt: skip
-        shown = [f for f in flaws if hidden_state or largest(signatures.of([f])) >= 1.0]
-        causes.append(_cause(name, shown or flaws, size, felt, tuple(sorted(names))))
-    for pair in combinations(groups, 2):
-        rest = [own[other].ravel() for other in own if other not in pair]
-        both = _without(own[pair[0]].ravel() + own[pair[1]].ravel(), rest)
-        names = {c for c, _, columns in candidates if c not in pair
-                 and columns.shape[1] <= 2 and _stands(both, columns, rest, runs)}  # fmt: skip
-        merged += [(pair, name) for name in sorted(names)]
+        left, rest = _alone(own, (name,))
+        felt = largest(own[name]) >= 1.0 and runs * float(left @ left) > TELLABLE
+        shown = [f for f in flaws if largest(signatures.of([f])) >= 1.0]
+        if name == "backlash":  # its signature is simulated, not drawn here
+            felt, shown = True, flaws
+        names = _stand_ins(candidates, (name,), _order(name, flaws), left, rest, runs)
+        if name == "load_friction":  # the pair of efficiencies 1 - c and 1 / (1 + c), exactly
+            names.add("transmission_efficiency")
+        causes.append(_cause(name, shown or flaws, largest(own[name]), felt, tuple(sorted(names))))
+    merged = [
+        (pair, name)
+        for pair in combinations(groups, 2)
+        for name in sorted(_stand_ins(candidates, pair, 2, *_alone(own, pair), runs))
+    ]
     return Truth(tuple(causes), tuple(merged), 0.0)
+
+
+def _alone(
+    own: Mapping[str, np.ndarray], names: Sequence[str]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return what `names` add beyond all other causes, and the signatures of those."""
+    rest = [signal.ravel() for name, signal in own.items() if name not in names]
+    return _without(np.sum([own[name].ravel() for name in names], axis=0), rest), rest
+
+
+def _stand_ins(
+    candidates: Sequence[tuple[str, str, np.ndarray]],
+    names: Sequence[str],
+    order: int,
+    signal: np.ndarray,
+    rest: Sequence[np.ndarray],
+    runs: float,
+) -> set[str]:
+    """Return the effects that reproduce a signal with at most `order` parameters."""
+    return {
+        effect
+        for effect, _, columns in candidates
+        if effect not in names
+        and columns.shape[1] <= order
+        and _stands(signal, columns, rest, runs)
+    }
 
 
 def _cause(
