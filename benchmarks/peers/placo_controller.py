@@ -29,7 +29,7 @@ def main():
     for line in sys.stdin:
         first, count = map(int, line.split())
         times = []
-        for tick in range(first, first + count):
+        for tick in (first, *range(first, first + count)):  # the first once to warm up
             start = time.process_time_ns(), time.perf_counter_ns()
             peer.switch(scene["active"][tick])
             place(robot, states[0][tick], states[1][tick], places, rows)
@@ -40,7 +40,7 @@ def main():
             times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
             if not result.success:
                 raise RuntimeError(f"PlaCo failed at tick {tick}")
-        print(json.dumps(times), flush=True)
+        print(json.dumps(times[1:]), flush=True)
 
 
 def place(robot, position, velocity, places, rows):

@@ -16,9 +16,7 @@ class Peer:
         version: of the peer and its libraries.
     """
 
-    def __init__(
-        self, name: str, variable: str, script: Path, scene: Path, *options: str
-    ) -> None:
+    def __init__(self, name: str, variable: str, script: Path, scene: Path, *options: str) -> None:
         """Start the peer and wait until it is ready.
 
         Raises:

@@ -24,6 +24,7 @@ from wbc.control.fallback import Fallback
 from wbc.control.gears import GearLaw
 from wbc.control.inputs import (
     Complaint,
+    as_motion,
     name_complaint,
     overflow_complaint,
     state_complaint,
@@ -109,6 +110,7 @@ class Controller:
                 efforts=checked_efforts(robot, self.tasks),
                 force_tasks=checked_force_tasks(self.tasks, self._contacts),
                 stacks=self._stacks,
+                law=self._law,
                 stage=RotorTorqueStage(
                     robot.transmission,
                     self._law,
@@ -153,7 +155,7 @@ class Controller:
                 active without limit when left out.
         """
         start = perf_counter()
-        motion = Motion(np.asarray(state.position), np.asarray(state.velocity))
+        motion = as_motion(state)
         given = _NO_REFERENCES if references is None else references
         complaint = state_complaint(self.robot, motion.position, motion.velocity)
         if complaint is None:
@@ -181,8 +183,7 @@ class Controller:
         levels[0].program.contacts.fill(self._kinematics)
         sigma, speed, expected = self._judge_speeds(motion)
         limits = self._motors.bounds(motion, speed)
-        slopes = self._law.slopes(sigma)
-        gears = GearState(sigma, slopes, limits, expected, self._output)
+        gears = GearState(sigma, limits, expected, self._output)
         answer: Answer | Refusal = Refusal(None, None)
         decided, output = None, self._output
         for level in levels:

@@ -60,6 +60,7 @@ class GearLaw:
         self._both = np.array([self._rest, self._rest])
         self._ahead = np.array([self._forward, self._backward]) - self._rest
         self._astern = self._ahead[::-1].copy()
+        self._to_forward, self._to_backward = self._ahead
 
     def slopes(self, sigma: FloatArray) -> Slopes:
         """Return the slopes for gears that turn with certainty and direction `sigma` (m,)."""
@@ -69,6 +70,15 @@ class GearLaw:
         both += astern * self._astern
         both += self._both
         return Slopes(both[0], both[1])
+
+    def mesh_input(self, output: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return t (m,) that brings out `output` T (m,) at certainty and direction `sigma`."""
+        drives = (output * sigma) > 0.0
+        mesh: FloatArray = np.where(drives, self._to_forward, self._to_backward)
+        mesh *= np.abs(sigma)
+        mesh += self._rest
+        mesh *= output
+        return mesh
 
     def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest mesh input (m,) that transmit `output` T at `sigma`.

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from math import isfinite
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.control.command import Status
 from wbc.control.reference import Reference
+from wbc.control.state import State
 from wbc.errors import unknown_name
-from wbc.robot import Robot
+from wbc.robot import Motion, Robot
 
 Complaint = tuple[Status, str]
 
@@ -24,6 +27,14 @@ def state_complaint(robot: Robot, position: FloatArray, velocity: FloatArray) ->
     if not isfinite(position.dot(position) + velocity.dot(velocity)):
         return Status.NOT_FINITE, "the state holds a value that is not finite."
     return None
+
+
+def as_motion(state: State) -> Motion:
+    """Return a state as a motion of arrays, itself where it is one."""
+    q, v = state.position, state.velocity
+    if isinstance(state, Motion) and isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
+        return state
+    return Motion(np.asarray(q), np.asarray(v))
 
 
 def name_complaint(

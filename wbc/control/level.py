@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.control.active_set_guess import ActiveSetGuess
 from wbc.control.command import Status
 from wbc.control.direction_search import DirectionSearch, Found
-from wbc.control.gears import Slopes
+from wbc.control.gears import GearLaw
 from wbc.control.inputs import Complaint, all_finite
 from wbc.control.program import ContactForceProgram
 from wbc.control.qp import QPProblem
@@ -31,14 +31,12 @@ class GearState(NamedTuple):
 
     Attributes:
         sigma: certainty (m,) of the directions.
-        slopes: of the mesh law for either sign of T.
         limits: least and greatest N tau_phi (m,) [N m].
         speed: expected dpsi (m,) [rad/s].
         last_output: T (m,) of the last tick [N m].
     """
 
     sigma: FloatArray
-    slopes: Slopes
     limits: tuple[FloatArray, FloatArray]
     speed: FloatArray
     last_output: FloatArray
@@ -73,6 +71,7 @@ class Level:
         program: ContactForceProgram,
         search: DirectionSearch,
         guess: ActiveSetGuess | None,
+        law: GearLaw,
         stage: RotorTorqueStage,
         time_step: float,
     ) -> None:
@@ -84,11 +83,12 @@ class Level:
             program: what is to be solved.
             search: solves it with the directions of its own solution.
             guess: tried before the search; None where every tick goes to the solver.
+            law: of the meshes.
             stage: finds the rotor torques.
             time_step: time until the next tick [s].
         """
         self._tasks, self._above, self.program = tasks, above, program
-        self._search, self._guess, self._stage = search, guess, stage
+        self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._time_step = time_step
         self._output = np.zeros(0)
         self._saturated = self._whole = False
@@ -135,7 +135,7 @@ class Level:
         """Return a copy of the program of the last tick, in the directions of its solution."""
         if not self._whole and gears is not None:
             self._assemble_whole()
-            slope = gears.slopes.at(self._output > 0.0)
+            slope = self._law.slopes(gears.sigma).at(self._output > 0.0)
             self.program.assemble_torque_limits(slope, *gears.limits)
         return self.program.problem.copied()
 
@@ -156,7 +156,11 @@ class Level:
         if not all_finite(program.cost_gradient, program.b):
             return Refusal(None, None)
         found = self._search.solve(
-            first > 0.0, gears.slopes, gears.limits, gears.speed, gears.last_output
+            first > 0.0,
+            self._law.slopes(gears.sigma),
+            gears.limits,
+            gears.speed,
+            gears.last_output,
         )
         self._output = found.output
         verdict = judged(found, program)
@@ -170,7 +174,7 @@ class Level:
 
     def _realise(self, found: Found, gears: GearState) -> Realised:
         share = self.program.plant.rotor_share(found.acceleration)
-        return self._stage.solve(found.output, share, gears.sigma, gears.slopes, gears.limits)
+        return self._stage.solve(found.output, share, gears.sigma, gears.limits)
 
     def _assemble_whole(self) -> None:
         self.program.assemble_cost(self._tasks)

@@ -13,6 +13,7 @@ from wbc.control.contact_set import ContactSet
 from wbc.control.contacts import BoundContact
 from wbc.control.direction_search import DirectionSearch
 from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.gears import GearLaw
 from wbc.control.level import Level
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
@@ -36,6 +37,7 @@ class Recipe:
         efforts: costs on torques, which the least important level bears.
         force_tasks: costs on contact forces, likewise.
         stacks: tasks by level, the most important first.
+        law: of the meshes.
         stage: what finds the rotor torques.
     """
 
@@ -47,6 +49,7 @@ class Recipe:
     efforts: Sequence[Effort]
     force_tasks: Sequence[ContactForceTask]
     stacks: tuple[TaskStack, ...]
+    law: GearLaw
     stage: RotorTorqueStage
 
 
@@ -102,4 +105,6 @@ class ProgramLibrary:
         if diagonal and settings.warm_start is WarmStart.ACTIVE_SET:
             guess = ActiveSetGuess(program, tasks, settings.tolerance)
         above = recipe.stacks[rank - 1] if rank else None
-        return Level(tasks, above, program, search, guess, recipe.stage, settings.time_step)
+        return Level(
+            tasks, above, program, search, guess, recipe.law, recipe.stage, settings.time_step
+        )

@@ -74,7 +74,7 @@ class TaskStack:
         # error, rate, drift, velocity and acceleration asked for, and what each counts for
         self._parts, self._gains = np.zeros((5, total)), np.zeros((5, total))
         self._products = np.zeros((5, total))
-        self._asked = self._parts[3:]
+        self._asked, self._ones = self._parts[3:], np.ones(5)
         self._rowed: list[_Rowed] = []
         self._chosen: list[_Chosen] = []
         start = 0
@@ -121,7 +121,7 @@ class TaskStack:
                 reference = self._last[entry.task.name]
                 entry.acceleration[:] = entry.task.command(kinematics, reference, entry.rate)
         np.multiply(self._gains, self._parts, out=self._products)
-        np.add.reduce(self._products, axis=0, out=self.wanted)
+        self._ones.dot(self._products, out=self.wanted)
         self._pull(kinematics, references)
 
     def _evaluate(
@@ -173,9 +173,7 @@ class TaskStack:
     def _reference(
         self, task: Task, kinematics: Kinematics, references: Mapping[str, Reference]
     ) -> Reference:
-        reference = references.get(task.name)
-        if reference is None:
-            reference = self._last.get(task.name, _NOTHING)
+        reference = references.get(task.name) or self._last.get(task.name, _NOTHING)
         if reference.position is None:
             held = self._last.get(task.name)
             position = copy(task.value(kinematics)) if held is None else held.position

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.gears import GearLaw, Slopes
+from wbc.control.gears import GearLaw
 from wbc.control.qp import QPProblem, make_solver
 from wbc.transmission import Transmission
 
@@ -59,7 +59,6 @@ class RotorTorqueStage:
         output: FloatArray,
         share: FloatArray,
         sigma: FloatArray,
-        slopes: Slopes,
         limits: tuple[FloatArray, FloatArray],
     ) -> Realised:
         """Return the rotor torques.
@@ -68,10 +67,9 @@ class RotorTorqueStage:
             output: T wanted (m,) [N m].
             share: what the rotors take themselves (m,) [N m]: inertia and friction.
             sigma: certainty of the direction of each gear (m,).
-            slopes: of the blended mesh law.
             limits: least and greatest N tau_phi (m,).
         """
-        wanted = slopes.at(output > 0.0) * output
+        wanted = self._law.mesh_input(output, sigma)
         torque = wanted + share
         lower, upper = limits
         clipped = np.maximum(torque, lower)
@@ -80,7 +78,7 @@ class RotorTorqueStage:
             return Realised(torque, wanted, True)
         if self._serial:
             return Realised(clipped, clipped - share, False)
-        return Realised(*self._coupled(output, wanted, share, sigma, slopes, limits), False)
+        return Realised(*self._coupled(output, wanted, share, sigma, limits), False)
 
     def _coupled(
         self,
@@ -88,10 +86,9 @@ class RotorTorqueStage:
         wanted: FloatArray,
         share: FloatArray,
         sigma: FloatArray,
-        slopes: Slopes,
         limits: tuple[FloatArray, FloatArray],
     ) -> tuple[FloatArray, FloatArray]:
-        problem = self.problem(output, wanted, share, sigma, slopes, limits)
+        problem = self.problem(output, wanted, share, sigma, limits)
         found = self._solver.solve(problem)
         m = len(output)
         mesh = found.x[:m] + found.x[m:]
@@ -106,12 +103,11 @@ class RotorTorqueStage:
         wanted: FloatArray,
         share: FloatArray,
         sigma: FloatArray,
-        slopes: Slopes,
         limits: tuple[FloatArray, FloatArray],
     ) -> QPProblem:
         """Return the program in x = [w, d]; arguments as for `solve`, `wanted` t (m,)."""
         m = len(output)
-        slope = slopes.at(output > 0.0)
+        slope = self._law.slopes(sigma).at(output > 0.0)
         loss = self._to_joints / np.where(np.abs(slope) > 1e-3, slope, 1e-3)
         H = np.full((2 * m, 2 * m), 0.0)
         H[m:, m:] = loss.T @ loss

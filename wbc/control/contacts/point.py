@@ -111,9 +111,9 @@ class BoundPoint(BoundContact):
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Copy the point's linear rows."""
-        number = kinematics.frame_id(self.frame)
-        jacobian[:] = kinematics.frame_jacobian(number)[self.select]
-        drift[:] = kinematics.frame_drift(number)[self.select]
+        number, select = kinematics.frame_id(self.frame), self.select
+        jacobian[:] = kinematics.frame_jacobian(number)[select]
+        drift[:] = kinematics.frame_drift(number)[select]
 
     @property
     def components(self) -> IntArray:
