@@ -7,7 +7,7 @@ import pytest
 
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
-from wbc.identification.servo_fit import Span, fit_servo
+from wbc.identification.servo_fit import Span, fit_servo, fit_servos
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_run import ServoRun
@@ -59,9 +59,18 @@ def test_finds_resistance_friction_and_sag() -> None:
     assert fit.at_bound == ()
 
 
+def test_fits_in_step_equal_each_alone() -> None:
+    runs = [plant(4.0, 0.03, 1.5, amplitude) for amplitude in (0.4, 0.9, 1.6)]
+    subsets = [[0, 2], [1], [0, 1, 2]]
+    together = fit_servos(build, SPANS, runs, STEP, subsets)
+    for subset, fit in zip(subsets, together, strict=True):
+        alone = fit_servo(build, SPANS, [runs[k] for k in subset], STEP)
+        assert fit.values == pytest.approx(alone.values, rel=1e-6)
+
+
 def test_says_that_a_number_ended_on_its_bound() -> None:
     runs = [plant(4.0, 0.0, 0.0, 0.8)]
-    fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP, evaluations=30)
+    fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP, iterations=30)
     assert "sag" in fit.at_bound
 
 
@@ -75,7 +84,17 @@ def test_what_the_runs_leave_open_stays_at_its_start() -> None:
     released = ServoRun("off", 1.5, swing.goal, 0.0 * swing.goal, 0.3 + 0.0 * swing.goal)
     spans = {"resistance": Span(1.0, 3.0, 10.0), "sag": Span(0.0, 0.3, 5.0)}
     fit = fit_servo(
-        lambda v: build({**v, "coulomb": 0.03}), spans, [released], STEP, [{"sag": 2.0}], hold=0.5
+        lambda v: build({**v, "coulomb": 0.03}),
+        spans,
+        [released],
+        STEP,
+        [{"sag": 2.0}],
+        hold={"sag": 0.5},
     )
     assert fit.values["resistance"] == pytest.approx(3.0, rel=1e-3)
     assert fit.values["sag"] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_refuses_to_hold_what_is_not_fitted() -> None:
+    with pytest.raises(IdentificationError, match="friction"):
+        fit_servo(build, SPANS, [plant(4.0, 0.0, 0.0, 0.8)], STEP, hold={"friction": 0.1})

@@ -40,6 +40,28 @@ def test_powered_step_follows_the_differential_equation(pendulum: Robot) -> None
     assert np.max(np.abs(reached - truth)) < 5e-4
 
 
+def test_a_winding_that_warms_gives_way_under_a_held_load(pendulum: Robot) -> None:
+    step, duration, heating, cooling = 1e-3, 2.0, 0.15, 0.8
+    robot = pendulum.with_effect(ViscousFriction("shaft", 0.05))
+    drive = DcDrive(7.4, source_resistance=0.5, heating=heating, cooling=cooling)
+    reached = servo_rollout([(robot, drive)], [run(1.2, int(duration / step))], step)[:, 0, 0]
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        duty, warm = np.clip(2.0 * (1.2 - x[0]), -1.0, 1.0), RESISTANCE * (1.0 + x[2])
+        current = (duty * 7.4 - KT * x[1]) / (warm + 0.5 * abs(duty))
+        torque = KT * current - MASS * 9.81 * LEVER * np.sin(x[0]) - 0.05 * x[1]
+        heat = heating * warm * current**2 - cooling * x[2]
+        return [x[1], torque / (MASS * LEVER**2 + ARMATURE), heat]
+
+    time = np.arange(reached.size) * step
+    truth = solve_ivp(rate, (0.0, duration), [0.0] * 3, rtol=1e-9, atol=1e-12, t_eval=time).y[0]
+    assert np.max(np.abs(reached - truth)) < 2e-3
+    cold = servo_rollout([(robot, DcDrive(7.4, source_resistance=0.5))], [run(1.2, 2000)], step)[
+        :, 0, 0
+    ]
+    assert cold[-1] > reached[-1] + 0.05
+
+
 def test_released_frictionless_swing_keeps_its_energy(pendulum: Robot) -> None:
     step = 2e-4
     reached = servo_rollout(

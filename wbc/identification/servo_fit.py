@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from wbc.arrays import FloatArray
-from wbc.errors import IdentificationError
+from wbc.errors import IdentificationError, unknown_name
+from wbc.identification.lockstep_fit import Task, lockstep_fit
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
@@ -18,7 +19,6 @@ from wbc.sim.servo_run import ServoRun
 
 _SOFT = 0.03  # [rad] error from which on it counts linearly: a missed stick is no worse twice
 _EVERY = 4  # rows of a rollout between two residuals of the fit
-_STEP = 1e-4
 
 
 class Span(NamedTuple):
@@ -51,13 +51,17 @@ class ServoFit:
 
     def error(self, runs: Sequence[ServoRun], step: float) -> FloatArray:
         """Return the mean absolute position error (L,) [rad] in rollouts of `runs`."""
-        positions = servo_rollout([(self.robot, self.drive)], runs, step)[:, 0]
-        return np.array(
-            [
-                np.mean(np.abs(positions[: run.position.size, k] - run.position))
-                for k, run in enumerate(runs)
-            ]
-        )
+        return np.asarray(servo_errors([self], runs, step)[0])
+
+
+def servo_errors(fits: Sequence[ServoFit], runs: Sequence[ServoRun], step: float) -> FloatArray:
+    """Return the mean absolute position error (F, L) [rad] of `fits` in rollouts of `runs`."""
+    positions = servo_rollout([(fit.robot, fit.drive) for fit in fits], runs, step)
+    columns = [
+        np.mean(np.abs(positions[: run.position.size, :, k] - run.position[:, None]), axis=0)
+        for k, run in enumerate(runs)
+    ]
+    return np.stack(columns, axis=1)
 
 
 def fit_servo(
@@ -66,92 +70,76 @@ def fit_servo(
     runs: Sequence[ServoRun],
     step: float,
     starts: Sequence[Mapping[str, float]] = ({},),
-    evaluations: int = 60,
-    hold: float = 0.0,
+    iterations: int = 40,
+    hold: Mapping[str, float] = MappingProxyType({}),
 ) -> ServoFit:
     """Return the servo whose rollouts come closest to the measured positions.
 
-    Bounded least squares with a soft-L1 loss; the derivatives are differences, all variants of an
-    iteration being simulated together.
+    One fit of `fit_servos` to all runs; arguments and errors are described there.
+    """
+    return fit_servos(build, spans, runs, step, [range(len(runs))], starts, iterations, hold)[0]
+
+
+def fit_servos(
+    build: Build,
+    spans: Mapping[str, Span],
+    runs: Sequence[ServoRun],
+    step: float,
+    subsets: Sequence[Sequence[int]],
+    starts: Sequence[Mapping[str, float]] = ({},),
+    iterations: int = 40,
+    hold: Mapping[str, float] = MappingProxyType({}),
+) -> list[ServoFit]:
+    """Return one fit for each subset of the runs.
+
+    Bounded least squares with a soft-L1 loss; the derivatives are differences. All fits go in
+    step, so that one rollout simulates the variants of all of them: the fits of a
+    cross-validation cost little more than one.
 
     Args:
         build: makes robot and drive from the numbers.
         spans: name -> bounds and start.
         runs: measured runs.
         step: time step of the runs [s].
+        subsets: rows of `runs` that each fit sees.
         starts: overrides of the starts; the best fit of all is returned.
-        evaluations: of one fit, at most.
-        hold: how strongly the numbers are held to the starts in `spans`: a number that doubles
-            costs as much as a single residual of hold [rad]. It only decides what the runs leave
-            open (friction against back-EMF, say).
+        iterations: of one fit, at most.
+        hold: name -> how strongly the number is held to its start in `spans`: doubling it costs
+            as much as a single residual of hold [rad]. It only decides what the runs leave open
+            (friction against back-EMF, say).
 
     Raises:
-        IdentificationError: nothing to fit, or no run.
+        IdentificationError: nothing to fit, no run, or a held number that is not fitted.
     """
-    if not spans or not runs:
+    if not spans or not subsets or any(len(subset) == 0 for subset in subsets):
         raise IdentificationError("fitting a servo needs at least one number and one run.")
-    fits = [_fit(build, spans, runs, step, start, evaluations, hold) for start in starts]
-    return min(fits, key=lambda fit: fit.cost)
-
-
-def _fit(
-    build: Build,
-    spans: Mapping[str, Span],
-    runs: Sequence[ServoRun],
-    step: float,
-    start: Mapping[str, float],
-    evaluations: int,
-    hold: float,
-) -> ServoFit:
-    names = list(spans)
-    low = np.array([spans[name].low for name in names])
-    high = np.array([spans[name].high for name in names])
-    first = np.array([start.get(name, spans[name].start) for name in names])
-    margin = 1e-6 * (high - low)
-    first = np.clip(first, low + margin, high - margin)
-    centre = np.array([spans[name].start for name in names])
+    for name in hold:
+        if name not in spans:
+            raise IdentificationError(unknown_name("number of the fit", name, spans))
+    names, table = list(spans), np.array([tuple(span) for span in spans.values()])
+    low, centre, high = table.T
     scale = np.maximum(np.abs(centre), 0.02 * (high - low))
-    pull = np.diag(hold / scale)
-    memory: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+    firsts = [np.array([start.get(name, spans[name].start) for name in names]) for start in starts]
+    row_of = np.concatenate([np.full(len(r.position[::_EVERY]), k) for k, r in enumerate(runs)])
 
-    def both(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if x.tobytes() not in memory:
-            memory.clear()
-            size = np.where(x + _STEP * scale > high, -_STEP, _STEP) * scale
-            points = np.vstack([x, x + np.diag(size)])
-            servos = [build(dict(zip(names, map(float, p), strict=True))) for p in points]
-            residuals = _residuals(servos, runs, step)
-            slopes = (residuals[1:] - residuals[0]).T / size
-            memory[x.tobytes()] = (
-                np.concatenate([residuals[0], pull @ (x - centre)]),
-                np.vstack([slopes, pull]),
-            )
-        return memory[x.tobytes()]
+    def residuals(points: FloatArray) -> FloatArray:
+        """Return the errors (V, rows) of V variants, thinned, runs one after another."""
+        servos = [build(dict(zip(names, map(float, p), strict=True))) for p in points]
+        positions = servo_rollout(servos, runs, step)
+        parts = [
+            (positions[: run.position.size, :, k] - run.position[:, None])[::_EVERY]
+            for k, run in enumerate(runs)
+        ]
+        return np.concatenate(parts).T
 
-    found = least_squares(
-        lambda x: both(x)[0],
-        first,
-        lambda x: both(x)[1],
-        bounds=(low, high),
-        x_scale=scale,
-        loss="soft_l1",
-        f_scale=_SOFT,
-        max_nfev=evaluations,
-    )
-    values = dict(zip(names, map(float, found.x), strict=True))
-    edge = np.minimum(found.x - low, high - found.x) < 1e-3 * (high - low)
-    at_bound = tuple(name for name, close in zip(names, edge, strict=True) if close)
-    robot, drive = build(values)
-    return ServoFit(values, robot, drive, float(found.cost), at_bound)
-
-
-def _residuals(
-    servos: Sequence[tuple[Robot, DcDrive]], runs: Sequence[ServoRun], step: float
-) -> FloatArray:
-    """Return (V, rows) position errors of all variants, thinned, runs one after another."""
-    positions = servo_rollout(servos, runs, step)
-    parts = [
-        (positions[: run.position.size, :, k] - run.position[:, None])[::_EVERY]
-        for k, run in enumerate(runs)
-    ]
-    return np.concatenate(parts).T
+    tasks = [Task(first, np.isin(row_of, subset)) for subset in subsets for first in firsts]
+    pull = np.array([hold.get(name, 0.0) for name in names]) / scale
+    found = lockstep_fit(residuals, tasks, (low, high), scale, (pull, centre), _SOFT, iterations)
+    best = []
+    for k in range(len(subsets)):
+        x, cost = min(found[k * len(firsts) : (k + 1) * len(firsts)], key=lambda one: one[1])
+        edge = np.minimum(x - low, high - x) < 1e-3 * (high - low)
+        values = dict(zip(names, map(float, x), strict=True))
+        at_bound = tuple(name for name, close in zip(names, edge, strict=True) if close)
+        best.append(ServoFit(values, *build(values), cost, at_bound))
+    return best

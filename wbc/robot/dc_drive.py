@@ -22,8 +22,13 @@ class DcDrive:
 
         duty (supply_voltage - source_resistance |i|) = resistance i + torque_constant * speed
 
-    (no capacitor that could hold the voltage over a switching period). The sag and a current
-    limit are the two ways in which a drive gives less than its duty says.
+    (no capacitor that could hold the voltage over a switching period). The heat of the current
+    raises the winding's resistance to resistance (1 + rise),
+
+        d rise / dt = heating resistance (1 + rise) i^2 - cooling rise.
+
+    Sag, current limit and warm winding are the three ways in which a drive gives less than its
+    duty says.
 
     Attributes:
         supply_voltage: without load [V].
@@ -31,12 +36,16 @@ class DcDrive:
             sag.
         current_limit: largest current through the winding [A].
         duty_limit: largest duty, at most 1.
+        heating: rise of the resistance, as a share of itself, per heat in the winding [1/J].
+        cooling: rate at which the winding loses its rise [1/s].
     """
 
     supply_voltage: float
     source_resistance: float = 0.0
     current_limit: float = inf
     duty_limit: float = 1.0
+    heating: float = 0.0
+    cooling: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -45,6 +54,8 @@ class DcDrive:
             ("source_resistance", self.source_resistance >= 0.0),
             ("current_limit", self.current_limit > 0.0),
             ("duty_limit", 0.0 < self.duty_limit <= 1.0),
+            ("heating", self.heating >= 0.0),
+            ("cooling", self.cooling >= 0.0),
         ):
             if not good:
                 raise RobotError(f"DC drive: {name} = {getattr(self, name)} is out of range.")
@@ -60,7 +71,7 @@ class DcDrive:
         Args:
             duty: share of the supply voltage, any shape.
             back_emf: torque constant times rotor speed [V], same shape.
-            resistance: of the winding [ohm], broadcast.
+            resistance: of the winding as warm as it is [ohm], broadcast.
         """
         return winding_current(
             duty,
@@ -89,3 +100,26 @@ def winding_current(
     wanted = (share * np.asarray(supply_voltage) - np.asarray(back_emf)) / total
     limit = np.asarray(current_limit, dtype=np.float64)
     return np.asarray(np.clip(wanted, -limit, limit))
+
+
+def next_rise(
+    rise: ArrayLike,
+    heat: ArrayLike,
+    heating: ArrayLike,
+    cooling: ArrayLike,
+    step: float,
+) -> FloatArray:
+    """Return the rise of a winding's resistance a step later; arrays broadcast.
+
+    The law of `DcDrive`, solved exactly for constant heat.
+
+    Args:
+        rise: now, share of the cold resistance.
+        heat: power lost in the winding, resistance (1 + rise) i^2 [W].
+        heating: [1/J].
+        cooling: [1/s].
+        step: time step [s].
+    """
+    rate = np.asarray(cooling, dtype=np.float64) * step
+    gain = np.where(rate > 1e-9, -np.expm1(-rate) / np.maximum(rate, 1e-9), 1.0)
+    return np.asarray(np.exp(-rate) * rise + gain * step * np.asarray(heating) * heat)

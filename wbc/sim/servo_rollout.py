@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +13,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError
 from wbc.robot import Effect, Motion, Robot
-from wbc.robot.dc_drive import DcDrive, winding_current
+from wbc.robot.dc_drive import DcDrive, next_rise, winding_current
 from wbc.sim.servo_run import ServoRun
 
 
@@ -24,6 +24,14 @@ class _Variants:
     robot: Robot
     effects: tuple[Effect, ...]
     numbers: dict[str, FloatArray]
+
+
+class _Winding(NamedTuple):
+    """Motor torque [N m], back-EMF damping at the joint [N m s/rad] and heat [W], (V, L) each."""
+
+    torque: FloatArray
+    brake: FloatArray
+    heat: FloatArray
 
 
 def servo_rollout(
@@ -52,14 +60,18 @@ def servo_rollout(
     gain = np.array([run.gain for run in runs])
     shape = (len(variants), len(runs))
     position = np.broadcast_to([run.position[0] for run in runs], shape).astype(np.float64)
-    velocity = np.zeros(shape)
+    velocity, rise = np.zeros(shape), np.zeros(shape)
     result = np.empty((length, *shape))
     for k in range(length):
         result[k] = position
         error = gain * (goal[k] - position)
         # Velocities live half a step before the positions (leapfrog), which start at rest.
         span = step if k else 0.5 * step
-        velocity = _next_velocity(stack, position, velocity, error, enabled[k] > 0.5, span)
+        winding = _winding(stack.numbers, velocity, error, enabled[k] > 0.5, rise)
+        velocity = _next_velocity(stack, position, velocity, winding, span)
+        rise = next_rise(
+            rise, winding.heat, stack.numbers["heating"], stack.numbers["cooling"], span
+        )
         position = position + step * velocity
     return result
 
@@ -68,26 +80,33 @@ def _held(values: FloatArray, length: int) -> FloatArray:
     return np.concatenate([values, np.full(length - values.size, values[-1])])
 
 
-def _next_velocity(
-    stack: _Variants,
-    position: FloatArray,
-    velocity: FloatArray,
-    error: FloatArray,
-    on: Any,
-    step: float,
-) -> FloatArray:
-    """Return the velocity (V, L) after one step of the set-valued mesh law, solved exactly."""
-    n, motion = stack.numbers, Motion(position[..., None], velocity[..., None])
+def _winding(
+    n: dict[str, FloatArray], velocity: FloatArray, error: FloatArray, on: Any, rise: FloatArray
+) -> _Winding:
+    """Return what the drives do at one instant, (V, L) each."""
     duty = np.clip(error, -n["duty_limit"], n["duty_limit"])
+    resistance = n["resistance"] * (1.0 + rise)
     current = winding_current(
         duty,
         n["torque_constant"] * n["ratio"] * velocity,
-        n["resistance"],
+        resistance,
         n["supply_voltage"],
         n["source_resistance"],
         n["current_limit"],
     )
-    rotor = np.where(on, n["torque_constant"] * current, 0.0)[..., None]
+    flowing = np.where(on, current, 0.0)
+    free = on & (np.abs(current) < n["current_limit"])
+    total = resistance + n["source_resistance"] * np.abs(duty)
+    brake = np.where(free, (n["torque_constant"] * n["ratio"]) ** 2 / total, 0.0)
+    return _Winding(n["torque_constant"] * flowing, brake, resistance * flowing**2)
+
+
+def _next_velocity(
+    stack: _Variants, position: FloatArray, velocity: FloatArray, winding: _Winding, step: float
+) -> FloatArray:
+    """Return the velocity (V, L) after one step of the set-valued mesh law, solved exactly."""
+    n, motion = stack.numbers, Motion(position[..., None], velocity[..., None])
+    rotor = winding.torque[..., None]
     smooth = -(n["sine"] * np.sin(position) + n["cosine"] * np.cos(position) + n["constant"])
     dry = np.zeros(velocity.shape)
     for effect in stack.effects:
@@ -103,9 +122,7 @@ def _next_velocity(
     motor = n["ratio"] * (rotor[..., 0] - drag)
     lost = np.abs(n["ratio"]) * n["rotor_coulomb"]
     # Back-EMF at the middle of the step; at its start the winding would brake half a step late.
-    free = on & (np.abs(current) < n["current_limit"])
-    total = n["resistance"] + n["source_resistance"] * np.abs(duty)
-    brake = 0.5 * step * np.where(free, (n["torque_constant"] * n["ratio"]) ** 2 / total, 0.0)
+    brake = 0.5 * step * winding.brake
     # The motion is forward if it is so against full friction, backward likewise, else it sticks.
     forward = _branch(n, velocity, smooth - dry, motor - lost, brake, step)
     backward = _branch(n, velocity, smooth + dry, motor + lost, brake, step)
@@ -184,6 +201,8 @@ def _numbers(robot: Robot, drive: DcDrive) -> dict[str, float]:
         "source_resistance": drive.source_resistance,
         "current_limit": drive.current_limit,
         "duty_limit": drive.duty_limit,
+        "heating": drive.heating,
+        "cooling": drive.cooling,
     }
 
 
