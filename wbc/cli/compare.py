@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
@@ -19,7 +20,8 @@ from wbc.cli.inputs import (
     write_report_file,
 )
 from wbc.cli.outputs import require_outputs
-from wbc.identification import Comparison, compare
+from wbc.effects import load_robot
+from wbc.identification import Comparison, Contestant, compare, rank_robots
 
 
 def add_to(commands: Any) -> None:
@@ -30,6 +32,13 @@ def add_to(commands: Any) -> None:
         epilog="example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
     )
     add_log_options(parser)
+    parser.add_argument(
+        "--against",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="other robots to rank on the same logs",
+    )
     add_output_options(parser)
     parser.set_defaults(run=run)
 
@@ -48,7 +57,14 @@ def run(options: argparse.Namespace, console: Console) -> int:
         f"error of the model: {comparison.error:.2f} noise floors"
         f" (floor from {comparison.floor.source})",
     )
-    write_json(options.json, comparison.to_json(), console)
+    content = comparison.to_json()
+    if options.against:
+        given = f"{options.robot} (lossless)" if options.lossless else options.robot
+        robots = {given: robot, **{name: load_robot(name) for name in options.against}}
+        ranked = rank_robots(robots, logs)
+        shown.print(contest_table(ranked))
+        content["robots"] = [contestant.to_json() for contestant in ranked]
+    write_json(options.json, content, console)
     write_report_file(options, robot, logs, shown)
     return 0
 
@@ -82,6 +98,25 @@ def error_table(comparison: Comparison) -> Table:
     table.caption = (
         f"rms; torque: rms measured; rollout: rms position error after {comparison.horizon:g} s"
     )
+    return table
+
+
+def contest_table(ranked: Sequence[Contestant]) -> Table:
+    """Return robots beside the best of them."""
+    table = Table("", "robot", "error", "worse by", "", "numbers", "", box=None, title="robots")
+    for column in table.columns[2:6]:
+        column.justify = "right"
+    for c in ranked:
+        table.add_row(
+            str(c.rank),
+            c.name,
+            f"{c.error:.2f}",
+            "" if c.standing == "best" else f"{c.difference:.3g}",
+            "" if c.standing == "best" else f"\N{PLUS-MINUS SIGN} {c.deviation:.2g}",
+            str(c.parameters),
+            "; ".join((c.standing, *c.warnings)),
+        )
+    table.caption = "error: rms in floors; worse by: mean square against the best, standard error"
     return table
 
 

@@ -40,7 +40,7 @@ def best_springs(responses: Sequence[LinkResponse], count: int) -> list[tuple[fl
     """Return the `count` pairs of stiffness and damping that leave least unexplained, best first.
 
     A lightly damped swing keeps its phase for long, so the best of a coarse grid is searched around
-    a second time. A link without inertia about the joint (a point on its axis) swings behind
+    twice more. A link without inertia about the joint (a point on its axis) swings behind
     nothing: the list is empty.
 
     Args:

@@ -2,6 +2,7 @@
 
 from wbc.identification.breakdown import Breakdown
 from wbc.identification.compare import Comparison, OutputError, Series, compare
+from wbc.identification.contest import Contestant, rank_robots
 from wbc.identification.diagnose import diagnose
 from wbc.identification.diagnosis import Diagnosis, ErrorLevel, Estimate, Finding, Step, Verdict
 from wbc.identification.ranking import Ranked
@@ -9,6 +10,7 @@ from wbc.identification.ranking import Ranked
 __all__ = [
     "Breakdown",
     "Comparison",
+    "Contestant",
     "Diagnosis",
     "ErrorLevel",
     "Estimate",
@@ -20,4 +22,5 @@ __all__ = [
     "Verdict",
     "compare",
     "diagnose",
+    "rank_robots",
 ]

@@ -6,6 +6,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.fit import Fit
+from wbc.identification.folds import ROWS_PER_SAMPLE
 from wbc.identification.intervals import interval_bounds
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import drive_gains, drive_misses
@@ -13,7 +14,6 @@ from wbc.identification.residual import drive_gains, drive_misses
 _FOLLOWED = 0.3  # share of the needed torque that a drive model may miss and still be believed
 _LEAST_MASS = 0.1  # of a link, that a payload of negative mass may leave
 _DEVIATIONS = 5.0
-_ROWS_PER_SAMPLE = 2.5
 _MOST_GAIN = 2.5  # of a drive: delivered over reported torque, or the inverse
 
 
@@ -47,8 +47,7 @@ def _sure(problem: Problem, fit: Fit) -> FloatArray:
     a = fit.jacobian.reshape(-1, count)
     norm = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-300)
     gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(count)
-    # About five rows are taken per period of the band: two of them are independent.
-    return np.asarray(np.sqrt(_ROWS_PER_SAMPLE * np.diag(np.linalg.inv(gram))) / norm)
+    return np.asarray(np.sqrt(ROWS_PER_SAMPLE * np.diag(np.linalg.inv(gram))) / norm)
 
 
 def credible(problem: Problem, fit: Fit) -> bool:

@@ -31,7 +31,7 @@ def describe_findings(
     fit = model.fit
     bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
     related = _correlations(problem, fit)
-    stray = disagreements(problem.records, fit, bounds)
+    stray = disagreements(problem.records, fit)
     findings = []
     for k, effect in enumerate(model.effects):
         estimates: dict[str, Estimate] = {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual, deflects, swinging_torque
@@ -75,7 +75,7 @@ class Fit:
                 squares[inside] = moved[inside] ** 2
         return squares
 
-    def step(self, rows: FloatArray | IntArray) -> FloatArray:
+    def step(self, rows: BoolArray | IntArray) -> FloatArray:
         """Return the Gauss-Newton step (p,) on a choice of rows.
 
         Directions about which those rows know next to nothing compared with all rows stay put;

@@ -10,6 +10,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.record import Record
 
 _BLOCKS_PER_LOG = 5
+ROWS_PER_SAMPLE = 2.5  # of the five rows per period of the band, two are independent
 _ENOUGH_RUNS = 3
 _BLOCK_DURATION = 0.5  # [s]; residuals decorrelate within a few periods of the band
 

@@ -13,7 +13,14 @@ from wbc.errors import IdentificationError
 from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
 from wbc.identification.channels import Channels, read_channels
 from wbc.identification.record import Record
-from wbc.identification.smoothing import derivative, differentiate, gate, low_pass, white_level
+from wbc.identification.smoothing import (
+    derivative,
+    differentiate,
+    gate,
+    low_pass,
+    quantisation_level,
+    white_level,
+)
 from wbc.identification.synthetic import synthetic_noise
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
@@ -52,7 +59,7 @@ def _noise(robot: Robot, channels: Channels) -> SensorNoise:
     torque = channels.torque * np.abs(robot.transmission.gear_ratio)
     rate = channels.rate
     return SensorNoise(
-        position=white_level(positions, rate),
+        position=np.fmax(white_level(positions, rate), quantisation_level(positions, rate)),
         velocity=white_level(velocities, rate),
         torque=white_level(torque, rate),
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},

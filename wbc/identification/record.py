@@ -106,6 +106,10 @@ class Record:
         """J' f of the measured contact forces, (N, nv)."""
         return contact_torque(self.robot, self.motion.position, self.forces)
 
+    def believing(self, robot: Robot) -> Record:
+        """Return the same log for another robot with the same joints."""
+        return replace(self, robot=robot, _gravity_terms={}, _responses={}, _moved={})
+
     def along(self, motion: Motion) -> Record:
         """Return this record for another motion under the same measured forces.
 

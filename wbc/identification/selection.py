@@ -23,6 +23,7 @@ _MOST_CAUSES = 8
 REFINED = 6
 SIMPLER = 0.05  # complexities closer than this are the same
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
+_PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
 
@@ -181,7 +182,10 @@ class Selector:
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
             key = tuple(sorted(atom.key for atom in added))
-            enters = subset is single or subset.error <= worst
+            # How a link swings is screened roughly: the fit gains much over it.
+            swings = any(deflects(atom.effect) for atom in added)
+            promising = worst if not swings else max(worst, _PROMISING * start.error)
+            enters = subset is single or subset.error <= promising
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
             pairs = zip(added, search.coefficients(subset.atoms), strict=True)

@@ -12,6 +12,8 @@ from scipy.signal import butter, sosfiltfilt, welch
 from wbc.arrays import FloatArray
 
 _ORDER = 2
+_ROUNDING = 1e-9  # of the range of a channel, below which a difference is one of rounding
+_SLOWEST = 10.0  # [Hz]: steps crossed more rarely are still taken for noise of this bandwidth
 
 
 def low_pass(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
@@ -58,6 +60,32 @@ def white_level(values: FloatArray, rate: float) -> FloatArray:
     degrees = 2.0 * max(1.0, 0.75 * segments)
     bias = (1.0 - 2.0 / (9.0 * degrees)) ** 3
     result[measured] = np.median(power[upper], axis=0) / bias
+    return result
+
+
+def quantisation_level(values: FloatArray, rate: float) -> FloatArray:
+    """Return the one-sided power density of the quantisation error of each column, (n,).
+
+    The error of a resolution step is uniform, step^2 / 12, and is spread over the rate at which
+    steps are crossed: slow motion gathers it at the low frequencies that a robot's torque lives in.
+    Zero for a column without steps.
+
+    Args:
+        values: (N, n) samples.
+        rate: [Hz].
+    """
+    result = np.zeros(values.shape[1])
+    for column, samples in enumerate(values.T):
+        moves = np.abs(np.diff(samples))
+        moves = moves[moves > _ROUNDING * max(float(np.ptp(samples)), 1e-300)]
+        if not moves.size or not np.isfinite(moves).all():
+            continue
+        step = float(moves.min())
+        parts = moves / step
+        if np.mean(np.abs(parts - np.round(parts)) < 0.1) < 0.95:
+            continue
+        crossings = float(np.sum(parts)) / (len(samples) / rate)
+        result[column] = step**2 / 12.0 * 2.0 / np.clip(crossings, _SLOWEST, rate)
     return result
 
 

@@ -9,6 +9,24 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.identification.record import Record
 from wbc.identification.smoothing import derivative, low_pass
+from wbc.robot import Robot
+
+
+def _disturbed(
+    robot: Robot, positions: FloatArray, position: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return what errors (N, nv) of position and acceleration change in the links' torque.
+
+    Positions enter through gravity, accelerations through inertia; speeds matter little.
+    """
+    model, data = robot.model, robot.model.createData()
+    at_rest = np.zeros(model.nv)
+    torque = np.empty(position.shape)
+    for row, (q, error) in enumerate(zip(positions, position, strict=True)):
+        here = pin.rnea(model, data, q, at_rest, at_rest).copy()
+        there = pin.rnea(model, data, pin.integrate(model, q, error), at_rest, acceleration[row])
+        torque[row] = there - here
+    return torque
 
 
 def synthetic_noise(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -19,7 +37,7 @@ def synthetic_noise(record: Record) -> tuple[FloatArray, FloatArray]:
     """
     robot, rate, noise = record.robot, record.rate, record.noise
     random = np.random.default_rng(0)
-    count, nv = record.motion.velocity.shape
+    count = len(record.motion.velocity)
     cutoff = record.bandwidth.kinematics
 
     def white(level: FloatArray) -> FloatArray:
@@ -28,12 +46,10 @@ def synthetic_noise(record: Record) -> tuple[FloatArray, FloatArray]:
 
     by_position, by_velocity = noise.acceleration_variance(record.bandwidth.residual)
     quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
-    velocity = np.where(quieter, white(noise.velocity), derivative(white(noise.position), rate))
+    position = np.nan_to_num(white(noise.position))
+    velocity = np.where(quieter, white(noise.velocity), derivative(position, rate))
     acceleration = derivative(velocity, rate)
-    torque = np.empty((count, nv))
-    data = robot.model.createData()
-    for row, q in enumerate(record.motion.position):
-        torque[row] = pin.crba(robot.model, data, q) @ acceleration[row]
+    torque = _disturbed(robot, record.motion.position, position, acceleration)
     forces = {name: white(level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     gears = robot.transmission
