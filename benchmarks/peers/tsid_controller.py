@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from importlib.metadata import version
 
 import numpy as np
 import pinocchio as pin
@@ -30,8 +31,10 @@ def main():
     robot = tsid.RobotWrapper(model, False)
     peer = Formulation(robot, scene, sys.argv[2])
     states = np.array(scene["positions"]), np.array(scene["velocities"]), np.array(scene["com"])
-    version = getattr(tsid, "__version__", "?")
-    print(json.dumps([f"tsid {version}, pin {pin.__version__}", peer.problem.nVar]), flush=True)
+    print(
+        json.dumps([f"tsid {version('tsid')}, pin {pin.__version__}", peer.problem.nVar]),
+        flush=True,
+    )
     for line in sys.stdin:
         first, count = map(int, line.split())
         times = []
