@@ -140,6 +140,26 @@ def test_contact_force_task_steers_the_load():
         solo(ContactForceTask(name="load", contact="FL_fot"))
 
 
+def test_wrench_of_a_sole_is_tracked_where_the_other_can_carry_the_rest():
+    """The asked wrench is reached, the tasks keep what they want, and the other sole gives way."""
+    talos = load_robot("talos")
+    ends = [f"sole_{a}_{b}" for a in ("front", "rear") for b in ("left", "right")]
+    soles = [
+        SurfaceContact(name=side, corners=tuple(f"{side}_{end}" for end in ends))
+        for side in ("left", "right")
+    ]
+    still = Motion(talos.poses["half_sitting"], np.zeros(36))
+    posture = PostureTask.of(talos)
+    free = Controller(talos, [posture], soles, settings=SETTINGS).step(still)
+    asked = free.forces["left"] + np.array([5.0, 3.0, 40.0, 1.0, -2.0, 0.5])
+    task = ContactForceTask(name="load", contact="left", weight=1.0)
+    control = Controller(talos, [posture, task], soles, settings=SETTINGS)
+    command = control.step(still, {"load": Reference(asked)})
+    np.testing.assert_allclose(command.forces["left"], asked, atol=0.1)
+    change = command.forces["right"] - free.forces["right"]
+    assert change[2] == pytest.approx(-40.0, abs=2.0)
+
+
 def test_lower_level_moves_nothing_of_the_upper_one():
     generator = np.random.default_rng(4)
     robot = arm(6, generator, lossless=True)

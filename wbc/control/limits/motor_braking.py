@@ -26,7 +26,7 @@ class MotorBraking:
         |T| = (U - N^2 I_r b)/eta_b,   M b = |T| +- c
         b = (U/eta_b +- c)/(M + N^2 I_r/eta_b),
 
-    + c where the load helps. A gear that cannot be driven backwards brakes as hard as one likes.
+    plus where the load helps. A gear that cannot be driven backwards brakes as hard as one likes.
     The load is that of the last tick; `share` leaves room for what changes until the joint rests.
 
     Attributes:
