@@ -113,14 +113,24 @@ class Problem:
         one = block_means(worse.mean(axis=1), self.blocks)
         other = block_means(better.mean(axis=1), self.blocks)
         ratio = one.size * float(np.log(np.mean(one) / np.mean(other)))
-        samples = _SAMPLES_PER_BLOCK * one.size
-        known = np.mean(better) < ONLY_NOISE and samples * np.mean(worse - better) > _CHI_SQUARE
+        known = np.mean(better) < ONLY_NOISE and self._known_gain(worse, better)
         return bool(
             known
             or _standard_errors(one - other) > _STANDARD_ERRORS
             or _standard_errors(np.log(one / other)) > _STANDARD_ERRORS
             or ratio > _LIKELIHOOD_RATIO
         )
+
+    def beyond_noise(self, worse: FloatArray, better: FloatArray) -> bool:
+        """Whether `worse` leaves more than noise, or `better` gains more than fits of noise do.
+
+        Among many candidates one always fits some noise significantly.
+        """
+        return bool(np.mean(worse) >= ONLY_NOISE) or self._known_gain(worse, better)
+
+    def _known_gain(self, worse: FloatArray, better: FloatArray) -> bool:
+        samples = _SAMPLES_PER_BLOCK * np.unique(self.blocks).size
+        return bool(samples * np.mean(worse - better) > _CHI_SQUARE)
 
 
 def _standard_errors(differences: FloatArray) -> float:

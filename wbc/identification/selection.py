@@ -131,6 +131,7 @@ class Selector:
             for m in shown
             if len(m.effects) > len(model.effects)
             and self.pays(model, m, first)
+            and self.problem.beyond_noise(model.squares, m.squares)
             and model.error - m.error > least
             and credible(self.problem, m.fit)
         ]
