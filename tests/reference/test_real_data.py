@@ -15,6 +15,9 @@ from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
+from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_run import ServoRun
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -120,6 +123,59 @@ def test_emps_log_holds_the_published_identification() -> None:
     better, *_ = np.linalg.lstsq(sides, force, rcond=None)
     assert better[-1] == pytest.approx(-36.6, rel=0.05)
     assert np.std(force - sides @ better) < 0.65 * np.std(force - side @ found)
+
+
+def rms_of_published(name: str, path: Path, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return rms torque errors per joint [N m] of a robot as given and as published."""
+    (log,) = logs_of(name, path)
+    given = load_robot(ROOT / "robots" / name / "robot.toml")
+    rate = 1.0 / float(np.median(np.diff(log.time)))
+    position = low_pass(channels(log, given, "position", log.time), rate, cutoff)
+    velocity = np.gradient(position, 1.0 / rate, axis=0)
+    motion = Motion(position, velocity, np.gradient(velocity, 1.0 / rate, axis=0))
+    gears = given.transmission
+    if f"{given.joints[0]}.rotor_torque" in log.columns:
+        measured = channels(log, given, "rotor_torque", log.time)
+    else:
+        measured = channels(log, given, "motor_torque", log.time) / gears.gear_ratio
+    thin, errors = slice(int(rate), -int(rate), int(0.02 * rate)), []
+    for robot in (given, load_robot(ROOT / "robots" / name / "published.toml")):
+        needed, _ = rotor_torque(robot, motion, link_torque(robot, motion))
+        error = low_pass((measured - needed) * gears.gear_ratio, rate, cutoff)[thin]
+        errors.append(np.sqrt(np.mean(error**2, axis=0)))
+    return errors[0], errors[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "cutoff", "left"),
+    [
+        ("emps", "emps/emps_estimation.parquet", 20.0, 0.1),
+        ("staubli_tx40", "staubli_tx40/tx40.parquet", 30.0, 0.2),
+    ],
+)
+def test_the_published_robot_explains_its_log(
+    name: str, path: str, cutoff: float, left: float
+) -> None:
+    given, published = rms_of_published(name, DATA / path, cutoff)
+    assert np.all(published < left * given)
+
+
+def test_the_published_servo_moves_as_its_logs_say() -> None:
+    columns = ROOT / "robots" / "xl330_pendulum" / "columns.toml"
+    path = DATA / "bam_servo" / "bam.parquet"
+    if not path.exists():
+        pytest.skip(f"the recorded data '{path.name}' is not beside this repository")
+    logs = load_logs([f"{path}#xl330_kp100*"], columns)
+    gain = 100 * 4096 / (2 * np.pi) / (256 * 885)
+    runs = [ServoRun.from_log(log, "shaft", gain, 0.005) for log in logs]
+    errors = []
+    for file in ("robot.toml", "published.toml"):
+        robot = load_robot(ROOT / "robots" / "xl330_pendulum" / file)
+        reached = servo_rollout([(robot, DcDrive(7.4))], runs, 0.005)[:, 0]
+        missed = [np.abs(reached[: len(r.position), k] - r.position) for k, r in enumerate(runs)]
+        errors.append(np.mean([one.mean() for one in missed]))
+    assert errors[1] < 0.6 * errors[0]
+    assert errors[1] < 0.06  # rad
 
 
 def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
