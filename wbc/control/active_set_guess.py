@@ -55,6 +55,8 @@ class ActiveSetGuess:
         self._scaled = np.zeros_like(self._G)
         self._softness = np.zeros(len(self._right))
         self._softness[:k] = tasks.softness
+        self._system = np.zeros((base, base))
+        self._diagonal = self._system.reshape(-1)[:: base + 1]
         self._bounds = OneSidedRows(program.rows)
         self._free, self._inverse = np.zeros(program.n), np.zeros(program.n)
         self._free_motion = self._free[: program.nv]
@@ -107,8 +109,12 @@ class ActiveSetGuess:
             G[base:] = self._bounds.rows[active]
             right[base:] = self._bounds.bounds[active]
         scaled = np.multiply(G, self._inverse, out=self._scaled[:size])
-        system = scaled.dot(G.T)
-        system.reshape(-1)[:: size + 1] += softness
+        if active:
+            system = scaled.dot(G.T)
+            system.reshape(-1)[:: size + 1] += softness
+        else:
+            system = scaled.dot(G.T, out=self._system)
+            self._diagonal += softness
         factor, force, info = lapack.dposv(system.T, right - G.dot(self._free), overwrite_a=True)
         if info != 0:
             return None

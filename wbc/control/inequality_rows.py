@@ -23,6 +23,7 @@ class InequalityRows:
         lower, upper: (n_in,).
         torque, cone, normal, joint: slices of the rows of each kind.
         labels: (n_in,) what every row is called in messages.
+        revision: how often bounds other than those of torques have changed.
     """
 
     def __init__(
@@ -43,6 +44,7 @@ class InequalityRows:
             force_scale: [N] per unit of force variable.
         """
         self._force_scale = force_scale
+        self.revision = 0
         faces, normals = len(contacts.cone), len(contacts.contacts)
         joints = () if joint_limit is None else joint_limit.joints
         ends = np.cumsum([0, len(gears), faces, normals, len(joints)]).tolist()
@@ -66,6 +68,12 @@ class InequalityRows:
         scale = self._force_scale
         self.lower[self.normal] = np.minimum(least, greatest) / scale
         self.upper[self.normal] = np.minimum(greatest / scale, INFINITE)
+        self.revision += 1
+
+    def write_joints(self, least: FloatArray, greatest: FloatArray) -> None:
+        """Write the bounds (j,) of the joints' accelerations."""
+        self.lower[self.joint], self.upper[self.joint] = least, greatest
+        self.revision += 1
 
     def scale_and_unit(self, row: int) -> tuple[float, str]:
         """Return what a violation of the row is multiplied with for its unit, and the unit."""

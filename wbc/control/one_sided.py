@@ -21,7 +21,7 @@ class OneSidedRows:
 
     def __init__(self, inequalities: InequalityRows) -> None:
         """Take the rows; cones have no lower bound."""
-        self._inequalities = inequalities
+        self._inequalities, self._revision = inequalities, -1
         first, faces = inequalities.torque.stop, inequalities.cone.stop
         total = len(inequalities.lower)
         above, below = np.arange(first, total), np.arange(faces, total)
@@ -33,6 +33,9 @@ class OneSidedRows:
         self._upper, self._lower = inequalities.upper[first:], inequalities.lower[faces:]
 
     def update(self) -> None:
-        """Read the bounds of the inequalities."""
+        """Read the bounds of the inequalities, if they have changed."""
+        if self._revision == self._inequalities.revision:
+            return
+        self._revision = self._inequalities.revision
         np.copyto(self._high, self._upper)
         np.negative(self._lower, out=self._low)

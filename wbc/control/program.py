@@ -149,8 +149,7 @@ class ContactForceProgram:
         if self.joint_limit is not None:
             strength = self.plant.braking(self.joint_limit)
             low, high = self.joint_limit.bounds(position, velocity, step, strength)
-            self.rows.lower[self.rows.joint] = low
-            self.rows.upper[self.rows.joint] = high
+            self.rows.write_joints(low, high)
 
     def assemble_cost(self, tasks: TaskStack) -> None:
         """Write H and g from the tasks' rows and the cost of the contact forces."""

@@ -142,12 +142,15 @@ class TaskStack:
 
     def _pull(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
         pull, velocity = self.pull, kinematics.velocity
-        pull.fill(0.0)
+        if len(self._chosen) > 1:
+            pull.fill(0.0)
         for task, chosen, weight in self._chosen:
             reference = self._reference(task, kinematics, references)
             wanted = task.command(kinematics, reference, velocity[chosen])
             wanted *= weight
-            pull[chosen] += wanted
+            if len(self._chosen) > 1:
+                wanted += pull[chosen]
+            pull[chosen] = wanted
             self._last[task.name] = reference
 
     def cost(self) -> tuple[FloatArray, FloatArray]:
