@@ -60,7 +60,7 @@ def measure(duration: float, seed: int, console: Console) -> dict[str, float]:
     """Return the costs with logs of one length."""
     leg = load_robot("planar_leg_fixed").lossless()
     logs = record_with(leg, list(HIDDEN), duration=duration, seed=seed)
-    logs = [*logs, *record_with(leg, list(HIDDEN), duration=duration, seed=seed + 100)][:4]
+    logs = (*logs, *record_with(leg, list(HIDDEN), duration=duration, seed=seed + 100))[:4]
     direct = [kind for kind in EFFECTS.values() if not deflects(kind)]
     few = [kind for kind in direct[::3] if kind not in (CoulombFriction, PayloadMass)]
     few += [CoulombFriction, PayloadMass]
