@@ -74,7 +74,8 @@ def test_a_machine_without_flaws_leaves_nothing_but_noise(family: str) -> None:
     machine = draw_machine(np.random.default_rng(3), family)
     case = recorded(machine, (), ("multisine", "holds"))
     tables = record_cases([(case, case.excitations)])[0]
-    assert compare(robot_of(case), logs_of(tables)).error < 1.4
+    # Without repeats the floor is a lower bound; a wrong equation would leave tens of floors.
+    assert compare(robot_of(case), logs_of(tables)).error < 2.0
 
 
 @pytest.mark.parametrize(
