@@ -5,6 +5,7 @@ The rows are few: plain floats beat arrays of so few entries several times.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +90,8 @@ def branches_at(reduced: Reduced, impulse: FloatArray, speed: FloatArray) -> Bra
         bound = friction[contact] * max(pressed[reduced.limits + contact], 0.0)
         closed = pressed[reduced.limits + contact] > 0.0
         wish = [impulses[j] - slopes[j] * speeds[j] for j in range(first, first + d)]
-        size = abs(wish[0]) if d == 1 else (wish[0] ** 2 + wish[1] ** 2) ** 0.5
+        # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
+        size = math.hypot(*wish)
         if closed and size < bound:
             pieces += [(1.0, 0.0, -speeds[j], -speeds[j]) for j in range(first, first + d)]
             continue

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from wbc.arrays import FloatArray
@@ -63,10 +65,12 @@ def _fall_back(
             return impulse, used, "proximal"
     nearest = start
     for candidate in qp_candidates(reduced):
-        impulse, count, done = newton(reduced, candidate, tolerance, 10)
-        used += count
-        if done:
-            return impulse, used, "qp"
+        # Two flat feet leave Newton's systems singular even beside the solution.
+        for finish in (partial(newton, limit=10), proximal):
+            impulse, count, done = finish(reduced, candidate, tolerance=tolerance)
+            used += count
+            if done:
+                return impulse, used, "qp"
         if _distance(reduced, candidate) < _distance(reduced, nearest):
             nearest = candidate
     if _distance(reduced, nearest) <= 1e3 * tolerance:
