@@ -185,9 +185,10 @@ def chosen(trials: Sequence[Trial]) -> tuple[np.ndarray, list[int]]:
     return np.array([trials[b].outer[k] for k, b in enumerate(best)]), best.tolist()
 
 
-def line(name: str, seen: float, outer: np.ndarray, *rest: str) -> None:
-    numbers = [seen, *outer, outer.mean()]
-    print(f"{name:29s}" + "".join(f"{x:10.1f}" for x in numbers) + "".join(rest), flush=True)
+def line(name: str, seen: float | None, outer: np.ndarray, *rest: str) -> None:
+    first = " " * 10 if seen is None else f"{seen:10.1f}"
+    numbers = "".join(f"{x:10.1f}" for x in (*outer, outer.mean()))
+    print(f"{name:29s}" + first + numbers + "".join(rest), flush=True)
 
 
 def main(folder: Path, *, quick: bool = False) -> dict[str, np.ndarray]:
@@ -209,14 +210,14 @@ def main(folder: Path, *, quick: bool = False) -> dict[str, np.ndarray]:
     print("what is held chosen inside each fold")
     rows = {name: chosen(trials[name])[0] for name in names}
     for name, outer in rows.items():
-        line(name, np.nan, outer)
+        line(name, None, outer)
     flat = [(name, hold, t) for name in names for hold, t in zip(holds, trials[name], strict=True)]
     rows["chosen"], picks = chosen([trial for *_, trial in flat])
-    line("candidate chosen, too", np.nan, rows["chosen"])
+    line("candidate chosen, too", None, rows["chosen"])
     for cut, pick in zip(cuts, picks, strict=True):
         print(f"    {cut}: {flat[pick][0]}, {flat[pick][1]}")
     first = "+ supply sag"
-    for name in names:
+    for name in [other for other in names if other != first]:
         gap = rows[name] - rows[first]
         error = gap.std(ddof=1) / np.sqrt(gap.size)
         print(f"{name} minus {first}: {gap.mean():.1f} +- {error:.1f} mrad over the folds")
