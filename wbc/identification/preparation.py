@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, frozen
+from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
 from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
 from wbc.identification.channels import Channels, read_channels
@@ -27,6 +27,7 @@ from wbc.robot import Motion, Robot
 
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
 _SHARED_NOISE = 0.5
+_UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
 _REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
 
 
@@ -59,7 +60,8 @@ def _noise(robot: Robot, channels: Channels) -> SensorNoise:
     torque = channels.torque * np.abs(robot.transmission.gear_ratio)
     rate = channels.rate
     return SensorNoise(
-        position=np.fmax(white_level(positions, rate), quantisation_level(positions, rate)),
+        # NaN, where no position was measured, stays NaN.
+        position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
         velocity=white_level(velocities, rate),
         torque=white_level(torque, rate),
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},
@@ -150,10 +152,11 @@ def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -
     that dry friction there cannot be told; the window scales with the band and the acceleration.
     """
     rows = robot.actuated
+    settled = _settled(motion, band)
     speed = motion.velocity[:, rows]
     acceleration = motion.acceleration[:, rows]  # type: ignore[index]
     period = 1.0 / band.kinematics
-    typical = np.sqrt(np.mean(acceleration**2, axis=0))
+    typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
     noise_speed = noise.speed_deviation(band.kinematics)[rows]
     threshold = _REVERSAL * period * typical * 0.8 + 4.0 * noise_speed
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
@@ -161,4 +164,19 @@ def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -
     # A mesh turns with every joint that its motor moves: all of them must have a direction.
     moves = np.abs(robot.transmission.topology) > 0.0
     per_gear = np.stack([trusted[:, moves[:, k]].min(axis=1) for k in range(rows.size)], axis=1)
-    return np.concatenate([per_gear, np.ones((len(speed), robot.floating_size))], axis=1)
+    weight = np.concatenate([per_gear, np.ones((len(speed), robot.floating_size))], axis=1)
+    return np.asarray(weight * settled[:, None])
+
+
+def _settled(motion: Motion, band: Bandwidth) -> BoolArray:
+    """Return where (N,) the smoothed motion does not depend on how the filter met the ends.
+
+    Accelerations there are large and wrong, and the narrower band of the residual would carry them
+    far into the log.
+    """
+    count = len(motion.velocity)
+    step = (motion.time[-1] - motion.time[0]) / (count - 1)  # type: ignore[index]
+    unsettled = min(count // 8, max(1, int(_UNSETTLED / band.kinematics / step)))
+    inside = np.ones(count, dtype=bool)
+    inside[:unsettled] = inside[count - unsettled :] = False
+    return inside
