@@ -194,16 +194,19 @@ class Robot:
         Raises:
             EffectError: the effect cannot sit where it says on this robot.
         """
-        effect.check_place(self)
-        changed = effect.change(self)
-        return replace(changed, effects=(*self.effects, effect), source=self.source)
+        return self.with_effects(effect)
 
     def with_effects(self, *effects: Effect) -> Robot:
-        """Return a new robot that has all `effects` too, added in order."""
-        robot = self
+        """Return a new robot that has all `effects` too, added in order.
+
+        Raises:
+            EffectError: one of them cannot sit where it says on this robot.
+        """
+        changed = self
         for effect in effects:
-            robot = robot.with_effect(effect)
-        return robot
+            effect.check_place(changed)
+            changed = effect.change(changed)
+        return replace(changed, effects=(*self.effects, *effects), source=self.source)
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
