@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from wbc.identification.model import Model
 from wbc.identification.problem import Problem
 from wbc.identification.residual import deflects
-from wbc.identification.selection import SIMPLER, Model, Selector
+from wbc.identification.selection import SIMPLER, Selector
 from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried

@@ -16,10 +16,11 @@ from wbc.identification.diagnosis import (
 from wbc.identification.exchange import settle
 from wbc.identification.findings import describe_findings
 from wbc.identification.log_warnings import still_joints, without_copies
+from wbc.identification.model import Model
 from wbc.identification.problem import Problem
 from wbc.identification.ranking import rank_models
 from wbc.identification.remainder import describe_remainder
-from wbc.identification.selection import Model, Selector
+from wbc.identification.selection import Selector
 from wbc.identification.verdict import judge, next_experiment, unexplained
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wbc.identification.credibility import credible
-from wbc.identification.selection import REFINED, SIMPLER, Model, Selector, without
+from wbc.identification.model import Model
+from wbc.identification.selection import REFINED, SIMPLER, Selector, without
 from wbc.robot import Effect
 
 _EXCHANGES = 3

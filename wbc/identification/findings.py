@@ -10,8 +10,8 @@ from wbc.identification.diagnosis import Estimate, Finding
 from wbc.identification.fit import Fit
 from wbc.identification.intervals import bootstrap_steps, interval_bounds
 from wbc.identification.log_warnings import disagreements
+from wbc.identification.model import Model
 from wbc.identification.problem import Problem
-from wbc.identification.selection import Model
 
 _CORRELATED = 0.95
 _BLOCKS_PER_PARAMETER = 4  # fewer resampled blocks are correlated by chance

@@ -130,7 +130,7 @@ class Problem:
 
     def _known_gain(self, worse: FloatArray, better: FloatArray) -> bool:
         samples = _SAMPLES_PER_BLOCK * np.unique(self.blocks).size
-        return bool(samples * np.mean(worse - better) > _CHI_SQUARE)
+        return bool(samples * float(np.sum(np.mean(worse - better, axis=0))) > _CHI_SQUARE)
 
 
 def _standard_errors(differences: FloatArray) -> float:

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from wbc.identification.folds import block_means
-from wbc.identification.selection import Model, Selector
+from wbc.identification.model import Model
+from wbc.identification.selection import Selector
 
 Key = tuple[str, str]
 Standing = Literal["found", "better", "worse", "not distinguishable"]

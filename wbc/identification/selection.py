@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.credibility import credible, showing
-from wbc.identification.fit import Fit
-from wbc.identification.problem import Problem
+from wbc.identification.model import Model
+from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import deflects
 from wbc.identification.search import BeamSearch, Subset
 from wbc.robot import Effect
@@ -20,42 +19,14 @@ _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SYSTEMATIC_SIMULATED = 0.1  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
+_ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
+_TIED = 0.05  # of the gain, by which the errors of equals may differ
 SIMPLER = 0.05  # complexities closer than this are the same
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """A set of causes with its fit.
-
-    Attributes:
-        fit: effects and parameters.
-        squares: (rows, outputs) held-out squares in units of the floor.
-    """
-
-    fit: Fit
-    squares: FloatArray
-
-    @property
-    def error(self) -> float:
-        """Held-out mean square in units of the floor."""
-        return float(np.mean(self.squares))
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The causes in the order added."""
-        return self.fit.effects
-
-    @property
-    def complexity(self) -> float:
-        """How much the model asks one to believe: names count most, then places, parameters."""
-        names = {effect.name for effect in self.effects}
-        parameters = sum(effect.freedom for effect in self.effects)
-        return 1.0 * len(names) + 0.5 * (len(self.effects) - len(names)) + 0.1 * parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +80,33 @@ class Selector:
         path = list(start) or [self.model(())]
         first = path[0]
         while len(path) <= _MOST_CAUSES:
-            best = self.best_addition(path[-1], first)
+            best = self.best_addition(path[-1], first) or self.on_credit(path[-1], first)
             if best is None:
                 break
+            for effect in best.effects[len(path[-1].effects) :]:
+                self.report(f"{effect.name} at {effect.where}")
             path.append(best)
-            self.report(f"{best.effects[-1].name} at {best.effects[-1].where}")
         return path
+
+    def on_credit(self, model: Model, first: Model) -> Model | None:
+        """Return the first model that pays with several causes more, or None.
+
+        Of several large causes none may pay alone, since what the others leave hides its gain in
+        the few blocks of a short log.
+        """
+        current = model
+        for _ in range(_ON_CREDIT):
+            if current.error < ONLY_NOISE:
+                return None
+            larger = [m for m in self._trials(current) if m.error < current.error]
+            if not larger:
+                return None
+            current = min(larger, key=lambda m: m.error)
+            if len(current.effects) > len(model.effects) + 1:
+                kept = self.prune(current, first)
+                if len(kept.effects) > len(model.effects) and self._taken(model, kept, first):
+                    return kept
+        return None
 
     def best_addition(self, model: Model, first: Model, most: float = np.inf) -> Model | None:
         """Return the simplest of the models with one cause more that do best, or None.
@@ -124,22 +116,31 @@ class Selector:
             first: the model without causes.
             most: screened error above which nothing is fitted.
         """
-        least = _LEAST_SHARE * max(model.error - 1.0, 0.0)
-        shown = [self.shown(m, model) for m in self.additions(model, REFINED, most=most)]
-        refined = [
-            m
-            for m in shown
-            if len(m.effects) > len(model.effects)
-            and self.pays(model, m, first)
-            and self.problem.beyond_noise(model.squares, m.squares)
-            and model.error - m.error > least
-            and credible(self.problem, m.fit)
-        ]
-        if not refined:
+        trials = self._trials(model, most)
+        taken = [m for m in trials if self._taken(model, m, first)]
+        if not taken:
             return None
-        lowest = min(refined, key=lambda m: m.error)
-        close = [m for m in refined if not self.pays(m, lowest, first)]
-        return min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
+        lowest = min(taken, key=lambda m: m.error)
+        close = [m for m in taken if not self.pays(m, lowest, first)]
+        best = min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
+        # Where one shows that something is missing, an equal that leaves clearly less need not.
+        clearly = best.error - _TIED * (model.error - best.error)
+        rivals = [m for m in trials if m.error < clearly and credible(self.problem, m.fit)]
+        equals = [m for m in rivals if m.complexity < best.complexity + SIMPLER]
+        return min(equals, key=lambda m: m.error, default=best)
+
+    def _trials(self, model: Model, most: float = np.inf) -> list[Model]:
+        """Return the most promising models with more causes, all of which show."""
+        shown = [self.shown(m, model) for m in self.additions(model, REFINED, most=most)]
+        return [m for m in shown if len(m.effects) > len(model.effects)]
+
+    def _taken(self, small: Model, large: Model, first: Model) -> bool:
+        return (
+            self.pays(small, large, first)
+            and self.problem.beyond_noise(small.squares, large.squares)
+            and small.error - large.error > _LEAST_SHARE * max(small.error - 1.0, 0.0)
+            and credible(self.problem, large.fit)
+        )
 
     def shown(self, model: Model, smaller: Model) -> Model:
         """Return `model` without those of the causes added to `smaller` that do not show."""

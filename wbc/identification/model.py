@@ -1,0 +1,41 @@
+"""A set of causes with its fit, and how much it asks one to believe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.fit import Fit
+from wbc.robot import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A set of causes with its fit.
+
+    Attributes:
+        fit: effects and parameters.
+        squares: (rows, outputs) held-out squares in units of the floor.
+    """
+
+    fit: Fit
+    squares: FloatArray
+
+    @property
+    def error(self) -> float:
+        """Held-out mean square in units of the floor."""
+        return float(np.mean(self.squares))
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The causes in the order added."""
+        return self.fit.effects
+
+    @property
+    def complexity(self) -> float:
+        """How much the model asks one to believe: names count most, then places, parameters."""
+        names = {effect.name for effect in self.effects}
+        parameters = sum(effect.freedom for effect in self.effects)
+        return 1.0 * len(names) + 0.5 * (len(self.effects) - len(names)) + 0.1 * parameters
