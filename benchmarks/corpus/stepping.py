@@ -40,6 +40,7 @@ class SteppedArms:
         self.gain = stroke * (2.0 * np.pi * _BAND) ** 2
         self.damping = 1.4 * stroke * 2.0 * np.pi * _BAND
         self.mesh, self.rise = np.zeros_like(self.q), np.zeros_like(self.q)
+        self.swing = np.zeros_like(self.q)  # acceleration of the links
         self.lag = np.rint(lanes.delay / STEP).astype(int)
         first = self._command(0, bias)
         self.history = np.repeat(first[None], int(self.lag.max()) + 1, axis=0)
@@ -47,7 +48,8 @@ class SteppedArms:
     def step(self, k: int, t: float) -> Seen:
         """Go on by one step; return position, speed and asked torque at its beginning."""
         lanes = self.lanes
-        mass, bias = self.links.terms(self.q, self.v)
+        # Speeds live half a step before the positions.
+        mass, bias = self.links.terms(self.q, self.v + 0.5 * STEP * self.swing)
         command = self._command(k, bias)
         motor = lanes.drive(self._delayed(k, command), self.omega, t)
         push = motor + lanes.smooth(self.theta, self.omega)
@@ -62,6 +64,7 @@ class SteppedArms:
         before, theta = self.omega, self.theta
         self.rise = (omega - before) / STEP
         self.mesh = motor - lanes.rotor * self.rise
+        self.swing = (links - self.v) / STEP
         self.v, self.omega = links, omega
         self.q = self.q + STEP * links
         self.theta = np.where(self.elastic, theta + STEP * omega, self.q)
