@@ -34,7 +34,7 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
     else:
         rivals = [_rivals(selector, current, k) for k in range(len(current.effects))]
     names = [
-        _names([m for m in group if _stands(selector, m, current, first)], effect)
+        _names([m for m in group if _stands(selector, m, current, effect, first)], effect)
         for group, effect in zip(rivals, current.effects, strict=True)
     ]
     return current, names
@@ -66,9 +66,16 @@ def _better(
     return min(stronger, key=lambda m: m.error) if stronger else None
 
 
-def _stands(selector: Selector, rival: Model, model: Model, first: Model) -> bool:
-    simple = rival.complexity < model.complexity + SIMPLER
-    return simple and not selector.pays(rival, model, first)
+def _stands(selector: Selector, rival: Model, model: Model, own: Effect, first: Model) -> bool:
+    """Whether the rival is as good, or leaves less though it asks for more to be believed.
+
+    One name at two places is simpler than two names, but what has fewer numbers at this place is
+    no less simple here.
+    """
+    fewer = rival.effects[-1].freedom < own.freedom and len(rival.effects) == len(model.effects)
+    if rival.complexity < model.complexity + SIMPLER or fewer:
+        return not selector.pays(rival, model, first)
+    return selector.problem.leaning(model.squares, rival.squares)
 
 
 def _names(rivals: Sequence[Model], own: Effect) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ _LIKELIHOOD_RATIO = 12.0
 ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
 _SAMPLES_PER_BLOCK = 4.0  # independent ones: a block lasts four periods of the band or longer
 _CHI_SQUARE = 25.0
+_CHI_SQUARE_LEANING = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +111,9 @@ class Problem:
         of as many independent observations as there are blocks; and, where nothing but noise is
         left, its known size (a short log has few blocks, but many samples).
         """
-        one = block_means(worse.mean(axis=1), self.blocks)
-        other = block_means(better.mean(axis=1), self.blocks)
+        one, other = self._blockwise(worse), self._blockwise(better)
         ratio = one.size * float(np.log(np.mean(one) / np.mean(other)))
-        known = np.mean(better) < ONLY_NOISE and self._known_gain(worse, better)
+        known = np.mean(better) < ONLY_NOISE and self._known_gain(worse, better) > _CHI_SQUARE
         return bool(
             known
             or _standard_errors(one - other) > _STANDARD_ERRORS
@@ -121,16 +121,27 @@ class Problem:
             or ratio > _LIKELIHOOD_RATIO
         )
 
+    def leaning(self, worse: FloatArray, better: FloatArray) -> bool:
+        """Whether `better` leaves less, by what chance does once in six times at most."""
+        if np.mean(better) < ONLY_NOISE:
+            return self._known_gain(worse, better) > _CHI_SQUARE_LEANING
+        one, other = self._blockwise(worse), self._blockwise(better)
+        return _standard_errors(np.log(one / other)) > 1.0
+
     def beyond_noise(self, worse: FloatArray, better: FloatArray) -> bool:
         """Whether `worse` leaves more than noise, or `better` gains more than fits of noise do.
 
         Among many candidates one always fits some noise significantly.
         """
-        return bool(np.mean(worse) >= ONLY_NOISE) or self._known_gain(worse, better)
+        return bool(np.mean(worse) >= ONLY_NOISE or self._known_gain(worse, better) > _CHI_SQUARE)
 
-    def _known_gain(self, worse: FloatArray, better: FloatArray) -> bool:
+    def _blockwise(self, squares: FloatArray) -> FloatArray:
+        return block_means(squares.mean(axis=1), self.blocks)
+
+    def _known_gain(self, worse: FloatArray, better: FloatArray) -> float:
+        """Return by how much chi-square falls, all outputs together."""
         samples = _SAMPLES_PER_BLOCK * np.unique(self.blocks).size
-        return bool(samples * float(np.sum(np.mean(worse - better, axis=0))) > _CHI_SQUARE)
+        return float(samples * np.sum(np.mean(worse - better, axis=0)))
 
 
 def _standard_errors(differences: FloatArray) -> float:
