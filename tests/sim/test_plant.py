@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.sim.random_robots import random_robot
 from wbc import Robot, load_robot
 from wbc.control import RotorTorqueLimit
 from wbc.errors import SimulationError
@@ -288,24 +287,6 @@ def test_restitution_with_friction_never_makes_energy() -> None:
                 -impact.restitution * approach, abs=1e-9
             )
     assert less > 0
-
-
-def test_a_point_that_friction_jams_rests_where_it_drifted() -> None:
-    # Found by searching: a point one step inside the ground, on so few joints that steep friction
-    # holds it against every impulse that would open it.
-    for seed in (165, 246, 345, 1245):
-        rng = np.random.default_rng(seed)
-        gears = rng.uniform(0.5, 1.0), rng.uniform(0.02, 1.0)
-        robot = random_robot(rng, "fixed", *gears, rng.uniform(0.0, 1.5), coupled=False)
-        free = Plant(robot)
-        q = pin.integrate(robot.model, robot.neutral(), rng.uniform(-1.0, 1.0, robot.model.nv))
-        lowest = free.gaps(free.state(q)).min()
-        plant = Plant(robot, Plane(height=lowest - rng.uniform(0.0, 0.05)))
-        state = plant.state(q, rng.normal(size=robot.model.nv))
-        torque = 5.0 * rng.normal(size=robot.transmission.size)
-        for _ in range(40):
-            state = plant.step(state, torque / np.abs(robot.transmission.gear_ratio), 1e-3).state
-        assert plant.gaps(state).min() > -2e-4
 
 
 def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:

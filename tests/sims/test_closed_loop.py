@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from sims import embedding_plain, embedding_realtime
-from sims.closed_loop import main
+from sims.closed_loop import PUSH, OwnPlant, main, run
 from sims.embedding_realtime import PATIENCE, PERIOD, DeadlineMonitor
+from sims.legged import pushed
+from wbc import load_robot
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 ERROR, TORQUE = "centre of mass, rms error [mm]", "torque, rms [% of limit]"
@@ -44,6 +46,23 @@ def test_mujoco_and_the_plant_agree():
         one, other = (found["solo12", engine, "squat", kind] for engine in ("MuJoCo", "wbc.sim"))
         assert one[ERROR] == pytest.approx(other[ERROR], rel=0.1)
         assert one[TORQUE] == pytest.approx(other[TORQUE], rel=0.02)
+
+
+def test_both_plants_tip_a_pushed_humanoid_onto_the_edges_of_its_soles_and_back():
+    """Eight points share the load; soles tip, land flat and rock: rigid here, soft in MuJoCo."""
+    needs_mujoco()
+    from sims.mujoco_plant import MujocoPlant
+
+    talos = load_robot("talos")
+    pose, act = np.array(talos.pose("half_sitting")), pushed(PUSH["talos"], 0.05, 0.1)
+    one, other = (
+        run(plant(talos, pose), talos, talos, act, 0.5) for plant in (OwnPlant, MujocoPlant)
+    )
+    assert one["refused ticks"] == other["refused ticks"] == 0
+    for figure in (ERROR, "centre of mass, largest error [mm]"):
+        assert one[figure] == pytest.approx(other[figure], rel=0.1)
+    assert one[TORQUE] == pytest.approx(other[TORQUE], rel=0.1)
+    assert one["centre of mass, largest error [mm]"] > 4.0
 
 
 def test_plain_loop():

@@ -36,6 +36,9 @@ from wbc.sim.solution import StepSolution
 from wbc.sim.solver import solve_program
 from wbc.sim.state import SimState
 
+_RETURN = 1e-3
+"""Time [s] in which an overlap is taken back at the earliest."""
+
 
 @dataclass(frozen=True, eq=False)
 class Flow:
@@ -109,7 +112,7 @@ def flow(
         force += external
     clearance = barriers.clearance(middle)
     contacts = barriers.contact_rows(clearance)
-    held = barriers.closed_rows(state.closed, contacts, clearance.gap / -step)
+    held = barriers.closed_rows(state.closed, contacts, _opening(clearance.gap, step))
     motor = MotorMotion.of(setup.drive, state)
     problem = _Problem(setup, state, motor, step, forces, force, held)
     gears, places, solution = _solve_released(problem, coupling)
@@ -131,6 +134,16 @@ def flow(
         setup.drive, velocity, motor, motor_after, mesh, solution, gears, forces, external, step
     )
     return Flow(following, end_gap, contacts, held.which, transit)
+
+
+def _opening(gap: FloatArray, step: float) -> FloatArray:
+    """Return the lowest speed (2 j + k,) at which gaps (2 j + k,) may open over a step.
+
+    A gap that is left may close within the step. An overlap is taken back no faster than in
+    `_RETURN`: the rest of a step after a landing may last a nanosecond, in which even an overlap
+    of half `TOUCH` would be an impact that throws the robot up.
+    """
+    return np.asarray(-gap / np.where(gap > 0.0, step, max(step, _RETURN)))
 
 
 def _still_closed(closed: BoolArray, gap: FloatArray, pressed: FloatArray) -> BoolArray:

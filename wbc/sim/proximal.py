@@ -14,28 +14,35 @@ from wbc.sim.branches import branches_at
 from wbc.sim.newton import newton
 from wbc.sim.reduced import Reduced, with_slope
 
-_COMPLIANCES = (1e-6, 1e-4, 1e-2, 1.0)
-_ROUNDS = 40
-_INNER = 30
+_FIRST, _SMALLEST, _LARGEST = 1e-6, 1e-9, 1.0
+_HARDER, _SOFTER = 0.3, 30.0
+_ROUNDS = 60
+_INNER = 10
 
 
 def proximal(reduced: Reduced, start: FloatArray, tolerance: float) -> tuple[FloatArray, int, bool]:
     """Iterate from row impulses `start` (r,) until every row is on its law.
 
+    A split of forces that has to move far (a corner of a sole that must let go before the rest
+    fits) moves by rounding errors over compliance per round: each round that Newton solves makes
+    the rows harder, each that it does not makes them softer.
+
     Returns:
         the row impulses, the number of linear systems solved, and whether it converged.
     """
-    used, impulse = 0, start
-    for compliance in _COMPLIANCES:
-        impulse = start
-        for _ in range(_ROUNDS):
-            impulse, count, inner = newton(
-                _softened(reduced, compliance, impulse), impulse, tolerance, _INNER
-            )
-            used += count
-            if branches_at(reduced, impulse, reduced.speeds(impulse)).worst <= tolerance:
-                return impulse, used, True
-            if not inner:
+    used, impulse, compliance = 0, start, _FIRST
+    for _ in range(_ROUNDS):
+        following, count, inner = newton(
+            _softened(reduced, compliance, impulse), impulse, tolerance, _INNER
+        )
+        used += count
+        if branches_at(reduced, following, reduced.speeds(following)).worst <= tolerance:
+            return following, used, True
+        if inner:
+            impulse, compliance = following, max(_HARDER * compliance, _SMALLEST)
+        else:
+            compliance *= _SOFTER
+            if compliance > _LARGEST:
                 break
     return impulse, used, False
 

@@ -22,7 +22,7 @@ from wbc.sim.law_cost import CostPiece, cost_pieces
 from wbc.sim.reduced import Reduced
 
 _ROUNDS = 120
-_UNSOLVED = 8
+_UNSOLVED = 3
 _FIRST_DIRECTIONS = 8
 _INFINITE = 1e20
 
@@ -46,8 +46,10 @@ class _Costs:
     pieces: list[CostPiece]
 
 
-def qp_candidates(reduced: Reduced) -> Iterator[FloatArray]:
+def qp_candidates(reduced: Reduced) -> Iterator[tuple[FloatArray, bool]]:
     """Yield row impulses (r,) ever nearer to a solution; none where a gear is self-locking.
+
+    With each comes whether it solves its round's program, which may have no solution.
 
     The first one solves the step as it stands if no contact slides; the later ones approach
     Coulomb's law. They are starts for Newton's iteration, which certifies.
@@ -63,7 +65,7 @@ def qp_candidates(reduced: Reduced) -> Iterator[FloatArray]:
         unsolved += not solved
         if unsolved > _UNSOLVED or not np.isfinite(impulse).all():
             return
-        yield impulse
+        yield impulse, solved
         sliding = reduced.speeds(impulse)[reduced.tangent_rows].reshape(reduced.contacts, d)
         slip = np.linalg.norm(sliding, axis=1)
         if d == 2:

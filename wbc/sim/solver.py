@@ -21,6 +21,9 @@ from wbc.sim.uniqueness import check_uniqueness
 TOLERANCE = 1e-10
 """Accepted distance of a row from its law, as a share of the largest speed or target plus 1."""
 
+_PROXIMAL_TRIES = 8
+"""Quadratic programs whose solutions are worth proximal rounds, which cost as much as they do."""
+
 
 def solve_program(program: StepProgram, guess: FloatArray | None = None) -> StepSolution:
     """Return the velocity and row impulses that satisfy every law of a step at once.
@@ -64,9 +67,10 @@ def _fall_back(
         if done:
             return impulse, used, "proximal"
     nearest = start
-    for candidate in qp_candidates(reduced):
+    for i, (candidate, solved) in enumerate(qp_candidates(reduced)):
         # Two flat feet leave Newton's systems singular even beside the solution.
-        for finish in (partial(newton, limit=10), proximal):
+        worth = solved and i < _PROXIMAL_TRIES
+        for finish in (partial(newton, limit=10), proximal)[: 2 if worth else 1]:
             impulse, count, done = finish(reduced, candidate, tolerance=tolerance)
             used += count
             if done:
