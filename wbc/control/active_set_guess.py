@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
 from wbc.control.one_sided import OneSidedRows
 from wbc.control.program import ContactForceProgram
 from wbc.control.qp import QPSolution, QPStatus
+from wbc.control.row_system import excess, meet_rows, place_tasks
 from wbc.control.task_stack import TaskStack
 
 ROOM = 24
@@ -16,7 +16,6 @@ ROOM = 24
 
 _ROUNDS = 4
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
-_REFINEMENTS = 2
 
 
 class ActiveSetGuess:
@@ -47,20 +46,16 @@ class ActiveSetGuess:
         """
         self._program, self._tasks, self._tolerance = program, tasks, tolerance
         k, base = len(tasks.wanted), len(tasks.wanted) + len(program.b)
-        self._residual = (_ROUNDING * tolerance) ** 2
+        self._allowed = (_ROUNDING * tolerance) ** 2
         self._base, self._equalities = base, slice(k, base)
         self._G, self._right = program.stacked, program.stacked_right
-        self._task_rows = self._G[:k, : program.nv]
-        self._task_right = self._right[:k]
-        self._scaled = np.zeros_like(self._G)
-        self._softness = np.zeros(len(self._right))
+        size = len(self._right)
+        self._softness = np.zeros(size)
         self._softness[:k] = tasks.softness
-        self._system = np.zeros((base, base))
-        self._diagonal = self._system.reshape(-1)[:: base + 1]
         self._bounds = OneSidedRows(program.rows)
         self._free, self._inverse = np.zeros(program.n), np.zeros(program.n)
-        self._free_motion = self._free[: program.nv]
-        self._inverse_motion = self._inverse[: program.nv]
+        self._force, self._beyond = np.zeros(size), np.zeros(len(self._bounds.bounds))
+        self._memory = np.zeros_like(self._G), np.zeros((size, size)), np.zeros(size)
         self._weigh()
         self._active: list[int] = []
 
@@ -79,76 +74,50 @@ class ActiveSetGuess:
 
     def solve(self) -> QPSolution | None:
         """Return the solution of the program as assembled, None where the guess fails."""
-        tasks = self._tasks
+        tasks, tolerance = self._tasks, self._tolerance
         if self._program.force_cost.tracks:
             self._weigh()
-        np.copyto(self._task_rows, tasks.jacobian)
-        np.copyto(self._task_right, tasks.wanted)
-        np.multiply(tasks.pull, self._inverse_motion, out=self._free_motion)
-        self._bounds.update()
+        G, right, free, inverse = self._G, self._right, self._free, self._inverse
+        place_tasks(tasks.jacobian, tasks.wanted, tasks.pull, inverse, G, right, free)
+        bounds, x = self._bounds, np.empty(len(free))
+        bounds.update()
         for count in range(1, _ROUNDS + 1):
-            found = self._with_active()
-            if found is None:
+            size = self._add_active()
+            if size > len(right) or not meet_rows(
+                *(G, right, self._softness, inverse, free, size, self._allowed),
+                *(x, self._force, *self._memory),
+            ):
                 break
-            x, force = found
-            if not self._revise(x, force):
-                return self._solution(x, force, count)
+            worst = excess(bounds.rows, bounds.bounds, x, self._beyond)
+            if (not self._active and worst <= tolerance) or not self._revise():
+                return self._solution(x, count)
         self._active = []
         return None
 
-    def _with_active(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return x and lambda for the active rows assumed, None where the rows are dependent."""
+    def _add_active(self) -> int:
+        """Write the rows assumed active below the others; return how many rows there are."""
         base, active = self._base, self._active
         size = base + len(active)
-        if size > len(self._right):
-            return None
-        if not size:
-            return self._free.copy(), self._right[:0]
-        G, right, softness = self._G[:size], self._right[:size], self._softness[:size]
-        if active:
-            G[base:] = self._bounds.rows[active]
-            right[base:] = self._bounds.bounds[active]
-        scaled = np.multiply(G, self._inverse, out=self._scaled[:size])
-        if active:
-            system = scaled.dot(G.T)
-            system.reshape(-1)[:: size + 1] += softness
-        else:
-            system = scaled.dot(G.T, out=self._system)
-            self._diagonal += softness
-        factor, force, info = lapack.dposv(system.T, right - G.dot(self._free), overwrite_a=True)
-        if info != 0:
-            return None
-        for _ in range(_REFINEMENTS):
-            x = force.dot(scaled)
-            x += self._free
-            left = right - G.dot(x)
-            left -= softness * force
-            if left.dot(left) <= self._residual:
-                return x, force
-            step, _ = lapack.dpotrs(factor, left)
-            force += step
-        return None
+        if active and size <= len(self._right):
+            self._G[base:size] = self._bounds.rows[active]
+            self._right[base:size] = self._bounds.bounds[active]
+        return size
 
-    def _revise(self, x: FloatArray, force: FloatArray) -> bool:
-        """Correct the active rows by a solution; return whether any changed."""
-        bounds, tolerance, active = self._bounds, self._tolerance, self._active
-        beyond = bounds.rows.dot(x)
-        beyond -= bounds.bounds
-        if active:
-            beyond[active] = 0.0
-            pushes = force[self._base :].tolist()
-            self._active = [
-                row for row, push in zip(active, pushes, strict=True) if push <= tolerance
-            ]
-        changed = len(self._active) != len(active)
-        if beyond.size and beyond.item(beyond.argmax()) > tolerance:
-            self._active = self._active + np.flatnonzero(beyond > tolerance).tolist()
-            changed = True
-        return changed
+    def _revise(self) -> bool:
+        """Correct the active rows by the last solution; return whether any changed."""
+        tolerance, active, beyond = self._tolerance, self._active, self._beyond
+        beyond[active] = 0.0
+        pushes = self._force[self._base : self._base + len(active)].tolist()
+        kept = [row for row, push in zip(active, pushes, strict=True) if push <= tolerance]
+        added = np.flatnonzero(beyond > tolerance).tolist()
+        self._active = kept + added
+        return bool(added) or len(kept) != len(active)
 
-    def _solution(self, x: FloatArray, force: FloatArray, rounds: int) -> QPSolution:
+    def _solution(self, x: FloatArray, rounds: int) -> QPSolution:
+        base, active = self._base, self._active
         push = np.zeros(len(self._program.rows.lower))
-        if self._active:
+        if active:
             bounds = self._bounds
-            push[bounds.source[self._active]] = -bounds.sign[self._active] * force[self._base :]
-        return QPSolution(x, -force[self._equalities], push, QPStatus.SOLVED, rounds)
+            pushes = self._force[base : base + len(active)]
+            push[bounds.source[active]] = -bounds.sign[active] * pushes
+        return QPSolution(x, -self._force[self._equalities], push, QPStatus.SOLVED, rounds)

@@ -9,11 +9,18 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import Contact
+from wbc.control.contacts import Contact, PointContact
+from wbc.control.controller import Controller
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit
-from wbc.control.tasks import Task
-from wbc.robot import Robot
+from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.reference import Reference
+from wbc.control.settings import ControllerSettings
+from wbc.control.speed import SpeedBlend
+from wbc.control.tasks import PostureTask, Task
+from wbc.control.warm_start import WarmStart
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from wbc.errors import ControlError
+from wbc.robot import Motion, Robot
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,23 @@ class DerivativeErrors:
 
     jacobian: float
     drift: float
+
+
+@dataclass(frozen=True)
+class TorqueLimitErrors:
+    """How far the rows of a rotor torque limit are from what they stand for.
+
+    Attributes:
+        gradient: largest difference of N dtau_phi along a coordinate or a force, relative to the
+            largest.
+        bounds: of the bounds on N tau_phi [N m].
+        beyond: how far a rotor that is driven as hard as allowed gets beyond the speed limit, as a
+            share of it; 0 where the limit does not depend on speed.
+    """
+
+    gradient: float
+    bounds: float
+    beyond: float
 
 
 def check_task(
@@ -116,6 +140,91 @@ def check_joint_limit(
             at = q[limit.position_rows]
             worst = np.maximum(at - limit.upper, limit.lower - at).max(initial=0.0)
             beyond = max(beyond, float(worst))
+    return beyond
+
+
+def check_torque_limit(
+    robot: Robot,
+    limit: RotorTorqueLimit,
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    *,
+    step: float = 1e-4,
+) -> TorqueLimitErrors:
+    """Return how far the torque rows of a tick are from inverse dynamics through the gears.
+
+    A controller on all contact points of the robot wants an acceleration of the driven joints. The
+    rows of its program, C x within bounds, are held against the rotor torques of inverse dynamics
+    (`wbc.dynamics.rotor_torque`, as for logs) at its solution: their gradient against central
+    differences, their bounds against what the limit says at these speeds.
+
+    Args:
+        robot: the robot, every motor turning at `velocity`; a tick must be solvable.
+        limit: any rotor torque limit.
+        position, velocity, acceleration: (nq,), (nv,), (nv,).
+        step: of the differences [rad/s^2, and tenths of the weight].
+
+    Raises:
+        ControlError: the tick has no solution.
+    """
+    gears, nv = robot.transmission, robot.model.nv
+    contacts = [PointContact(name=contact.name) for contact in robot.contacts]
+    bound = [contact.bind(robot) for contact in contacts]
+    task = PostureTask.of(robot, stiffness=0.0, damping=0.0)
+    certain = SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
+    settings = ControllerSettings(speed_blend=certain, warm_start=WarmStart.SOLVER)
+    controller = Controller(robot, [task], contacts, [limit], settings)
+    rest = position[robot.actuated_position]
+    wanted = Reference(rest, None, acceleration[robot.actuated])
+    command = controller.step(Motion(position, velocity), {task.name: wanted})
+    problem = controller.problem
+    if command.solution is None or problem is None:
+        raise ControlError(f"the tick to check has no solution: {command.message}")
+    weight = sum(inertia.mass for inertia in robot.model.inertias)
+    weight *= float(np.linalg.norm(robot.model.gravity.linear))
+
+    def reflected(x: FloatArray) -> FloatArray:
+        forces, at = {}, nv
+        for contact in bound:
+            own = 0.1 * weight * x[at : at + contact.rows]
+            forces[contact.contact.name] = contact.wrench(own)[None]
+            at += contact.rows
+        motion = Motion(position[None], velocity[None], x[None, :nv])
+        pushed = contact_torque(robot, position[None], forces)
+        needed, _ = rotor_torque(robot, motion, link_torque(robot, motion), pushed)
+        return np.asarray(gears.gear_ratio * needed[0])
+
+    limited = np.flatnonzero(np.isfinite(gears.torque_limit))
+    x, rows = command.solution.x, problem.C[: len(limited)]
+    moves = step * np.eye(len(x))
+    found = np.array([reflected(x + move) - reflected(x - move) for move in moves])
+    gradient = found[:, limited].T / (2.0 * step) - rows
+    speed = gears.gear_ratio * (gears.motor_from_joint @ velocity[robot.actuated])
+    low, high = (gears.gear_ratio * end for end in limit.bounds(robot, speed))
+    offset = reflected(x)[limited] - rows @ x
+    ends = [np.minimum(low, high)[limited] - offset, np.maximum(low, high)[limited] - offset]
+    stated = [problem.lower[: len(limited)], problem.upper[: len(limited)]]
+    return TorqueLimitErrors(
+        float(np.abs(gradient).max() / np.abs(rows).max()),
+        float(np.abs(np.subtract(ends, stated)).max()),
+        0.0 if limit.is_constant else _beyond_top_speed(robot, limit),
+    )
+
+
+def _beyond_top_speed(robot: Robot, limit: RotorTorqueLimit) -> float:
+    """Return how far rotors get beyond their speed limit either way, as a share of it."""
+    gears = robot.transmission
+    top = np.where(np.isfinite(gears.speed_limit), gears.speed_limit, 1.0)
+    # As light as reaches half the speed limit in a hundredth of the time, whatever its inertia.
+    pace, beyond = 0.005 * top / gears.torque_limit, 0.0
+    for up in (True, False):
+        speed = np.zeros(gears.size)
+        for _ in range(4000):
+            low, high = limit.bounds(robot, speed)
+            speed = speed + pace * (high if up else low)
+        over = np.where(np.isfinite(gears.speed_limit), np.abs(speed) / top - 1.0, 0.0)
+        beyond = max(beyond, float(over.max()))
     return beyond
 
 

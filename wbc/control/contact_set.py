@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.contacts import BoundContact
 from wbc.control.kinematics import Kinematics
+from wbc.control.stacking import place_rest
 
 
 class ContactSet:
@@ -37,7 +38,7 @@ class ContactSet:
         self.target = np.zeros(start)
         self._drift = np.zeros(start)
         self._placed = False
-        self._slowing = np.zeros(start)
+        self._damping = np.zeros(start)
         self._places = [(self.jacobian[rows], self._drift[rows]) for rows in self.slices]
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
@@ -48,7 +49,7 @@ class ContactSet:
             labels.extend(f"{contact.name}: {label}" for label in contact.cone.labels)
             self.cone[first : len(labels), rows] = contact.cone.matrix
             self.normals[i, rows] = contact.cone.normal
-            self._slowing[rows] = -contact.contact.damping
+            self._damping[rows] = contact.contact.damping
         self.cone_labels = tuple(labels)
         self.normal_minimum = np.array([c.contact.normal_minimum for c in self.contacts])
         self.normal_maximum = np.array([c.contact.normal_maximum for c in self.contacts])
@@ -67,12 +68,9 @@ class ContactSet:
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate the rows at the present state."""
-        target = self.target
         for contact, (jacobian, drift) in zip(self.contacts, self._places, strict=True):
             contact.fill(kinematics, jacobian, drift)
-        self.jacobian.dot(kinematics.velocity, out=target)
-        target *= self._slowing
-        target -= self._drift
+        place_rest(self.jacobian, kinematics.velocity, self._damping, self._drift, self.target)
 
     def load_share(self, weight: float) -> FloatArray:
         """Return forces (k,) [N] that share `weight` [N] equally among the normals."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
 
@@ -123,7 +122,7 @@ class DirectionBranching:
         z = solution.z[:rows].copy()
         own = positive[program.gears]
         z[program.rows.torque] = np.where(own, z[program.rows.torque], solution.z[rows:])
-        return replace(solution, z=z)
+        return solution._replace(z=z)
 
     def _problem(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> QPProblem:
         """Return the program with the convex rows of all gears and one half-space of some.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ _GUESSES = 3
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Found:
+class Found(NamedTuple):
     """A solution whose directions are right.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.control.blending import place_mesh_input
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 
@@ -60,7 +61,6 @@ class GearLaw:
         self._both = np.array([self._rest, self._rest])
         self._ahead = np.array([self._forward, self._backward]) - self._rest
         self._astern = self._ahead[::-1].copy()
-        self._to_forward, self._to_backward = self._ahead
 
     def slopes(self, sigma: FloatArray) -> Slopes:
         """Return the slopes for gears that turn with certainty and direction `sigma` (m,)."""
@@ -73,11 +73,8 @@ class GearLaw:
 
     def mesh_input(self, output: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return t (m,) that brings out `output` T (m,) at certainty and direction `sigma`."""
-        drives = (output * sigma) > 0.0
-        mesh: FloatArray = np.where(drives, self._to_forward, self._to_backward)
-        mesh *= np.abs(sigma)
-        mesh += self._rest
-        mesh *= output
+        mesh = np.empty(len(output))
+        place_mesh_input(output, sigma, self._rest, self._forward, self._backward, mesh)
         return mesh
 
     def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Status
+from wbc.control.compiled import Flag, Vector, compiled
 from wbc.control.reference import Reference
 from wbc.control.state import State
 from wbc.errors import unknown_name
@@ -24,7 +25,7 @@ def state_complaint(robot: Robot, position: FloatArray, velocity: FloatArray) ->
         return Status.BAD_INPUT, (
             f"'{robot.name}' needs q of shape ({model.nq},) and v of shape ({model.nv},)."
         )
-    if not isfinite(position.dot(position) + velocity.dot(velocity)):
+    if not (finite(position) and finite(velocity)):
         return Status.NOT_FINITE, "the state holds a value that is not finite."
     return None
 
@@ -32,9 +33,21 @@ def state_complaint(robot: Robot, position: FloatArray, velocity: FloatArray) ->
 def as_motion(state: State) -> Motion:
     """Return a state as a motion of arrays, itself where it is one."""
     q, v = state.position, state.velocity
-    if isinstance(state, Motion) and isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
+    if isinstance(state, Motion) and _of_floats(q) and _of_floats(v):
         return state
-    return Motion(np.asarray(q), np.asarray(v))
+    return Motion(_floats(q), _floats(v))
+
+
+def _of_floats(values: object) -> bool:
+    return isinstance(values, np.ndarray) and values.dtype == np.float64
+
+
+def _floats(values: object) -> FloatArray:
+    """Return an array of the values, empty where they are no numbers."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.zeros(0)
 
 
 def name_complaint(
@@ -66,8 +79,14 @@ def overflow_complaint(references: Mapping[str, Reference]) -> Complaint:
 
 
 def all_finite(*vectors: FloatArray) -> bool:
-    """Whether the vectors (n,) are finite, by their squared lengths: one pass, no temporaries.
+    """Whether the vectors (n,) are finite; see `finite`."""
+    return all(finite(vector) for vector in vectors)
 
-    A vector whose squared length overflows counts as not finite.
-    """
-    return all(isfinite(vector.dot(vector)) for vector in vectors)
+
+@compiled(Flag, Vector)
+def finite(vector: FloatArray) -> bool:
+    """Whether a vector (n,) is finite; one whose squared length overflows counts as not."""
+    length = 0.0
+    for i in range(len(vector)):
+        length += vector[i] * vector[i]
+    return isfinite(length)

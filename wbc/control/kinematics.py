@@ -56,16 +56,16 @@ class Kinematics:
         self._com_jacobian: FloatArray = data.Jcom
         self._momentum: FloatArray = data.Ag
         self._frames: dict[str, int] = {}
-        self._com_ready = self._momentum_ready = self._momentum_drift_ready = False
+        self._com_ready = self._momentum_drift_ready = False
 
     def update(self, position: FloatArray, velocity: FloatArray) -> None:
         """Move to the state q (nq,), v (nv,)."""
         model, data = self.model, self.data
         self.position, self.velocity = position, velocity
-        pin.crba(model, data, position, pin.Convention.WORLD)
+        pin.crba(model, data, position, pin.Convention.WORLD)  # which leaves A_g behind as well
         pin.rnea(model, data, position, velocity, self._rest)
         pin.forwardKinematics(model, data, position, velocity, self._rest)
-        self._com_ready = self._momentum_ready = self._momentum_drift_ready = False
+        self._com_ready = self._momentum_drift_ready = False
 
     def frame_id(self, name: str) -> int:
         """Return the number of a frame.
@@ -119,12 +119,10 @@ class Kinematics:
 
     def momentum_matrix(self) -> FloatArray:
         """Return A_g (6, nv): h_g = A_g v, linear over angular, about the centre of mass."""
-        self._update_momentum()
         return self._momentum
 
     def momentum_drift(self) -> FloatArray:
         """Return dA_g/dt v (6,), linear [N] over angular [N m]."""
-        self._update_momentum()
         if not self._momentum_drift_ready:
             pin.computeCentroidalMomentumTimeVariation(self.model, self.data)
             self._momentum_drift_ready = True
@@ -136,8 +134,3 @@ class Kinematics:
             pin.centerOfMass(self.model, self.data, pin.KinematicLevel.ACCELERATION, False)
             pin.jacobianCenterOfMass(self.model, self.data, False)
             self._com_ready = True
-
-    def _update_momentum(self) -> None:
-        if not self._momentum_ready:
-            pin.computeCentroidalMap(self.model, self.data, self.position)
-            self._momentum_ready = True

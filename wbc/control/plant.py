@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.balance import place_output, place_share
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit
 from wbc.control.selection import as_rows
@@ -36,13 +37,13 @@ class Plant:
         gears = robot.transmission
         self.robot = robot
         self.driven = as_rows(robot.actuated)
-        self.undriven = as_rows(robot.unactuated)
         self.topology = None if _is_identity(gears.topology) else gears.topology
         self.motor_from_joint = None if self.topology is None else gears.motor_from_joint
+        self._driven_rows, self._topology = robot.actuated, np.array(gears.topology)
+        self._joint_torque = np.zeros(gears.size)
         self.rotor = np.zeros((gears.size, robot.model.nv))
         self.rotor[:, robot.actuated] = gears.reflected_inertia[:, None] * gears.motor_from_joint
         self._rotor_own = self.rotor
-        self._own_inertia = np.array(gears.reflected_inertia)
         self._turns = np.zeros_like(self.rotor)
         self._turns[:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
         self._dry = np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction
@@ -70,12 +71,24 @@ class Plant:
 
     def rotor_share(self, acceleration: FloatArray) -> FloatArray:
         """Return what the rotors take themselves (m,) [N m]: rotor qdd + rotor_bias."""
-        if self.rotor is not self._rotor_own or self.topology is not None:
-            return np.asarray(self.rotor.dot(acceleration) + self.rotor_bias)
-        share: FloatArray = self._own_inertia * acceleration[self.driven]
-        if self._rotors_rub:
-            share += self.rotor_bias
+        share = np.empty(len(self.rotor_bias))
+        place_share(self.rotor, self.rotor_bias, acceleration, share)
         return share
+
+    def output_torque(self, x: FloatArray, jacobian: FloatArray, scale: float) -> FloatArray:
+        """Return T (m,) [N m].
+
+        Args:
+            x: accelerations and force variables (nv + k,).
+            jacobian: J (k, nv) of the contacts.
+            scale: [N] per unit of force variable.
+        """
+        output = np.empty(len(self.rotor_bias))
+        place_output(
+            *(self.mass, self.bias, jacobian, scale, x),
+            *(self._driven_rows, self._topology, self._joint_torque, output),
+        )
+        return output
 
     def remember(self, acceleration: FloatArray, output: FloatArray) -> None:
         """Take qdd (nv,) and T (m,) of a solution; what T does beyond them is load."""

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.control.balance import place_balance
 from wbc.control.contact_force_cost import ContactForceCost
 from wbc.control.contact_set import ContactSet
 from wbc.control.effort_cost import add_effort
@@ -97,9 +98,7 @@ class ContactForceProgram:
         self.stacked_right = np.zeros(stop + room)
         self.A, self.b = self.stacked[task_rows:stop], self.stacked_right[task_rows:stop]
         balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
-        self._balance_mass = self.A[balance, : self.nv]
-        self._balance_force = self.A[balance, self.nv :]
-        self._balance_right = self.b[balance]
+        self._balance, self._balance_right = self.A[balance], self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
         self._copies = not contacts.place(self._contact_rows, self._contact_right)
         names = robot.transmission.joints
@@ -136,14 +135,13 @@ class ContactForceProgram:
             ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
         """
         plant, set_ = self.plant, self.contacts
-        np.copyto(self._balance_mass, plant.mass[plant.undriven])
-        np.negative(plant.bias[plant.undriven], out=self._balance_right)
-        if self.forces:
-            pushed = set_.jacobian.T[plant.undriven]
-            np.multiply(pushed, -self.force_scale, out=self._balance_force)
-            if self._copies:
-                np.copyto(self._contact_rows, set_.jacobian)
-                np.copyto(self._contact_right, set_.target)
+        place_balance(
+            *(plant.mass, plant.bias, set_.jacobian, self.force_scale),
+            *(plant.robot.unactuated, self._balance, self._balance_right),
+        )
+        if self._copies:
+            np.copyto(self._contact_rows, set_.jacobian)
+            np.copyto(self._contact_right, set_.target)
         if ceilings != self._ceilings:
             self._write_normal_bounds(ceilings)
         if self.joint_limit is not None:
@@ -227,12 +225,7 @@ class ContactForceProgram:
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""
-        plant, nv = self.plant, self.nv
-        torque = plant.mass.dot(x[:nv])
-        torque += plant.bias
-        if self.forces:
-            torque -= (x[nv:] * self.force_scale).dot(self.contacts.jacobian)
-        return plant.to_motors(torque)
+        return self.plant.output_torque(x, self.contacts.jacobian, self.force_scale)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""

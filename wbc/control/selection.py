@@ -13,7 +13,10 @@ Rows: TypeAlias = slice | IntArray
 
 
 def as_rows(rows: IntArray) -> Rows:
-    """Return the rows as a slice where they are consecutive: views instead of copies."""
-    if rows.size and np.array_equal(rows, np.arange(rows[0], rows[0] + rows.size)):
-        return slice(int(rows[0]), int(rows[0]) + int(rows.size))
+    """Return the rows as a slice where they are evenly spaced: views instead of copies."""
+    if not rows.size:
+        return rows
+    start, step = int(rows[0]), int(rows[1] - rows[0]) if rows.size > 1 else 1
+    if step > 0 and np.array_equal(rows, start + step * np.arange(rows.size)):
+        return slice(start, int(rows[-1]) + 1, step)
     return rows

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.blending import place_certainty, place_corrected
 from wbc.errors import ControlError
 
 
@@ -47,15 +48,14 @@ class SpeedBlend:
                 raise ControlError(f"{name} must be >= 0, got {getattr(self, name):g}.")
 
     def corrected(self, expected: FloatArray, measured: FloatArray, step: float) -> FloatArray:
-        """Return the expected speed (...) drawn towards the measured one [rad/s]."""
-        error = measured - expected
-        np.maximum(error, -self.trusted_error, out=error)
-        np.minimum(error, self.trusted_error, out=error)
-        error *= 1.0 - min(self.correction * step, 1.0)
-        return np.asarray(measured - error)
+        """Return the expected speed (k,) drawn towards the measured one [rad/s]."""
+        corrected = np.empty(measured.shape)
+        kept = 1.0 - min(self.correction * step, 1.0)
+        place_corrected(expected, measured, self.trusted_error, kept, corrected)
+        return corrected
 
     def certainty(self, speed: FloatArray) -> FloatArray:
-        """Return sigma (...), -1 to 1."""
-        certainty = speed * (1.0 / self.full_speed)
-        np.maximum(certainty, -1.0, out=certainty)
-        return np.minimum(certainty, 1.0, out=certainty)
+        """Return sigma (k,), -1 to 1."""
+        certainty = np.empty(speed.shape)
+        place_certainty(speed, self.full_speed, certainty)
+        return certainty

@@ -11,23 +11,23 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Reference
-from wbc.control.selection import Rows
+from wbc.control.stacking import place_rates, place_wanted
 from wbc.control.tasks import Task
 from wbc.robot import Robot
 
 _NOTHING = Reference()
 
 
-class _Rowed(NamedTuple):
-    """A task with rows, whether it commands in its own way, and the memory of its rows.
+class _Entry(NamedTuple):
+    """A task, whether it commands in its own way, and the memory of its rows.
 
-    The memory is the Jacobian, its rate J v, and what the gains are applied to: error, drift,
-    velocity and acceleration asked for.
+    The memory is the Jacobian (None for a task that selects joints), its rate J v, and what the
+    gains are applied to: error, drift, velocity and acceleration asked for.
     """
 
     task: Task
     own: bool
-    jacobian: FloatArray
+    jacobian: FloatArray | None
     rate: FloatArray
     error: FloatArray
     drift: FloatArray
@@ -35,19 +35,11 @@ class _Rowed(NamedTuple):
     acceleration: FloatArray
 
 
-class _Chosen(NamedTuple):
-    """A task that selects joints."""
-
-    task: Task
-    rows: Rows
-    weight: FloatArray
-
-
 class TaskStack:
     """Weighted rows J qdd = wanted - drift, refilled in place every tick.
 
-    Tasks that select joints go to a diagonal instead of rows. The gains of all tasks with rows
-    are applied to the whole stack at once.
+    Tasks that select joints go to a diagonal instead of rows. The gains of all tasks are applied
+    at once.
 
     Attributes:
         jacobian: J (k, nv) of the tasks with rows.
@@ -67,40 +59,45 @@ class TaskStack:
             np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
             for task, size in zip(self.tasks, sizes, strict=True)
         ]
-        total = sum(size for size, chosen in zip(sizes, selections, strict=True) if chosen is None)
-        self.jacobian, self.wanted = np.zeros((total, nv)), np.zeros(total)
-        self._weight = np.zeros(total)
-        self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
+        rowed = [i for i, chosen in enumerate(selections) if chosen is None]
+        selecting = [i for i, chosen in enumerate(selections) if chosen is not None]
+        total, whole = sum(sizes[i] for i in rowed), sum(sizes)
+        self.jacobian, self._all_wanted = np.zeros((total, nv)), np.zeros(whole)
+        self.wanted = self._all_wanted[:total]
         # error, rate, drift, velocity and acceleration asked for, and what each counts for
-        self._parts, self._gains = np.zeros((5, total)), np.zeros((5, total))
-        self._products = np.zeros((5, total))
-        self._asked, self._ones = self._parts[3:], np.ones(5)
-        self._rowed: list[_Rowed] = []
-        self._chosen: list[_Chosen] = []
+        self._parts, self._gains = np.zeros((5, whole)), np.zeros((5, whole))
+        self._asked, self._rates = self._parts[3:], self._parts[1]
+        self._entries: list[_Entry] = []
         start = 0
-        for task, size, chosen, weight in zip(self.tasks, sizes, selections, weights, strict=True):
-            if chosen is not None:
-                self._chosen.append(_Chosen(task, chosen, weight))
-                self.diagonal[chosen] += weight
-                continue
-            rows = slice(start, start + size)
-            self._rowed.append(self._place(task, rows, weight))
-            start += size
+        for i in [*rowed, *selecting]:
+            self._place(self.tasks[i], slice(start, start + sizes[i]), total)
+            start += sizes[i]
+        self._own = [entry for entry in self._entries if entry.own]
+        self._weight = np.concatenate([weights[i] for i in rowed] or [np.zeros(0)])
+        self._chosen = np.concatenate(
+            [np.arange(nv)[selections[i]] for i in selecting] or [np.zeros(0, np.int_)]
+        )
+        self._chosen_weight = np.concatenate([weights[i] for i in selecting] or [np.zeros(0)])
+        self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
+        np.add.at(self.diagonal, self._chosen, self._chosen_weight)
         with np.errstate(divide="ignore"):
             self.softness = 1.0 / self._weight
         self._last: dict[str, Reference] = {}
 
-    def _place(self, task: Task, rows: slice, weight: FloatArray) -> _Rowed:
+    def _place(self, task: Task, rows: slice, total: int) -> None:
         """Give a task its rows and gains; one that commands in its own way has no gains here."""
         own = type(task).command is not Task.command
-        self._weight[rows] = weight
         self._gains[2, rows], self._gains[4, rows] = -1.0, 1.0
         if not own:
             gain = task.velocity_gain
             self._gains[0, rows], self._gains[1, rows] = task.stiffness, -gain
             self._gains[3, rows] = gain
-        error, rate, drift, velocity, acceleration = (part[rows] for part in self._parts)
-        return _Rowed(task, own, self.jacobian[rows], rate, error, drift, velocity, acceleration)
+        jacobian = self.jacobian[rows] if rows.start < total else None
+        self._entries.append(_Entry(task, own, jacobian, *self._views(rows)))
+
+    def _views(self, rows: slice) -> tuple[FloatArray, ...]:
+        """Return the rates, errors, drifts, velocities and accelerations of some rows."""
+        return tuple(self._parts[part, rows] for part in (1, 0, 2, 3, 4))
 
     def forget(self) -> None:
         """Forget the references held so far."""
@@ -113,25 +110,26 @@ class TaskStack:
         it has now.
         """
         self._asked.fill(0.0)
-        for entry in self._rowed:
+        for entry in self._entries:
             self._evaluate(entry, kinematics, references)
-        self.jacobian.dot(kinematics.velocity, out=self._parts[1])
-        for entry in self._rowed:
-            if entry.own:
-                reference = self._last[entry.task.name]
-                entry.acceleration[:] = entry.task.command(kinematics, reference, entry.rate)
-        np.multiply(self._gains, self._parts, out=self._products)
-        self._ones.dot(self._products, out=self.wanted)
-        self._pull(kinematics, references)
+        place_rates(self.jacobian, kinematics.velocity, self._chosen, self._rates)
+        for entry in self._own:
+            reference = self._last[entry.task.name]
+            entry.acceleration[:] = entry.task.command(kinematics, reference, entry.rate)
+        place_wanted(
+            *(self._parts, self._gains, self._chosen, self._chosen_weight),
+            *(self._all_wanted, self.pull),
+        )
 
     def _evaluate(
-        self, entry: _Rowed, kinematics: Kinematics, references: Mapping[str, Reference]
+        self, entry: _Entry, kinematics: Kinematics, references: Mapping[str, Reference]
     ) -> None:
         """Write the rows of one task."""
         task = entry.task
         reference = self._reference(task, kinematics, references)
-        entry.jacobian[:] = task.jacobian(kinematics)
-        entry.drift[:] = task.drift(kinematics)
+        if entry.jacobian is not None:
+            entry.jacobian[:] = task.jacobian(kinematics)
+            entry.drift[:] = task.drift(kinematics)
         if not entry.own:
             entry.error[:] = task.error(kinematics, reference.position)
             if reference.velocity is not None:
@@ -139,19 +137,6 @@ class TaskStack:
             if reference.acceleration is not None:
                 entry.acceleration[:] = reference.acceleration
         self._last[task.name] = reference
-
-    def _pull(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
-        pull, velocity = self.pull, kinematics.velocity
-        if len(self._chosen) > 1:
-            pull.fill(0.0)
-        for task, chosen, weight in self._chosen:
-            reference = self._reference(task, kinematics, references)
-            wanted = task.command(kinematics, reference, velocity[chosen])
-            wanted *= weight
-            if len(self._chosen) > 1:
-                wanted += pull[chosen]
-            pull[chosen] = wanted
-            self._last[task.name] = reference
 
     def cost(self) -> tuple[FloatArray, FloatArray]:
         """Return Hessian (nv, nv) and gradient (nv,) of the cost of all tasks on qdd."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.blending import place_within
 from wbc.control.gears import GearLaw
 from wbc.control.qp import QPProblem, make_solver
 from wbc.transmission import Transmission
@@ -70,11 +71,8 @@ class RotorTorqueStage:
             limits: least and greatest N tau_phi (m,).
         """
         wanted = self._law.mesh_input(output, sigma)
-        torque = wanted + share
-        lower, upper = limits
-        clipped = np.maximum(torque, lower)
-        np.minimum(clipped, upper, out=clipped)
-        if (clipped == torque).all():
+        torque, clipped = np.empty(len(wanted)), np.empty(len(wanted))
+        if place_within(wanted, share, *limits, torque, clipped):
             return Realised(torque, wanted, True)
         if self._serial:
             return Realised(clipped, clipped - share, False)

@@ -125,7 +125,7 @@ class BoundPoint(BoundContact):
         if self.rows == 3:
             return force
         result = np.zeros(3)
-        result[self.axes] = force
+        result[self.select] = force
         return result
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
@@ -70,8 +69,7 @@ class QPStatus(Enum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class QPSolution:
+class QPSolution(NamedTuple):
     """What a solver returned.
 
     Attributes:

@@ -7,10 +7,12 @@ from math import atan2, sqrt
 from typing import final
 
 import numpy as np
-from scipy.linalg import lapack
+from numba import types
 
 from wbc.arrays import FloatArray
+from wbc.control.compiled import Matrix, Number, compiled
 from wbc.control.kinematics import Kinematics
+from wbc.control.positive_definite import factorise, substitute
 from wbc.control.reference import Reference, Target
 from wbc.control.tasks.frames import require_frame
 from wbc.control.tasks.task import Task
@@ -80,7 +82,8 @@ class PointFootBalanceTask(Task):
         )
         wanted = -on_place * (com.item(0) - foot.item(0)) - on_speed * rate.item(0)
         wanted -= on_momentum * float(momentum)
-        wanted += on_pitch * self.error(kinematics, reference.position).item(0)
+        pitch: Target = reference.position
+        wanted += on_pitch * (float(pitch) - self.value(kinematics))
         if reference.acceleration is not None:
             wanted += float(reference.acceleration[0])
         return np.array([wanted])
@@ -108,12 +111,42 @@ class PointFootBalanceTask(Task):
 
     def _pitch_rate(self, kinematics: Kinematics) -> tuple[float, float]:
         """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot."""
-        rows = np.empty((5, kinematics.model.nv))
-        rows[:2] = kinematics.frame_jacobian(kinematics.frame_id(self.contact))[:3:2]
-        rows[2:4] = kinematics.center_of_mass_jacobian()[::2]
-        rows[4] = kinematics.momentum_matrix()[4]
-        pitch = kinematics.frame_jacobian(kinematics.frame_id(self.frame))[4]
-        normal = rows.dot(rows.T)
-        normal.reshape(-1)[::6] += 1e-12
-        _, weights, _ = lapack.dposv(normal, rows.dot(pitch))
-        return weights.item(2), weights.item(4)
+        found: tuple[float, float] = pitch_rate(
+            kinematics.frame_jacobian(kinematics.frame_id(self.contact)),
+            kinematics.center_of_mass_jacobian(),
+            kinematics.momentum_matrix(),
+            kinematics.frame_jacobian(kinematics.frame_id(self.frame)),
+        )
+        return found
+
+
+@compiled(types.UniTuple(Number, 2), *[Matrix] * 4)
+def pitch_rate(
+    foot: FloatArray, com: FloatArray, momentum: FloatArray, frame: FloatArray
+) -> tuple[float, float]:
+    """Return the weights of xd and k in the pitch rate that fits the other rows best.
+
+    Args:
+        foot, frame: Jacobians (6, nv) of the foot, whose x and z rest, and of the frame.
+        com, momentum: Jacobian (3, nv) of the centre of mass, of which x and z count, and the
+            momentum matrix (6, nv), of which the pitch row counts.
+    """
+    nv = foot.shape[1]
+    rows, normal, weights = np.empty((5, nv)), np.empty((5, 5)), np.empty(5)
+    for j in range(nv):
+        rows[0, j], rows[1, j] = foot[0, j], foot[2, j]
+        rows[2, j], rows[3, j] = com[0, j], com[2, j]
+        rows[4, j] = momentum[4, j]
+    for i in range(5):
+        weights[i] = 0.0
+        for j in range(nv):
+            weights[i] += rows[i, j] * frame[4, j]
+        for k in range(i + 1):
+            normal[i, k] = 0.0
+            for j in range(nv):
+                normal[i, k] += rows[i, j] * rows[k, j]
+        normal[i, i] += 1e-12
+    if not factorise(normal, 5):
+        return np.nan, np.nan
+    substitute(normal, 5, weights)
+    return weights[2], weights[4]

@@ -1,0 +1,94 @@
+"""The equation of motion, row by row, compiled."""
+
+from __future__ import annotations
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.control.compiled import (
+    Matrix,
+    Nothing,
+    Number,
+    OutMatrix,
+    OutVector,
+    Places,
+    Vector,
+    compiled,
+)
+
+
+@compiled(Nothing, Matrix, Vector, Matrix, Number, Places, OutMatrix, OutVector)
+def place_balance(
+    mass: FloatArray,
+    bias: FloatArray,
+    jacobian: FloatArray,
+    scale: float,
+    undriven: IntArray,
+    rows: FloatArray,
+    right: FloatArray,
+) -> None:
+    """Write (M qdd - scale J' f)_undriven = -bias_undriven as rows (u, n) on [qdd, f] = right (u,).
+
+    Args:
+        mass, bias: M (nv, nv) and bias (nv,).
+        jacobian: J (k, nv) of the contacts.
+        scale: [N] per unit of force variable.
+        undriven: coordinates (u,).
+        rows, right: results.
+    """
+    nv = len(bias)
+    for i in range(len(undriven)):
+        row = undriven[i]
+        right[i] = -bias[row]
+        for j in range(nv):
+            rows[i, j] = mass[row, j]
+        for k in range(len(jacobian)):
+            rows[i, nv + k] = -scale * jacobian[k, row]
+
+
+@compiled(Nothing, Matrix, Vector, Matrix, Number, Vector, Places, Matrix, OutVector, OutVector)
+def place_output(
+    mass: FloatArray,
+    bias: FloatArray,
+    jacobian: FloatArray,
+    scale: float,
+    x: FloatArray,
+    driven: IntArray,
+    topology: FloatArray,
+    joint: FloatArray,
+    output: FloatArray,
+) -> None:
+    """Write T = D' (M qdd + bias - scale J' f)_driven (m,) at x = [qdd, f].
+
+    Args:
+        mass, bias, jacobian, scale: as for `place_balance`.
+        x: (n,).
+        driven: coordinates (m,) in the order of the gears.
+        topology: D (m, m).
+        joint: memory (m,).
+        output: result.
+    """
+    nv, m = len(bias), len(driven)
+    for i in range(m):
+        row = driven[i]
+        torque = bias[row]
+        for j in range(nv):
+            torque += mass[row, j] * x[j]
+        for k in range(len(jacobian)):
+            torque -= scale * jacobian[k, row] * x[nv + k]
+        joint[i] = torque
+    for i in range(m):
+        torque = 0.0
+        for j in range(m):
+            torque += topology[j, i] * joint[j]
+        output[i] = torque
+
+
+@compiled(Nothing, Matrix, Vector, Vector, OutVector)
+def place_share(
+    rotor: FloatArray, rotor_bias: FloatArray, acceleration: FloatArray, share: FloatArray
+) -> None:
+    """Write what the rotors take themselves, rotor qdd + rotor_bias (m,) [N m], into `share`."""
+    for i in range(len(rotor_bias)):
+        torque = rotor_bias[i]
+        for j in range(len(acceleration)):
+            torque += rotor[i, j] * acceleration[j]
+        share[i] = torque
