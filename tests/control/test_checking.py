@@ -1,4 +1,4 @@
-"""Every task's Jacobian and drift against finite differences."""
+"""Every exported task, contact and limit against finite differences."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import wbc.control
 from wbc.control import (
     AngularMomentumTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
+    Contact,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
@@ -21,10 +23,13 @@ from wbc.control import (
     PointContact,
     PointFootBalanceTask,
     PostureTask,
+    RotorTorqueLimit,
     SurfaceContact,
+    Task,
 )
-from wbc.control.checking import check_contact, check_joint_limit, check_task
+from wbc.control.checking import check_contact, check_joint_limit, check_task, check_torque_limit
 from wbc.control.kinematics import Kinematics
+from wbc.control.program import ContactForceProgram
 from wbc.effects import load_robot
 
 SOLO = load_robot("solo12")
@@ -118,13 +123,66 @@ def narrow(limit, half=0.3):
     return replace(limit, lower=np.full(12, -half), upper=np.full(12, half))
 
 
-def test_joint_limit_keeps_its_stops_however_hard_it_is_driven():
+def check_of_joint_limit():
     limit = narrow(JointLimit.of(SOLO, acceleration=60.0))
     q, v = SOLO.neutral(), np.zeros(SOLO.model.nv)
     assert check_joint_limit(limit, q, v, duration=0.6) < 1e-12
     fast = v.copy()
     fast[6:] = 2.0
     assert check_joint_limit(limit, q, fast, duration=0.6) < 1e-12
+
+
+def quick(robot):
+    """Return the robot with a speed limit that its motors reach in the motions of the checks."""
+    m = robot.transmission.size
+    return robot.with_transmission(robot.transmission.replace(speed_limit=np.full(m, 15.0)))
+
+
+def feet(robot, *numbers):
+    """Return point contacts, all of a robot's or those of the given numbers."""
+    names = [contact.name for contact in robot.contacts]
+    return [PointContact(name=names[i]) for i in numbers or range(len(names))]
+
+
+def check_of_rotor_torque_limit():
+    leg, solo = load_robot("planar_leg_strong"), quick(SOLO)
+    for robot, contacts in ((leg, feet(leg)), (solo, feet(solo)), (TALOS, feet(TALOS, 0, 4))):
+        q = next(iter(robot.poses.values()), robot.neutral())
+        _, v, a = random_motion(robot, 3)
+        for limit in (RotorTorqueLimit(0.9), RotorTorqueLimit(knee=0.2)):
+            errors = check_torque_limit(robot, limit, q, 0.1 * v, a, contacts=contacts)
+            assert errors.gradient < 1e-6
+            assert errors.bounds < 1e-8
+            assert errors.beyond < 1e-12
+
+
+def test_limit_checker_sees_torque_rows_that_are_off(monkeypatch):
+    q = next(iter(SOLO.poses.values()))
+    motion = (q, *(0.1 * part for part in random_motion(SOLO, 3)[1:]))
+    write = ContactForceProgram.assemble_torque_limits
+
+    def wrong(self, slopes, lower, upper):
+        write(self, slopes, lower, upper)
+        self.rows.C[self.rows.torque][0] *= 1.001
+
+    monkeypatch.setattr(ContactForceProgram, "assemble_torque_limits", wrong)
+    assert (
+        check_torque_limit(SOLO, RotorTorqueLimit(), *motion, contacts=feet(SOLO)).gradient > 1e-4
+    )
+
+
+def test_limit_checker_sees_a_motor_that_gives_torque_beyond_its_speed_limit():
+    class Endless(RotorTorqueLimit):
+        def bounds(self, robot, rotor_speed):
+            low, high = super().bounds(robot, rotor_speed)
+            return np.minimum(low, -1e-3), np.maximum(high, 1e-3)
+
+    q = next(iter(SOLO.poses.values()))
+    still = 0.1 * random_motion(SOLO, 3)[1]
+    errors = check_torque_limit(
+        quick(SOLO), Endless(knee=0.2), q, still, 0.0 * still, contacts=feet(SOLO)
+    )
+    assert errors.beyond > 1e-3
 
 
 def test_limit_checker_sees_a_joint_that_brakes_too_late():
@@ -139,7 +197,7 @@ def test_limit_checker_sees_a_joint_that_brakes_too_late():
     assert check_joint_limit(late, q, v, duration=0.6) > 1e-3
 
 
-def test_motor_braking_is_the_balance_of_a_braked_joint():
+def check_of_motor_braking():
     """M b = |T| + c with eta_b |T| + N^2 I_r b = share U, from the numbers of the gears."""
     gears = SOLO.transmission
     rows, load, inertia = np.arange(12), np.linspace(-0.5, 0.5, 12), np.full(12, 0.01)
@@ -149,6 +207,28 @@ def test_motor_braking_is_the_balance_of_a_braked_joint():
         torque = inertia * b - helping
         spent = gears.backward_efficiency * torque + gears.reflected_inertia * b
         np.testing.assert_allclose(spent, limit, rtol=1e-12)
+
+
+LIMITS = {
+    JointLimit: check_of_joint_limit,
+    MotorBraking: check_of_motor_braking,
+    RotorTorqueLimit: check_of_rotor_torque_limit,
+}
+
+
+@pytest.mark.parametrize("kind", LIMITS, ids=lambda kind: kind.__name__)
+def test_limit(kind):
+    LIMITS[kind]()
+
+
+def test_nothing_exported_goes_unchecked():
+    exported = {getattr(wbc.control, name) for name in wbc.control.__all__}
+    kinds = {kind for kind in exported if isinstance(kind, type)}
+    checked = {type(task) for _, task in CASES.values()} | {PointFootBalanceTask}
+    assert {kind for kind in kinds if issubclass(kind, Task)} - {Task} == checked
+    rests = {kind for kind in kinds if issubclass(kind, Contact)} - {Contact}
+    assert rests == {type(contact) for _, contact in CONTACTS.values()}
+    assert {k for k in kinds if k.__module__.startswith("wbc.control.limits")} == set(LIMITS)
 
 
 def test_checker_sees_a_wrong_drift():

@@ -150,26 +150,27 @@ def check_torque_limit(
     velocity: FloatArray,
     acceleration: FloatArray,
     *,
-    step: float = 1e-4,
+    contacts: Sequence[PointContact] = (),
+    step: float = 1e-6,
 ) -> TorqueLimitErrors:
     """Return how far the torque rows of a tick are from inverse dynamics through the gears.
 
-    A controller on all contact points of the robot wants an acceleration of the driven joints. The
-    rows of its program, C x within bounds, are held against the rotor torques of inverse dynamics
-    (`wbc.dynamics.rotor_torque`, as for logs) at its solution: their gradient against central
-    differences, their bounds against what the limit says at these speeds.
+    A controller wants an acceleration of the driven joints. The rows of its program, C x within
+    bounds, are held against the rotor torques of inverse dynamics (`wbc.dynamics.rotor_torque`, as
+    for logs) at its solution: their gradient against central differences, their bounds against
+    what the limit says at these speeds.
 
     Args:
         robot: the robot, every motor turning at `velocity`; a tick must be solvable.
         limit: any rotor torque limit.
         position, velocity, acceleration: (nq,), (nv,), (nv,).
+        contacts: that carry the robot.
         step: of the differences [rad/s^2, and tenths of the weight].
 
     Raises:
         ControlError: the tick has no solution.
     """
     gears, nv = robot.transmission, robot.model.nv
-    contacts = [PointContact(name=contact.name) for contact in robot.contacts]
     bound = [contact.bind(robot) for contact in contacts]
     task = PostureTask.of(robot, stiffness=0.0, damping=0.0)
     certain = SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
@@ -177,9 +178,12 @@ def check_torque_limit(
     controller = Controller(robot, [task], contacts, [limit], settings)
     rest = position[robot.actuated_position]
     wanted = Reference(rest, None, acceleration[robot.actuated])
-    command = controller.step(Motion(position, velocity), {task.name: wanted})
+    for _ in range(
+        2
+    ):  # the rows of gears that do not bind stand in the directions of the last tick
+        command = controller.step(Motion(position, velocity), {task.name: wanted})
     problem = controller.problem
-    if command.solution is None or problem is None:
+    if not command.status.usable or command.solution is None or problem is None:
         raise ControlError(f"the tick to check has no solution: {command.message}")
     weight = sum(inertia.mass for inertia in robot.model.inertias)
     weight *= float(np.linalg.norm(robot.model.gravity.linear))
@@ -216,7 +220,7 @@ def _beyond_top_speed(robot: Robot, limit: RotorTorqueLimit) -> float:
     """Return how far rotors get beyond their speed limit either way, as a share of it."""
     gears = robot.transmission
     top = np.where(np.isfinite(gears.speed_limit), gears.speed_limit, 1.0)
-    # As light as reaches half the speed limit in a hundredth of the time, whatever its inertia.
+    # So light that two hundred steps of full torque would reach the speed limit.
     pace, beyond = 0.005 * top / gears.torque_limit, 0.0
     for up in (True, False):
         speed = np.zeros(gears.size)
