@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.effects.loose_link import Contact, best_contacts, loose_deflection
-from wbc.effects.soft_link import best_springs, soft_deflection
+from wbc.effects.loose_link import Contact, loose_deflection
+from wbc.effects.loose_search import best_contacts
+from wbc.effects.soft_link import soft_deflection
+from wbc.effects.soft_search import best_springs
 from wbc.robot import LinkResponse
 
 STEP = 0.004

@@ -7,7 +7,8 @@ from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.effects.loose_link import Contact, best_contacts, loose_deflection
+from wbc.effects.loose_link import Contact, loose_deflection
+from wbc.effects.loose_search import best_contacts
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
 
 

@@ -7,7 +7,8 @@ from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.effects.soft_link import best_springs, soft_deflection
+from wbc.effects.soft_link import soft_deflection
+from wbc.effects.soft_search import best_springs
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
 
 

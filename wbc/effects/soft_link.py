@@ -12,10 +12,6 @@ from wbc.arrays import FloatArray
 from wbc.robot import LinkResponse
 
 _STEP = 1e-3  # [s]; the frequency of a swing w comes out wrong by the share (w h)^2 / 12
-_COARSE = 2.0  # the same while springs are only ranked, in samples of the log
-_DAMPING_RATIOS = (0.02, 0.1, 0.4)
-_STIFFNESSES = np.geomspace(20.0, 20000.0, 22)
-_NEAR = (0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25)
 
 
 def soft_deflection(response: LinkResponse, stiffness: float, damping: float) -> FloatArray:
@@ -34,43 +30,6 @@ def soft_deflection(response: LinkResponse, stiffness: float, damping: float) ->
     forced, *free = _solutions(response, stiffness, damping, parts)
     start = _start(response, forced, free)
     return np.asarray(forced + start[0] * free[0] + start[1] * free[1])
-
-
-def best_springs(responses: Sequence[LinkResponse], count: int) -> list[tuple[float, float]]:
-    """Return the `count` pairs of stiffness and damping that leave least unexplained, best first.
-
-    A lightly damped swing keeps its phase for long, so the best of a coarse grid is searched around
-    twice more. A link without inertia about the joint (a point on its axis) swings behind
-    nothing: the list is empty.
-
-    Args:
-        responses: of the joint, one per log.
-        count: how many to return.
-    """
-    inertias = [r.inertia[:, r.row] for r in responses]
-    if min(float(inertia.min()) for inertia in inertias) <= 0.0:
-        return []
-    typical = float(np.mean([np.mean(inertia) for inertia in inertias]))
-
-    def rank(pairs: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        left = {pair: sum(_left(r, *pair) for r in responses) for pair in dict.fromkeys(pairs)}
-        return sorted(left, key=lambda pair: left[pair])
-
-    def damped(stiffness: float, ratio: float) -> tuple[float, float]:
-        return float(stiffness), float(2.0 * ratio * np.sqrt(stiffness * typical))
-
-    coarse = rank([damped(k, ratio) for k in _STIFFNESSES for ratio in _DAMPING_RATIOS])
-    fine = [
-        (k * factor, c * scale) for k, c in coarse[:2] for factor in _NEAR for scale in (0.4, 1)
-    ]
-    return rank([*coarse[:2], *fine])[:count]
-
-
-def _left(response: LinkResponse, stiffness: float, damping: float) -> float:
-    forced, *free = _solutions(response, stiffness, damping, 1)
-    start = _start(response, forced, free)
-    torque = response.own_torque([forced + start[0] * free[0] + start[1] * free[1]])
-    return float(np.sum(response.left(torque) ** 2))
 
 
 def _start(response: LinkResponse, forced: FloatArray, free: Sequence[FloatArray]) -> FloatArray:

@@ -13,8 +13,12 @@ from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried
 _WORTHWHILE = 0.7  # of the error that a swinging link must promise to leave at most
+_HALF = 0.5  # of the error, left by the best cause that acts at once, from which on ...
+_FAR = 0.3  # ... links that swing come first, if they leave so little of what that cause leaves
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _SIMULATED = 0.1  # share of the first error to which links behind soft gears are simulated
+
+_Search = tuple[list[Model], Model]
 
 
 def find_causes(
@@ -24,7 +28,9 @@ def find_causes(
 
     Effects with a hidden state are simulated, which is slow. They are tried where effects that act
     at once leave something: alone, since a swinging link looks like several other causes at
-    once, and beside what was found; whatever acts at once is then sought anew.
+    once, and beside what was found; whatever acts at once is then sought anew. Where no
+    cause that acts at once explains half, swinging links come first: if with them everything is
+    explained, nothing else is sought in their place but what `settle` exchanges.
 
     Args:
         problem: the logs.
@@ -34,27 +40,53 @@ def find_causes(
     everything = Selector(problem, tuple(classes), report)
     direct = replace(everything, candidates=tuple(c for c in classes if not deflects(c)))
     swinging = replace(everything, candidates=tuple(c for c in classes if deflects(c)))
-    path = direct.run()
-    first, final = path[0], direct.prune(path[-1], path[0])
+    first = everything.model(())
     rough = _EXPLAINED + _SIMULATED**2 * first.error
+    start = direct.best_addition(first, first)
+    left = first.error if start is None else start.error
+    early: _Search | None = None
+    if left > _HALF * first.error:
+        swung = _swung(swinging, first, first, rough)
+        if swung and swung[-1].error < _FAR * left:
+            early = _finish(direct, [first, *swung], first)
+            if early[1].error < rough:
+                return everything, *early
+    path = direct.run([first] if start is None else [first, start])
+    final = direct.prune(path[-1], first)
     fine = _EXPLAINED + _FILTERED**2 * first.error
     # Simulated links are themselves off by a share; a lower bound calls for nothing finer.
     explained = fine if problem.floor.repeats else rough
     best = direct, path, final
-    if not swinging.candidates:
-        return best
-    for start in dict.fromkeys((first, final)):
+    for origin in dict.fromkeys((first, final)) if swinging.candidates else ():
         if best[2].error < explained:
             break
-        swings = swinging.best_addition(start, first, _WORTHWHILE * start.error)
-        if swings is None:
+        swung = _swung(swinging, origin, first, explained)
+        if not swung:
             continue
-        longer = direct.run([first, swings] if start is first else [*path, swings])
-        found = direct.prune(longer[-1], first)
+        begun = [first, *swung] if origin is first else [*path, *swung]
+        longer, found = early or _finish(direct, begun, first)
+        early = None
         if _better(direct, found, best[2], first):
             best = everything, longer, found
             explained = rough
     return best
+
+
+def _finish(direct: Selector, path: list[Model], first: Model) -> _Search:
+    """Return a path continued by what acts at once, and what of its end still pays."""
+    longer = direct.run(path)
+    return longer, direct.prune(longer[-1], first)
+
+
+def _swung(swinging: Selector, origin: Model, first: Model, enough: float) -> list[Model]:
+    """Return models with one swinging link more each, as long as they pay and much is left."""
+    result = [origin]
+    while result[-1].error >= enough:
+        longer = swinging.best_addition(result[-1], first, _WORTHWHILE * result[-1].error)
+        if longer is None:
+            break
+        result.append(longer)
+    return result[1:]
 
 
 def _better(judge: Selector, found: Model, known: Model, first: Model) -> bool:

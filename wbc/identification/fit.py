@@ -8,15 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.errors import DynamicsError, EffectError, TransmissionError
+from wbc.identification.derivatives import (
+    IMPOSSIBLE,
+    Evaluation,
+    Slots,
+    derivatives,
+    evaluate,
+    with_changes,
+)
 from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual, deflects, swinging_torque
+from wbc.identification.residual import deflects
 from wbc.robot import Effect, Parameter, Robot
 
 _ITERATIONS = 12
 _CONVERGED = 1e-4
 _CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
-_UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
+_TRUSTED = 0.25  # error of a promised gain up to which links that swing keep their derivatives
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
 
 
@@ -105,85 +112,39 @@ def refine(
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
     """
-    current = list(effects)
-    slots = tuple((k, p) for k, effect in enumerate(current) for p in effect.parameters)
-    residual = _residual(robot, current, records, whitening)
-    jacobian = _jacobian(robot, current, slots, records, whitening, residual)
-    least = _CONVERGED_ROUGH if any(deflects(effect) for effect in effects) else _CONVERGED
+    slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
+    swings = any(deflects(effect) for effect in effects)
+    at = evaluate(robot, effects, records, whitening)
+    jacobian = derivatives(robot, at, slots, records, whitening)
+    least = _CONVERGED_ROUGH if swings else _CONVERGED
+    fresh = True  # whether the links that swing were differentiated here
     for _ in range(iterations if slots else 0):
-        step = _bounded_step(current, slots, jacobian, residual)
-        moved, change = _line_search(robot, current, slots, step, records, whitening, residual)
-        if moved is None:
+        step = _bounded_step(at.effects, slots, jacobian, at.residual)
+        found = _line_search(robot, at, slots, step, records, whitening)
+        if found is None:
+            if fresh:
+                break
+            jacobian, fresh = derivatives(robot, at, slots, records, whitening), True
+            continue
+        moved, length = found
+        gain = (at.cost - moved.cost) / at.cost
+        trusted = fresh
+        if swings:
+            promised = float(np.sum((at.residual + jacobian @ (length * step)) ** 2))
+            trusted = abs(gain * at.cost / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
+        at = moved
+        known = jacobian if trusted else None
+        jacobian = derivatives(robot, at, slots, records, whitening, known)
+        settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
+        if settled and (trusted or fresh):
             break
-        current, after = moved
-        gain = float(np.sum(residual**2) - np.sum(after**2)) / float(np.sum(residual**2))
-        residual = after
-        jacobian = _jacobian(robot, current, slots, records, whitening, residual)
-        if gain < least or change < _CONVERGED:
-            break
-    return Fit(robot.with_effects(*current), tuple(current), residual, jacobian, slots)
-
-
-def _residual(
-    robot: Robot, effects: Sequence[Effect], records: Sequence[Record], whitening: FloatArray
-) -> FloatArray:
-    return condensed_residual(robot.with_effects(*effects), records) @ whitening
-
-
-def _jacobian(
-    robot: Robot,
-    effects: Sequence[Effect],
-    slots: Sequence[tuple[int, Parameter]],
-    records: Sequence[Record],
-    whitening: FloatArray,
-    residual: FloatArray,
-) -> FloatArray:
-    columns = []
-    whole = robot.with_effects(*effects)
-    swinging = [swinging_torque(whole, record) for record in records] if slots else []
-    for k, parameter in slots:
-        # What is no part of a soft gear hardly changes how its link swings.
-        held = None if deflects(effects[k]) else swinging
-        for size in (1e-3, -1e-3):
-            step = size * parameter.scale
-            try:
-                changed = _moved(effects, {(k, parameter.name): step})
-                moved = condensed_residual(robot.with_effects(*changed), records, held)
-                column = (moved @ whitening - residual) / size
-            except (EffectError, TransmissionError, DynamicsError):
-                continue
-            columns.append(column)
-            break
-        else:
-            columns.append(np.zeros_like(residual))
-    if not columns:
-        return np.zeros((*residual.shape, 0))
-    jacobian = np.stack(columns, axis=-1)
-    size = np.sqrt(np.mean(jacobian**2, axis=(0, 1)))
-    for row, (k, _) in enumerate(slots):
-        beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
-        if size[row] < _UNFELT * beside:
-            jacobian[:, :, row] = 0.0
-    return jacobian
-
-
-def _moved(
-    effects: Sequence[Effect], changes: dict[tuple[int, str], float], *, clip: bool = False
-) -> list[Effect]:
-    result = list(effects)
-    for (k, name), change in changes.items():
-        effect = result[k]
-        value = effect.values[name] + change
-        if clip:
-            bound = next(p for p in effect.parameters if p.name == name)
-            value = float(np.clip(value, bound.low, bound.high))
-        result[k] = effect.with_values({name: value})
-    return result
+        fresh = not trusted or not swings
+    return Fit(robot.with_effects(*at.effects), at.effects, at.residual, jacobian, slots)
 
 
 def _bounded_step(
     effects: Sequence[Effect],
-    slots: Sequence[tuple[int, Parameter]],
+    slots: Slots,
     jacobian: FloatArray,
     residual: FloatArray,
 ) -> FloatArray:
@@ -207,29 +168,28 @@ def _bounded_step(
 
 def _line_search(
     robot: Robot,
-    effects: Sequence[Effect],
-    slots: Sequence[tuple[int, Parameter]],
+    at: Evaluation,
+    slots: Slots,
     step: FloatArray,
     records: Sequence[Record],
     whitening: FloatArray,
-    residual: FloatArray,
-) -> tuple[tuple[list[Effect], FloatArray] | None, float]:
-    before = float(np.sum(residual**2))
+) -> tuple[Evaluation, float] | None:
+    """Return the first point along a step that leaves less, and which share of the step it is."""
     length = 1.0
     for _ in range(5):
         changes = {
             (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
         }
         try:
-            moved = _moved(effects, changes, clip=True)
-            after = _residual(robot, moved, records, whitening)
-        except (EffectError, TransmissionError, DynamicsError):
+            moved = with_changes(at.effects, changes, clip=True)
+            after = evaluate(robot, moved, records, whitening)
+        except IMPOSSIBLE:
             length *= 0.4
             continue
-        if float(np.sum(after**2)) < before:
-            return (moved, after), float(np.max(np.abs(length * step), initial=0.0))
+        if after.cost < at.cost:
+            return after, length
         length *= 0.4
-    return None, 0.0
+    return None
 
 
 def _least_squares(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.credibility import credible, showing
 from wbc.identification.model import Model
@@ -25,6 +26,7 @@ _TIED = 0.05  # of the gain, by which the errors of equals may differ
 SIMPLER = 0.05  # complexities closer than this are the same
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
+_ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
 
@@ -43,6 +45,9 @@ class Selector:
     candidates: tuple[type[Effect], ...]
     report: Callable[[str], None] = lambda line: None
     _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
+    _simulated: dict[tuple[Effect, ...], dict[type[Effect], list[Atom]]] = field(
+        default_factory=dict
+    )
 
     @property
     def fitted(self) -> tuple[Model, ...]:
@@ -65,11 +70,19 @@ class Selector:
         """
         if not self.problem.significant(small.squares, large.squares):
             return False
-        by_output = np.mean(small.squares - large.squares, axis=0)
+        return self._gained(small.squares - large.squares, small, first)
+
+    def _gained(self, gain: FloatArray, small: Model, first: Model) -> bool:
+        """Whether a gain (rows, outputs) over `small` is more than what is distorted."""
         simulated = any(deflects(e) for e in small.effects)
         share = _SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
         distorted = share**2 * np.mean(first.squares, axis=0)
-        return float(np.mean(np.maximum(by_output - distorted, 0.0))) > _LEAST_GAIN
+        return bool(np.mean(np.maximum(np.mean(gain, axis=0) - distorted, 0.0)) > _LEAST_GAIN)
+
+    def _hopeful(self, model: Model, first: Model) -> bool:
+        """Whether explaining all that is left would pay, beside a simulation all but the noise."""
+        noise = 1.0 if any(deflects(e) for e in model.effects) else 0.0
+        return self._gained(model.squares - noise, model, first)
 
     def run(self, start: Sequence[Model] = ()) -> list[Model]:
         """Return the models from no cause to the chosen ones, each one cause larger.
@@ -79,7 +92,7 @@ class Selector:
         """
         path = list(start) or [self.model(())]
         first = path[0]
-        while len(path) <= _MOST_CAUSES:
+        while len(path) <= _MOST_CAUSES and self._hopeful(path[-1], first):
             best = self.best_addition(path[-1], first) or self.on_credit(path[-1], first)
             if best is None:
                 break
@@ -94,9 +107,11 @@ class Selector:
         Of several large causes none may pay alone, since what the others leave hides its gain in
         the few blocks of a short log.
         """
-        current = model
+        current, enough = model, ONLY_NOISE
+        if any(deflects(e) for e in model.effects):
+            enough += _SYSTEMATIC_SIMULATED**2 * first.error
         for _ in range(_ON_CREDIT):
-            if current.error < ONLY_NOISE:
+            if current.error < enough:
                 return None
             larger = [m for m in self._trials(current) if m.error < current.error]
             if not larger:
@@ -186,8 +201,8 @@ class Selector:
             key = tuple(sorted(atom.key for atom in added))
             # How a link swings is screened roughly: the fit gains much over it.
             swings = any(deflects(atom.effect) for atom in added)
-            promising = worst if not swings else max(worst, _PROMISING * start.error)
-            enters = subset is single or subset.error <= promising
+            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or found[0].error))
+            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
             pairs = zip(added, search.coefficients(subset.atoms), strict=True)
@@ -201,16 +216,17 @@ class Selector:
     ) -> tuple[BeamSearch, list[Atom]]:
         """Return the search over single additions, with the present parameters free to move."""
         problem, fit = self.problem, model.fit
-        known = evidence(fit.robot, problem.records)
         taken = {(e.name, e.where) for e in model.effects} | set(exclude)
         excess, first = model.error - 1.0, self.model(()).error - 1.0
         simulated = excess > _SYSTEMATIC_SIMULATED**2 * first
         offered = [c for c in self.candidates if simulated or not deflects(c)]
-        atoms = [
-            atom
-            for atom in make_atoms(fit.robot, problem.records, offered, known)
-            if atom.key not in taken
-        ]
+        shelf = self._simulated.setdefault(model.effects, {})
+        missing = [c for c in offered if c not in shelf]
+        known = evidence(fit.robot, problem.records)
+        made = make_atoms(fit.robot, problem.records, missing, known)
+        shelf |= {c: [a for a in made if a.effect is c] for c in missing if deflects(c)}
+        found = {c: shelf.get(c) or [a for a in made if a.effect is c] for c in offered}
+        atoms = [atom for c in offered for atom in found[c] if atom.key not in taken]
         search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)
         return search, atoms
 

@@ -1,0 +1,102 @@
+"""Which springs and dampers in a gear explain what a log leaves unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.robot import LinkResponse
+
+_DAMPING_RATIOS = (0.02, 0.1, 0.4)
+_STIFFNESSES = np.geomspace(20.0, 20000.0, 22)
+_NEAR = (0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25)
+_HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
+
+Spring = tuple[float, float]
+
+
+def best_springs(responses: Sequence[LinkResponse], count: int) -> list[Spring]:
+    """Return the `count` pairs of stiffness and damping that leave least unexplained, best first.
+
+    A lightly damped swing keeps its phase for long, so the best of a coarse grid is searched around
+    twice more, unless it promises nothing. A link without inertia about the joint (a point on its
+    axis) swings behind nothing: the list is empty.
+
+    Args:
+        responses: of the joint, one per log.
+        count: how many to return.
+    """
+    inertias = [r.inertia[:, r.row] for r in responses]
+    if min(float(inertia.min()) for inertia in inertias) <= 0.0:
+        return []
+    typical = float(np.mean([np.mean(inertia) for inertia in inertias]))
+
+    def damped(stiffness: float, ratio: float) -> Spring:
+        return float(stiffness), float(2.0 * ratio * np.sqrt(stiffness * typical))
+
+    pairs = [damped(k, ratio) for k in _STIFFNESSES for ratio in _DAMPING_RATIOS]
+    left = _left(responses, pairs)
+    first = np.argsort(left)[: max(2, count)]
+    known = {pairs[k]: left[k] for k in first}
+    whole = sum(float(np.sum(r.left(np.zeros(len(r.load))) ** 2)) for r in responses)
+    if left.min() < _HOPELESS * whole:
+        near = [(k * f, c * s) for k, c in list(known)[:2] for f in _NEAR for s in (0.4, 1.0)]
+        new = [pair for pair in dict.fromkeys(near) if pair not in known]
+        known |= dict(zip(new, _left(responses, new), strict=True))
+    return sorted(known, key=lambda pair: known[pair])[:count]
+
+
+def _left(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> FloatArray:
+    """Return (P,) the squares that each spring leaves, with the start that leaves least."""
+    total = np.zeros(len(pairs))
+    for response, torques in zip(responses, _torques(responses, pairs), strict=True):
+        band = response.band(torques.reshape(len(torques), -1)).reshape(-1, *torques.shape[1:])
+        wanted = response.left(np.zeros(len(torques)))[:, None] - band[:, 0]
+        free = band[:, 1:] / np.maximum(np.sqrt(np.sum(band[:, 1:] ** 2, axis=0)), 1e-300)
+        gram = np.einsum("nip,njp->pij", free, free) + 1e-9 * np.eye(2)
+        moment = np.einsum("nip,np->pi", free, wanted)
+        start = np.linalg.solve(gram, moment[..., None])[..., 0]
+        total += np.sum((wanted - np.einsum("nip,pi->np", free, start)) ** 2, axis=0)
+    return total
+
+
+def _torques(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> list[FloatArray]:
+    """Return per log (N, 3, P) the joint's additional torque: from rest, and per free swing.
+
+    All springs and logs are stepped side by side, by the rule of `soft_deflection` with one step
+    per sample. By the balance of the link the additional torque is what the gear passes on less
+    the load.
+    """
+    longest = max(len(response.load) for response in responses)
+    h = np.array([response.step for response in responses])
+    k, c = (np.array(values)[:, None] for values in zip(*pairs, strict=True))
+
+    def column(name: str) -> FloatArray:
+        parts = [getattr(response, name)[:, response.row] for response in responses]
+        padded = [np.pad(part, (0, longest - len(part)), mode="edge") for part in parts]
+        return np.stack(padded, axis=1)[:, None, :]
+
+    inertia, load = column("inertia"), column("load")
+    drag, pull = column("damping") + c, column("stiffness") + k
+    after = inertia / h**2 + drag / (2.0 * h) + pull / 4.0
+    by_last = (2.0 * inertia / h**2 - pull / 2.0) / after
+    by_former = (drag / (2.0 * h) - inertia / h**2 - pull / 4.0) / after
+    mean = load.copy()
+    mean[1:-1] = (load[2:] + 2.0 * load[1:-1] + load[:-2]) / 4.0
+    push = -mean / after
+    d = np.zeros((longest, 3, *after.shape[1:]))
+    d[0, 1] = 1.0
+    d[1, 0] = -0.5 * h**2 * load[0] / inertia[0]
+    d[1, 1] = 1.0 - 0.5 * h**2 * pull[0] / inertia[0]
+    d[1, 2] = h - 0.5 * h**2 * drag[0] / inertia[0]
+    for i in range(1, longest - 1):
+        np.multiply(by_last[i], d[i], out=d[i + 1])
+        d[i + 1] += by_former[i] * d[i - 1]
+        d[i + 1, 0] += push[i]
+    v = np.gradient(d, axis=0) / h
+    v[0] = np.array([0.0, 0.0, 1.0])[:, None, None]
+    torque = -k * d - c * v
+    torque[:, 0] -= load
+    return [torque[: len(r.load), :, :, n] for n, r in enumerate(responses)]
