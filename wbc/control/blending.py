@@ -23,45 +23,39 @@ def place_certainty(speed: FloatArray, full: float, certainty: FloatArray) -> No
         certainty[i] = min(max(speed[i] / full, -1.0), 1.0)
 
 
-@compiled(Nothing, *[Vector] * 5, OutVector)
-def place_mesh_input(
+@compiled(Flag, *[Vector] * 8, *[OutVector] * 3)
+def place_torques(
     output: FloatArray,
+    share: FloatArray,
     sigma: FloatArray,
     rest: FloatArray,
     forward: FloatArray,
     backward: FloatArray,
-    mesh: FloatArray,
-) -> None:
-    """Write t = ((1 - |sigma|) rest + |sigma| (forward or backward)) T (m,) into `mesh`.
-
-    Args:
-        output: T (m,).
-        sigma: certainty of direction (m,).
-        rest, forward, backward: slopes (m,) at standstill, where T sigma > 0, and elsewhere.
-        mesh: result.
-    """
-    for i in range(len(output)):
-        moving = forward[i] if output[i] * sigma[i] > 0.0 else backward[i]
-        mesh[i] = (rest[i] + abs(sigma[i]) * (moving - rest[i])) * output[i]
-
-
-@compiled(Flag, *[Vector] * 4, OutVector, OutVector)
-def place_within(
-    mesh: FloatArray,
-    share: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    wanted: FloatArray,
+    mesh: FloatArray,
+    torque: FloatArray,
     clipped: FloatArray,
 ) -> bool:
-    """Write mesh + share (m,) into `wanted` and what the limits leave of it into `clipped`.
+    """Write t = ((1 - |sigma|) rest + |sigma| (forward or backward)) T and what follows, (m,).
+
+    Args:
+        output, share: T and what the rotors take themselves.
+        sigma: certainty of direction.
+        rest, forward, backward: slopes at standstill, where T sigma > 0, and elsewhere.
+        lower, upper: least and greatest N tau_phi.
+        mesh: result t.
+        torque: result t + share, N tau_phi.
+        clipped: result, what the limits leave of it.
 
     Returns:
         whether the limits leave all of it.
     """
     whole = True
-    for i in range(len(mesh)):
-        wanted[i] = mesh[i] + share[i]
-        clipped[i] = min(max(wanted[i], lower[i]), upper[i])
-        whole = whole and clipped[i] == wanted[i]
+    for i in range(len(output)):
+        moving = forward[i] if output[i] * sigma[i] > 0.0 else backward[i]
+        mesh[i] = (rest[i] + abs(sigma[i]) * (moving - rest[i])) * output[i]
+        torque[i] = mesh[i] + share[i]
+        clipped[i] = min(max(torque[i], lower[i]), upper[i])
+        whole = whole and clipped[i] == torque[i]
     return whole

@@ -184,20 +184,18 @@ class Controller:
         sigma, speed, expected = self._judge_speeds(motion)
         limits = self._motors.bounds(motion, speed)
         gears = GearState(sigma, limits, expected, self._output)
-        answer: Answer | Refusal = Refusal(None, None)
         decided, output = None, self._output
         for level in levels:
             self._level, self._gears = level, gears
             level.assemble(motion, references, contacts, decided)
             answer = level.solve(gears, output)
             if isinstance(answer, Refusal):
-                break
-            decided, output = answer.found.acceleration, answer.found.output
-        if isinstance(answer, Refusal):
-            complaint = answer.complaint or overflow_complaint(references)
-            return self._safe(motion, complaint, start, answer.found)
-        self._remember(motion, answer)
-        outcome = Outcome(levels[-1].program, answer, gears, start, self.settings.deadline)
+                complaint = answer.complaint or overflow_complaint(references)
+                return self._safe(motion, complaint, start, answer.found)
+            solved, found = answer, answer.found
+            decided, output = found.acceleration, found.output
+        self._remember(motion, solved)
+        outcome = Outcome(levels[-1].program, solved, gears, start, self.settings.deadline)
         return outcome.command(self._law, self._motors, motion)
 
     def _judge_speeds(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:

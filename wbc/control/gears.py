@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.control.blending import place_mesh_input
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 
@@ -42,6 +41,9 @@ class GearLaw:
     law holds, t = T/eta_f where T sigma > 0 and eta_b T where T sigma < 0; in between it is blended
     with the torque that the policy prefers at rest. Every blend of the three lies inside the
     interval that holds T at rest.
+
+    Attributes:
+        blended: the slopes (m,) at rest, where T sigma > 0, and where T sigma < 0.
     """
 
     def __init__(self, gears: Transmission, policy: RestPolicy) -> None:
@@ -57,6 +59,7 @@ class GearLaw:
             RestPolicy.MOST_MARGIN: 0.5 * (low + high),
         }[policy]
         self._rest = np.clip(preferred, low, high)
+        self.blended = self._rest, self._forward, self._backward
         # rows: slopes for T > 0 and for T < 0
         self._both = np.array([self._rest, self._rest])
         self._ahead = np.array([self._forward, self._backward]) - self._rest
@@ -70,12 +73,6 @@ class GearLaw:
         both += astern * self._astern
         both += self._both
         return Slopes(both[0], both[1])
-
-    def mesh_input(self, output: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return t (m,) that brings out `output` T (m,) at certainty and direction `sigma`."""
-        mesh = np.empty(len(output))
-        place_mesh_input(output, sigma, self._rest, self._forward, self._backward, mesh)
-        return mesh
 
     def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest mesh input (m,) that transmit `output` T at `sigma`.

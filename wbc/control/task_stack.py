@@ -126,7 +126,9 @@ class TaskStack:
     ) -> None:
         """Write the rows of one task."""
         task = entry.task
-        reference = self._reference(task, kinematics, references)
+        reference = references.get(task.name) or self._last.get(task.name, _NOTHING)
+        if reference.position is None:
+            reference = self._held(task, kinematics, reference)
         if entry.jacobian is not None:
             entry.jacobian[:] = task.jacobian(kinematics)
             entry.drift[:] = task.drift(kinematics)
@@ -158,12 +160,8 @@ class TaskStack:
         rows[np.arange(len(self.wanted), len(rows)), chosen] = 1.0
         return rows, rows @ acceleration
 
-    def _reference(
-        self, task: Task, kinematics: Kinematics, references: Mapping[str, Reference]
-    ) -> Reference:
-        reference = references.get(task.name) or self._last.get(task.name, _NOTHING)
-        if reference.position is None:
-            held = self._last.get(task.name)
-            position = copy(task.value(kinematics)) if held is None else held.position
-            reference = Reference(position, reference.velocity, reference.acceleration)
-        return reference
+    def _held(self, task: Task, kinematics: Kinematics, reference: Reference) -> Reference:
+        """Return a reference with the position of the last one, or with the present value."""
+        held = self._last.get(task.name)
+        position = copy(task.value(kinematics)) if held is None else held.position
+        return Reference(position, reference.velocity, reference.acceleration)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.blending import place_within
+from wbc.control.blending import place_torques
 from wbc.control.gears import GearLaw
 from wbc.control.qp import QPProblem, make_solver
 from wbc.transmission import Transmission
@@ -70,9 +70,10 @@ class RotorTorqueStage:
             sigma: certainty of the direction of each gear (m,).
             limits: least and greatest N tau_phi (m,).
         """
-        wanted = self._law.mesh_input(output, sigma)
-        torque, clipped = np.empty(len(wanted)), np.empty(len(wanted))
-        if place_within(wanted, share, *limits, torque, clipped):
+        m = len(output)
+        wanted, torque, clipped = np.empty(m), np.empty(m), np.empty(m)
+        slopes = self._law.blended
+        if place_torques(output, share, sigma, *slopes, *limits, wanted, torque, clipped):
             return Realised(torque, wanted, True)
         if self._serial:
             return Realised(clipped, clipped - share, False)
