@@ -79,7 +79,7 @@ class ActiveSetGuess:
             self._weigh()
         G, right, free, inverse = self._G, self._right, self._free, self._inverse
         place_tasks(tasks.jacobian, tasks.wanted, tasks.pull, inverse, G, right, free)
-        bounds, x = self._bounds, np.empty(len(free))
+        bounds, x = self._bounds, np.empty(self._program.n)
         bounds.update()
         for count in range(1, _ROUNDS + 1):
             size = self._add_active()

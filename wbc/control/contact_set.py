@@ -34,6 +34,10 @@ class ContactSet:
             self.slices.append(slice(start, start + contact.rows))
             start += contact.rows
         self.rows = start
+        self._wrenches = [
+            (contact.name, contact.wrench, rows)
+            for contact, rows in zip(self.contacts, self.slices, strict=True)
+        ]
         self.jacobian = np.zeros((start, nv))
         self.target = np.zeros(start)
         self._drift = np.zeros(start)
@@ -71,6 +75,10 @@ class ContactSet:
         for contact, (jacobian, drift) in zip(self.contacts, self._places, strict=True):
             contact.fill(kinematics, jacobian, drift)
         place_rest(self.jacobian, kinematics.velocity, self._damping, self._drift, self.target)
+
+    def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
+        """Return the force of every contact as users see it, of all components (k,) [N, N m]."""
+        return {name: wrench(force[rows]) for name, wrench, rows in self._wrenches}
 
     def load_share(self, weight: float) -> FloatArray:
         """Return forces (k,) [N] that share `weight` [N] equally among the normals."""

@@ -38,7 +38,7 @@ class Outcome(NamedTuple):
             motors: what turns the torques into drive commands.
             motion: the state.
         """
-        program, gears, active = self.program, self.gears, self.program.contacts
+        program, gears = self.program, self.gears
         found, (torque, mesh, exact), (status, message) = self.answer
         forces = found.solution.x[program.nv :] * program.force_scale
         consistent = exact or law.consistent(
@@ -52,10 +52,7 @@ class Outcome(NamedTuple):
         return Command(
             rotor_torque=drive,
             acceleration=found.acceleration,
-            forces={
-                contact.name: contact.wrench(forces[rows])
-                for contact, rows in zip(active.contacts, active.slices, strict=True)
-            },
+            forces=program.contacts.wrenches(forces),
             consistent=consistent,
             output_torque=found.output,
             mesh_torque=mesh,
