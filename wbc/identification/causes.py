@@ -15,6 +15,7 @@ _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state
 _WORTHWHILE = 0.7  # of the error that a swinging link must promise to leave at most
 _HALF = 0.5  # of the error, left by the best cause that acts at once, from which on ...
 _FAR = 0.3  # ... links that swing come first, if they leave so little of what that cause leaves
+_CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _SIMULATED = 0.1  # share of the first error to which links behind soft gears are simulated
 
@@ -29,8 +30,8 @@ def find_causes(
     Effects with a hidden state are simulated, which is slow. They are tried where effects that act
     at once leave something: alone, since a swinging link looks like several other causes at
     once, and beside what was found; whatever acts at once is then sought anew. Where no
-    cause that acts at once explains half, swinging links come first: if with them everything is
-    explained, nothing else is sought in their place but what `settle` exchanges.
+    cause that acts at once explains half, swinging links come first: if they explain everything
+    or far more than any of those, nothing is sought in their place but what `settle` exchanges.
 
     Args:
         problem: the logs.
@@ -49,7 +50,7 @@ def find_causes(
         swung = _swung(swinging, first, first, rough)
         if swung and swung[-1].error < _FAR * left:
             early = _finish(direct, [first, *swung], first)
-            if early[1].error < rough:
+            if early[1].error < max(rough, _CLEAR * left):
                 return everything, *early
     path = direct.run([first] if start is None else [first, start])
     final = direct.prune(path[-1], first)
