@@ -50,6 +50,12 @@ def _sure(problem: Problem, fit: Fit) -> FloatArray:
     return np.asarray(np.sqrt(ROWS_PER_SAMPLE * np.diag(np.linalg.inv(gram))) / norm)
 
 
+def shape_at_bound(fit: Fit) -> bool:
+    """Whether a shape lies at the end of its range, where an effect often turns into a simpler."""
+    found = ((fit.effects[k].values[p.name], p) for k, p in fit.parameters if p.shape)
+    return any(value in (p.low, p.high) for value, p in found)
+
+
 def credible(problem: Problem, fit: Fit) -> bool:
     """Whether no number lies at the end of a fit's range, and no drive or mass explains too much.
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from wbc.identification.credibility import credible
+from wbc.identification.credibility import credible, shape_at_bound, showing
 from wbc.identification.model import Model
+from wbc.identification.residual import deflects
 from wbc.identification.selection import REFINED, SIMPLER, Selector, without
 from wbc.robot import Effect
 
 _EXCHANGES = 3
+_SAME = 0.005  # share of what a cause explains, that a rival of the same shape may miss
 
 
 def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[tuple[str, ...]]]:
@@ -34,8 +37,8 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
     else:
         rivals = [_rivals(selector, current, k) for k in range(len(current.effects))]
     names = [
-        _names([m for m in group if _stands(selector, m, current, effect, first)], effect)
-        for group, effect in zip(rivals, current.effects, strict=True)
+        _names([m for m in group if _stands(selector, m, current, k, first)], current.effects[k])
+        for k, group in enumerate(rivals)
     ]
     return current, names
 
@@ -43,6 +46,10 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
 def _rivals(selector: Selector, model: Model, k: int) -> list[Model]:
     """Return models in which another cause stands in the place of number `k`."""
     own = model.effects[k]
+    if not deflects(own) and any(deflects(e) for e in model.effects):
+        # One swinging link more was sought already where it was found.
+        direct = tuple(c for c in selector.candidates if not deflects(c))
+        selector = replace(selector, candidates=direct)
     rest = selector.model(without(model.effects, k))
     found = selector.additions(rest, REFINED, [(own.name, own.where)], model.error)
     return [m for m in found if credible(selector.problem, m.fit)]
@@ -66,16 +73,24 @@ def _better(
     return min(stronger, key=lambda m: m.error) if stronger else None
 
 
-def _stands(selector: Selector, rival: Model, model: Model, own: Effect, first: Model) -> bool:
-    """Whether the rival is as good, or leaves less though it asks for more to be believed.
+def _stands(selector: Selector, rival: Model, model: Model, k: int, first: Model) -> bool:
+    """Whether a rival of cause `k` is as good for no more, or the same although it asks for more.
 
-    One name at two places is simpler than two names, but what has fewer numbers at this place is
-    no less simple here.
+    What asks for more to be believed must explain the same to a small share, and show in the logs
+    by numbers of its own: a spring far from its rest is only an offset.
     """
-    fewer = rival.effects[-1].freedom < own.freedom and len(rival.effects) == len(model.effects)
-    if rival.complexity < model.complexity + SIMPLER or fewer:
+    others = without(model.effects, k)
+    if rival.complexity < model.complexity + SIMPLER:
         return not selector.pays(rival, model, first)
-    return selector.problem.leaning(model.squares, rival.squares)
+    problem = selector.problem
+    explained = selector.model(others).error - model.error
+    if len(rival.effects) > len(model.effects) or shape_at_bound(rival.fit):
+        return False
+    if rival.error - model.error > _SAME * explained:
+        return False
+    if problem.leaning(rival.squares, model.squares):
+        return False
+    return showing(problem, rival.fit) >= set(range(len(others), len(rival.effects)))
 
 
 def _names(rivals: Sequence[Model], own: Effect) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,24 @@ class NoiseFloor:
     def source(self) -> str:
         """`repeats` or `lower bound`."""
         return "repeats" if self.repeats else "lower bound"
+
+
+def with_even_noise(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records with rows scaled so that their sensors' noise is equal in all of them.
+
+    The weight around reversals carries noise of higher frequencies into the residual's band: a
+    log that reverses often is noisier than a calm one with the same sensors. Where runs repeat
+    one another the floor is theirs, and quieter logs are not counted for more.
+    """
+    drawn = [record.condense(np.add(*synthetic_noise(record))) for record in records]
+    levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
+    repeated = sorted({k for pair in find_repeats(records) for k in pair})
+    reference = np.mean(levels[repeated or slice(None)], axis=0)
+    certainty = np.sqrt(reference / levels)
+    if repeated:
+        certainty = np.minimum(certainty, 1.0)
+    pairs = zip(records, certainty, strict=True)
+    return tuple(replace(record, certainty=share) for record, share in pairs)
 
 
 def noise_floor(records: Sequence[Record], residuals: Sequence[FloatArray]) -> NoiseFloor:

@@ -106,6 +106,7 @@ def _record(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidt
         bandwidth=band,
         noise=noise,
         reported_share=np.ones(robot.transmission.size),
+        certainty=np.ones(robot.transmission.size + robot.floating_size),
     )
 
 

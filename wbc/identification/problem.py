@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.fit import Fit, refine
-from wbc.identification.floor import NoiseFloor, noise_floor
+from wbc.identification.floor import NoiseFloor, noise_floor, with_even_noise
 from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
 from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
@@ -23,7 +23,7 @@ _LIKELIHOOD_RATIO = 12.0
 ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
 _SAMPLES_PER_BLOCK = 4.0  # independent ones: a block lasts four periods of the band or longer
 _CHI_SQUARE = 25.0
-_CHI_SQUARE_LEANING = 1.0
+_CHI_SQUARE_LEANING = 6.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Problem:
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> Problem:
         """Prepare logs; see `prepare` for the errors raised."""
-        records = prepare(robot, logs)
+        records = with_even_noise(prepare(robot, logs))
         parts = [condensed_residual(robot, [record]) for record in records]
         floor = noise_floor(records, parts)
         silent = silent_drives(records, parts, floor.values)
@@ -122,7 +122,7 @@ class Problem:
         )
 
     def leaning(self, worse: FloatArray, better: FloatArray) -> bool:
-        """Whether `better` leaves less, by what chance does once in six times at most."""
+        """Whether `better` leaves less, by more than chance does once in a hundred times."""
         if np.mean(better) < ONLY_NOISE:
             return self._known_gain(worse, better) > _CHI_SQUARE_LEANING
         one, other = self._blockwise(worse), self._blockwise(better)

@@ -42,6 +42,8 @@ class Record:
         noise: white noise of the sensors.
         reported_share: (m,) share of the residual's noise variance that comes from the reported
             torque; the rest comes from what the model needs.
+        certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
+            those that the noise floor is taken from.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Record:
     bandwidth: Bandwidth
     noise: SensorNoise
     reported_share: FloatArray
+    certainty: FloatArray
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
     _moved: dict[bytes, Record] = field(default_factory=dict)
@@ -73,6 +76,11 @@ class Record:
         """Samples cut at both ends, where filters have not settled."""
         return min(int(self.rate / self.bandwidth.residual), len(self.torque) // 8)
 
+    @cached_property
+    def scale(self) -> FloatArray:
+        """What torques (N, m + b) are multiplied by before they are condensed."""
+        return self.weight * self.certainty
+
     @property
     def rows(self) -> int:
         """Number of rows that `condense` returns."""
@@ -80,7 +88,7 @@ class Record:
 
     def condense(self, values: FloatArray) -> FloatArray:
         """Return weighted, low-passed, thinned `values` (N, m + b, ...) -> (rows, m + b, ...)."""
-        weight = self.weight.reshape(*self.weight.shape, *(1,) * (values.ndim - 2))
+        weight = self.scale.reshape(*self.scale.shape, *(1,) * (values.ndim - 2))
         return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
 
     def condense_driven(self, values: FloatArray) -> FloatArray:
@@ -187,7 +195,7 @@ class Record:
         )
 
     def _own_band(self, values: FloatArray, column: int) -> FloatArray:
-        weight = self.weight[:, column].reshape(-1, *(1,) * (values.ndim - 1))
+        weight = self.scale[:, column].reshape(-1, *(1,) * (values.ndim - 1))
         return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
 
     def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:

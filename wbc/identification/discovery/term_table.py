@@ -115,7 +115,7 @@ def _columns(
     gain = (raw_residual(robot, record) - raw_residual(nudged, record)) / _NUDGE
     outputs = np.flatnonzero(np.abs(gain).max(axis=0) > 1e-9)
     values, levels = _values(robot, motion, joint, terms)
-    weight = (gain * record.weight)[:, outputs]
+    weight = (gain * record.scale)[:, outputs]
     parts = [
         np.stack(
             [
