@@ -20,7 +20,7 @@ from wbc.sim import Plant
 
 TICK = 1e-3
 PUSH = {"solo12": np.array([0.0, 8.0, 0.0]), "talos": np.array([0.0, 150.0, 0.0])}
-DEPTH = {"solo12": 0.04, "talos": 0.06}
+DEPTH = {"solo12": 0.04, "anymal": 0.06, "talos": 0.06}
 
 
 class Engine(Protocol):

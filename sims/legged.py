@@ -1,4 +1,4 @@
-"""Solo12 and Talos on their feet: controller, squat and push, whatever the plant is."""
+"""Solo12, ANYmal and Talos on their feet: controller, squat and push, whatever the plant is."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from wbc.control import (
 )
 from wbc.dynamics import Workspace, evaluate
 
-_TRUNK = {"solo12": "base_link", "talos": "torso_2_link"}
+_TRUNK = {"solo12": "base_link", "anymal": "base", "talos": "torso_2_link"}
 
 Act = Callable[[float], tuple[FloatArray, FloatArray]]
 """Time [s] -> height over the start [m] with its two rates (3,), push on the base (3,) [N]."""
