@@ -81,8 +81,8 @@ class Formulation:
         bounds.setBounds(-limit, limit)
         self.problem.addActuationTask(bounds, 1.0, 0, 0.0)
         self.trunk, self.posture, self.bounds = trunk, posture, bounds
-        make = {"fast": tsid.SolverHQuadProgFast, "proxqp": tsid.SolverProxQP}[solver]
-        self.solver = make("solver")
+        make = {"fast": "SolverHQuadProgFast", "proxqp": "SolverProxQP"}[solver]
+        self.solver = getattr(tsid, make)("solver")  # ProxQP is there if TSID was built with it
         self.resize()
 
     @staticmethod
