@@ -16,6 +16,15 @@ def place_corrected(
         corrected[i] = measured[i] - kept * error
 
 
+@compiled(Nothing, Vector, Vector, Number, OutVector)
+def place_advanced(
+    speed: FloatArray, acceleration: FloatArray, step: float, advanced: FloatArray
+) -> None:
+    """Write speed + step acceleration (k,) into `advanced`."""
+    for i in range(len(speed)):
+        advanced[i] = speed[i] + step * acceleration[i]
+
+
 @compiled(Nothing, Vector, Number, OutVector)
 def place_certainty(speed: FloatArray, full: float, certainty: FloatArray) -> None:
     """Write clip(speed / full, +-1) (k,) into `certainty`."""

@@ -39,6 +39,7 @@ from wbc.control.program_library import ProgramLibrary, Recipe
 from wbc.control.qp import QPProblem, check_solver
 from wbc.control.reference import Reference
 from wbc.control.settings import ControllerSettings
+from wbc.control.speed import SpeedBlend
 from wbc.control.state import State
 from wbc.control.tasks import Task
 from wbc.control.torque_stage import RotorTorqueStage
@@ -213,7 +214,9 @@ class Controller:
 
     def _remember(self, motion: Motion, answer: Answer) -> None:
         self._output = answer.found.output
-        self._expected = self._expected + self.settings.time_step * answer.found.acceleration
+        self._expected = SpeedBlend.advanced(
+            self._expected, answer.found.acceleration, self.settings.time_step
+        )
         self._fallback.remember(motion, answer.realised.torque)
         if self._brakes:
             self._plant.remember(answer.found.acceleration, answer.found.output)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.blending import place_certainty, place_corrected
+from wbc.control.blending import place_advanced, place_certainty, place_corrected
 from wbc.errors import ControlError
 
 
@@ -53,6 +53,13 @@ class SpeedBlend:
         kept = 1.0 - min(self.correction * step, 1.0)
         place_corrected(expected, measured, self.trusted_error, kept, corrected)
         return corrected
+
+    @staticmethod
+    def advanced(speed: FloatArray, acceleration: FloatArray, step: float) -> FloatArray:
+        """Return the speed (k,) that an acceleration (k,) leads to in a time step [s]."""
+        advanced = np.empty(speed.shape)
+        place_advanced(speed, acceleration, step, advanced)
+        return advanced
 
     def certainty(self, speed: FloatArray) -> FloatArray:
         """Return sigma (k,), -1 to 1."""
