@@ -17,7 +17,7 @@ _HALF = 0.5  # of the error, left by the best cause that acts at once, from whic
 _FAR = 0.3  # ... links that swing come first, if they leave so little of what that cause leaves
 _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
-_SIMULATED = 0.1  # share of the first error to which links behind soft gears are simulated
+_SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 
 _Search = tuple[list[Model], Model]
 

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.atoms import Atom, evidence, make_atoms
 from wbc.identification.credibility import credible, showing
+from wbc.identification.drive_order import in_best_order
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import deflects
@@ -18,7 +19,7 @@ from wbc.robot import Effect
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
-_SYSTEMATIC_SIMULATED = 0.1  # the same for links simulated behind play or soft gears
+_SYSTEMATIC_SIMULATED = 0.02  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
 _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
@@ -98,7 +99,7 @@ class Selector:
                 break
             for effect in best.effects[len(path[-1].effects) :]:
                 self.report(f"{effect.name} at {effect.where}")
-            path.append(best)
+            path.append(in_best_order(best, self.model))
         return path
 
     def on_credit(self, model: Model, first: Model) -> Model | None:

@@ -15,7 +15,7 @@ from wbc.identification.residual import deflects
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 # A link that bounces in its play is chaotic: no simulation follows it for long.
-_UNEXPLAINED_SHARE_SIMULATED = 0.2
+_UNEXPLAINED_SHARE_SIMULATED = 0.1
 _UNEXPLAINED_SHARE = 0.08  # ... and as a share of the first excess
 _UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
 
