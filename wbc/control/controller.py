@@ -98,6 +98,7 @@ class Controller:
         self._law = GearLaw(robot.transmission, self.settings.rest_policy)
         self._effects = EffectTorques(robot)
         self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
+        self._outcome = Outcome(self._law, self._motors, self.settings.deadline)
         self._fallback = Fallback(robot, self._plant, self._motors)
         joint_limit = single_limit(JointLimit, limits)
         self._brakes = joint_limit is not None and joint_limit.braking is not None
@@ -196,8 +197,7 @@ class Controller:
             solved, found = answer, answer.found
             decided, output = found.acceleration, found.output
         self._remember(motion, solved)
-        outcome = Outcome(levels[-1].program, solved, gears, start, self.settings.deadline)
-        return outcome.command(self._law, self._motors, motion)
+        return self._outcome.command(levels[-1].program, solved, gears, motion, start)
 
     def _judge_speeds(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Update the plant; return sigma (m,), measured and expected motor speed (m,)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import NamedTuple
 
 from wbc.control.command import Command, Status
 from wbc.control.gears import GearLaw, gear_directions
@@ -13,42 +12,46 @@ from wbc.control.program import ContactForceProgram
 from wbc.robot import Motion
 
 
-class Outcome(NamedTuple):
-    """A usable solution with the torques that realise it.
+class Outcome:
+    """Makes commands of usable solutions."""
 
-    Attributes:
-        program: the last program of the tick.
-        answer: its solution, the torques, and how usable they are.
-        gears: what the directions were judged by.
-        start: when the tick began, by `perf_counter` [s].
-        deadline: [s] that the tick may take before it is late, None for no deadline.
-    """
-
-    program: ContactForceProgram
-    answer: Answer
-    gears: GearState
-    start: float
-    deadline: float | None
-
-    def command(self, law: GearLaw, motors: Motors, motion: Motion) -> Command:
-        """Return the command.
+    def __init__(self, law: GearLaw, motors: Motors, deadline: float | None) -> None:
+        """Take what does not change.
 
         Args:
             law: what judges whether torques and directions agree.
             motors: what turns the torques into drive commands.
-            motion: the state.
+            deadline: [s] that a tick may take before it is late, None for no deadline.
         """
-        program, gears = self.program, self.gears
-        found, (torque, mesh, exact), (status, message) = self.answer
-        forces = found.solution.x[program.nv :] * program.force_scale
-        consistent = exact or law.consistent(
+        self._law, self._motors, self._deadline = law, motors, deadline
+
+    def command(
+        self,
+        program: ContactForceProgram,
+        answer: Answer,
+        gears: GearState,
+        motion: Motion,
+        start: float,
+    ) -> Command:
+        """Return the command.
+
+        Args:
+            program: the last program of the tick.
+            answer: its solution, the torques, and how usable they are.
+            gears: what the directions were judged by.
+            motion: the state.
+            start: when the tick began, by `perf_counter` [s].
+        """
+        found, (torque, mesh, exact), (status, message) = answer
+        forces = program.forces_of(found.solution.x)
+        consistent = exact or self._law.consistent(
             gear_directions(found.output, gears.sigma), found.output, mesh
         )
-        drive = motors.to_drive(motion, torque)
-        elapsed = perf_counter() - self.start
-        if self.deadline is not None and elapsed > self.deadline:
+        drive = self._motors.to_drive(motion, torque)
+        elapsed = perf_counter() - start
+        if self._deadline is not None and elapsed > self._deadline:
             status = Status.LATE
-            message = f"{1e3 * elapsed:.2f} ms of {1e3 * self.deadline:.2f} ms."
+            message = f"{1e3 * elapsed:.2f} ms of {1e3 * self._deadline:.2f} ms."
         return Command(
             rotor_torque=drive,
             acceleration=found.acceleration,
@@ -61,7 +64,7 @@ class Outcome(NamedTuple):
             status=status,
             message=message,
             solve_time=found.solve_time,
-            tick_time=perf_counter() - self.start,
+            tick_time=perf_counter() - start,
             rounds=found.rounds,
             solution=found.solution,
         )

@@ -81,6 +81,7 @@ class ContactForceProgram:
         self.weights = weights
         weight = _weight(robot.model)
         self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
+        self._force_scales = np.full(self.forces, self.force_scale)
         self.force_cost = ContactForceCost(
             contacts, force_tasks, weights[1], weight, self.force_scale
         )
@@ -222,6 +223,10 @@ class ContactForceProgram:
             top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
         self.rows.write_normals(set_.normal_minimum, top)
         self._ceilings = None if ceilings is None else dict(ceilings)
+
+    def forces_of(self, x: FloatArray) -> FloatArray:
+        """Return the contact forces (k,) [N, N m] at a solution."""
+        return np.asarray(x[self.nv :] * self._force_scales)
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""
