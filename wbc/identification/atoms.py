@@ -16,6 +16,10 @@ from wbc.robot import Effect, Evidence, Robot, Screen
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
+ShelfKey = tuple[type[Effect], str, tuple[tuple[tuple[str, float], ...], ...]]
+Shelf = dict[ShelfKey, FloatArray]
+"""Columns (rows, outputs, r) by effect, place and units."""
+
 
 @dataclass(frozen=True, eq=False)
 class Atom:
@@ -70,31 +74,42 @@ def make_atoms(
     records: Sequence[Record],
     candidates: Sequence[type[Effect]],
     known: Evidence,
+    shelf: Shelf | None = None,
 ) -> list[Atom]:
     """Return every candidate at every place in every shape, with its columns.
 
     Args:
-        robot: the model whose residual is to be explained.
+        robot: the model whose residual is to be explained, or one close to it.
         records: the logs.
         candidates: effect classes.
         known: evidence for shapes that depend on the data.
+        shelf: columns made of this robot before; new ones are put there.
     """
+    shelf = {} if shelf is None else shelf
     offers = [
         (effect, where, screen)
         for effect in candidates
         for where in effect.places(robot)
         for screen in effect.screening(robot, where, known)
     ]
-    offers = [offer for offer in offers if _changed(robot, *offer) is not None]
-    parts = [_columns(robot, record, offers) for record in records]
+    new = [o for o in offers if _key(*o) not in shelf and _changed(robot, *o) is not None]
+    parts = [_columns(robot, record, new) for record in records]
+    for offer, *columns in zip(new, *parts, strict=True):
+        shelf[_key(*offer)] = np.concatenate(columns)
     atoms = []
-    for (effect, where, screen), *columns in zip(offers, *parts, strict=True):
-        stacked = np.concatenate(columns)
+    for effect, where, screen in offers:
+        stacked = shelf.get(_key(effect, where, screen))
+        if stacked is None:
+            continue
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
             atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
     return atoms
+
+
+def _key(effect: type[Effect], where: str, screen: Screen) -> ShelfKey:
+    return effect, where, tuple(tuple(sorted(unit.items())) for unit in screen.units)
 
 
 def _changed(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> list[Robot] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from wbc.identification.atoms import Shelf
 from wbc.identification.credibility import credible, shape_at_bound, showing
 from wbc.identification.model import Model
 from wbc.identification.residual import deflects
@@ -29,13 +30,13 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
     """
     current = model
     for _ in range(_EXCHANGES):
-        rivals = [_rivals(selector, current, k) for k in range(len(current.effects))]
+        rivals = _all_rivals(selector, current)
         better = _better(selector, [m for group in rivals for m in group], current, first)
         if better is None:
             break
         current = selector.prune(better, first)
     else:
-        rivals = [_rivals(selector, current, k) for k in range(len(current.effects))]
+        rivals = _all_rivals(selector, current)
     names = [
         _names([m for m in group if _stands(selector, m, current, k, first)], current.effects[k])
         for k, group in enumerate(rivals)
@@ -43,15 +44,25 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
     return current, names
 
 
-def _rivals(selector: Selector, model: Model, k: int) -> list[Model]:
-    """Return models in which another cause stands in the place of number `k`."""
+def _all_rivals(selector: Selector, model: Model) -> list[list[Model]]:
+    """Return for each cause the models in which another one stands in its place.
+
+    What a small effect adds to the model hardly depends on one cause more or less: all
+    screens but those beside a link that swings share the columns of the whole model.
+    """
+    columns: Shelf = {}
+    return [_rivals(selector, model, k, columns) for k in range(len(model.effects))]
+
+
+def _rivals(selector: Selector, model: Model, k: int, columns: Shelf) -> list[Model]:
     own = model.effects[k]
+    near = None if deflects(own) else (model.fit.robot, columns)
     if not deflects(own) and any(deflects(e) for e in model.effects):
         # One swinging link more was sought already where it was found.
         direct = tuple(c for c in selector.candidates if not deflects(c))
         selector = replace(selector, candidates=direct)
     rest = selector.model(without(model.effects, k))
-    found = selector.additions(rest, REFINED, [(own.name, own.where)], model.error)
+    found = selector.additions(rest, REFINED, [(own.name, own.where)], model.error, near=near)
     return [m for m in found if credible(selector.problem, m.fit)]
 
 

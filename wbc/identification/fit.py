@@ -24,6 +24,7 @@ _ITERATIONS = 12
 _CONVERGED = 1e-4
 _CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
 _TRUSTED = 0.25  # error of a promised gain up to which links that swing keep their derivatives
+_STRAIGHT = 1e-2  # share of a step's change in which it may miss what its derivatives promised
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
 
 
@@ -128,18 +129,29 @@ def refine(
             continue
         moved, length = found
         gain = (at.cost - moved.cost) / at.cost
+        settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
+        change = jacobian @ (length * step)
+        if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
+            # Nothing bends on this way: the derivatives hold at its end, too.
+            at = moved
+            if settled:
+                break
+            continue
         trusted = fresh
         if swings:
-            promised = float(np.sum((at.residual + jacobian @ (length * step)) ** 2))
+            promised = float(np.sum((at.residual + change) ** 2))
             trusted = abs(gain * at.cost / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
         at = moved
         known = jacobian if trusted else None
         jacobian = derivatives(robot, at, slots, records, whitening, known)
-        settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
         if settled and (trusted or fresh):
             break
         fresh = not trusted or not swings
     return Fit(robot.with_effects(*at.effects), at.effects, at.residual, jacobian, slots)
+
+
+def _norm(values: FloatArray) -> float:
+    return float(np.sqrt(np.sum(values**2)))
 
 
 def _bounded_step(

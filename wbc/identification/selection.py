@@ -8,19 +8,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.atoms import Atom, evidence, make_atoms
+from wbc.identification.atoms import Atom, Shelf, evidence, make_atoms
 from wbc.identification.credibility import credible, showing
 from wbc.identification.drive_order import in_best_order
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import deflects
 from wbc.identification.search import BeamSearch, Subset
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SYSTEMATIC_SIMULATED = 0.02  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
+_FEW_BLOCKS = 12  # in which a cause may gain much and still not be significant
 _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
 _TIED = 0.05  # of the gain, by which the errors of equals may differ
@@ -30,6 +31,9 @@ _PROMISING = 0.5  # of the present error, that a swinging link must be screened 
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
+
+Nearby = tuple[Robot, Shelf]
+"""A robot close to those whose causes are sought, and the columns made of it so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +113,10 @@ class Selector:
         the few blocks of a short log. Beside a link that is simulated there is no credit: what
         the simulation is off by looks like many causes.
         """
-        current = model
-        if any(deflects(e) for e in model.effects):
+        few = np.unique(self.problem.blocks).size < _FEW_BLOCKS
+        if not few or any(deflects(e) for e in model.effects):
             return None
+        current = model
         for _ in range(_ON_CREDIT):
             if current.error < ONLY_NOISE:
                 return None
@@ -119,10 +124,11 @@ class Selector:
             if not larger:
                 return None
             current = min(larger, key=lambda m: m.error)
-            if len(current.effects) > len(model.effects) + 1:
+            several = len(current.effects) > len(model.effects) + 1
+            if several and self._taken(model, current, first):
                 kept = self.prune(current, first)
-                if len(kept.effects) > len(model.effects) and self._taken(model, kept, first):
-                    return kept
+                new = len(kept.effects) > len(model.effects)
+                return kept if new and self._taken(model, kept, first) else None
         return None
 
     def best_addition(self, model: Model, first: Model, most: float = np.inf) -> Model | None:
@@ -177,15 +183,16 @@ class Selector:
         exclude: Sequence[tuple[str, str]] = (),
         enough: float = 0.0,
         most: float = np.inf,
+        near: Nearby | None = None,
     ) -> list[Model]:
         """Return the `count` most promising models with one cause more, fitted.
 
         Those whose screened error is clearly above both the best one and `enough`, or above `most`,
-        are left out.
+        are left out. With `near` the screen's columns are those of a robot close by.
         """
         if not self.candidates:
             return []
-        search, atoms = self.screen(model, exclude)
+        search, atoms = self.screen(model, exclude, near)
         start = Subset((), search.error(()))
         found = search.grow([start])
         found = [subset for subset in found if subset.error < most]
@@ -214,7 +221,7 @@ class Selector:
         return refined
 
     def screen(
-        self, model: Model, exclude: Sequence[tuple[str, str]]
+        self, model: Model, exclude: Sequence[tuple[str, str]], near: Nearby | None = None
     ) -> tuple[BeamSearch, list[Atom]]:
         """Return the search over single additions, with the present parameters free to move."""
         problem, fit = self.problem, model.fit
@@ -225,7 +232,11 @@ class Selector:
         shelf = self._simulated.setdefault(model.effects, {})
         missing = [c for c in offered if c not in shelf]
         known = evidence(fit.robot, problem.records)
-        made = make_atoms(fit.robot, problem.records, missing, known)
+        swings = [c for c in missing if deflects(c)]
+        direct = [c for c in missing if not deflects(c)]
+        made = make_atoms(fit.robot, problem.records, swings, known)
+        robot, columns = near or (fit.robot, {})
+        made += make_atoms(robot, problem.records, direct, known, columns)
         shelf |= {c: [a for a in made if a.effect is c] for c in missing if deflects(c)}
         found = {c: shelf.get(c) or [a for a in made if a.effect is c] for c in offered}
         atoms = [atom for c in offered for atom in found[c] if atom.key not in taken]
