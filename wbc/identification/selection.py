@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.atoms import Atom, Shelf, evidence, make_atoms
 from wbc.identification.credibility import credible, showing
 from wbc.identification.drive_order import in_best_order
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import deflects
-from wbc.identification.search import BeamSearch, Subset
-from wbc.robot import Effect, Robot
+from wbc.identification.screening import Nearby, Swinging, screen
+from wbc.identification.search import Subset
+from wbc.robot import Effect
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
@@ -32,9 +32,6 @@ _ROUGHLY = 5.0  # times the error of the best one screened, from which on it can
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
 
-Nearby = tuple[Robot, Shelf]
-"""A robot close to those whose causes are sought, and the columns made of it so far."""
-
 
 @dataclass(frozen=True, eq=False)
 class Selector:
@@ -50,9 +47,7 @@ class Selector:
     candidates: tuple[type[Effect], ...]
     report: Callable[[str], None] = lambda line: None
     _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
-    _simulated: dict[tuple[Effect, ...], dict[type[Effect], list[Atom]]] = field(
-        default_factory=dict
-    )
+    _simulated: dict[tuple[Effect, ...], Swinging] = field(default_factory=dict)
 
     @property
     def fitted(self) -> tuple[Model, ...]:
@@ -192,7 +187,16 @@ class Selector:
         """
         if not self.candidates:
             return []
-        search, atoms = self.screen(model, exclude, near)
+        excess, first = model.error - 1.0, self.model(()).error - 1.0
+        much = excess > _SYSTEMATIC_SIMULATED**2 * first
+        search, atoms = screen(
+            self.problem,
+            model.fit,
+            [c for c in self.candidates if much or not deflects(c)],
+            {(e.name, e.where) for e in model.effects} | set(exclude),
+            self._simulated.setdefault(model.effects, {}),
+            near,
+        )
         start = Subset((), search.error(()))
         found = search.grow([start])
         found = [subset for subset in found if subset.error < most]
@@ -219,29 +223,6 @@ class Selector:
             seen.add(key)
             refined.append(self.model((*model.effects, *(e for e in effects if e is not None))))
         return refined
-
-    def screen(
-        self, model: Model, exclude: Sequence[tuple[str, str]], near: Nearby | None = None
-    ) -> tuple[BeamSearch, list[Atom]]:
-        """Return the search over single additions, with the present parameters free to move."""
-        problem, fit = self.problem, model.fit
-        taken = {(e.name, e.where) for e in model.effects} | set(exclude)
-        excess, first = model.error - 1.0, self.model(()).error - 1.0
-        simulated = excess > _SYSTEMATIC_SIMULATED**2 * first
-        offered = [c for c in self.candidates if simulated or not deflects(c)]
-        shelf = self._simulated.setdefault(model.effects, {})
-        missing = [c for c in offered if c not in shelf]
-        known = evidence(fit.robot, problem.records)
-        swings = [c for c in missing if deflects(c)]
-        direct = [c for c in missing if not deflects(c)]
-        made = make_atoms(fit.robot, problem.records, swings, known)
-        robot, columns = near or (fit.robot, {})
-        made += make_atoms(robot, problem.records, direct, known, columns)
-        shelf |= {c: [a for a in made if a.effect is c] for c in missing if deflects(c)}
-        found = {c: shelf.get(c) or [a for a in made if a.effect is c] for c in offered}
-        atoms = [atom for c in offered for atom in found[c] if atom.key not in taken]
-        search = BeamSearch(fit, atoms, problem.whitening, problem.folds, width=40)
-        return search, atoms
 
     def prune(self, model: Model, first: Model) -> Model:
         """Return the model without causes that do not pay any more."""
