@@ -186,18 +186,36 @@ class Controller:
         sigma, speed, expected = self._judge_speeds(motion)
         limits = self._motors.bounds(motion, speed)
         gears = GearState(sigma, limits, expected, self._output)
-        decided, output = None, self._output
-        for level in levels:
-            self._level, self._gears = level, gears
-            level.assemble(motion, references, contacts, decided)
-            answer = level.solve(gears, output)
+        answer = self._descend(levels, motion, references, contacts, gears)
+        if isinstance(answer, Refusal):
+            complaint = answer.complaint or overflow_complaint(references)
+            return self._safe(motion, complaint, start, answer.found)
+        self._remember(motion, answer)
+        return self._outcome.command(levels[0].program, answer, gears, motion, start)
+
+    def _descend(
+        self,
+        levels: Sequence[Level],
+        motion: Motion,
+        references: Mapping[str, Reference],
+        contacts: Mapping[str, float] | None,
+        gears: GearState,
+    ) -> Answer | Refusal:
+        """Solve one level after the other; one that finds nothing leaves it at those above."""
+        first, *lower = levels
+        self._level, self._gears = first, gears
+        first.assemble(motion, references, contacts, None)
+        answer = first.solve(gears, self._output)
+        for level in lower:
             if isinstance(answer, Refusal):
-                complaint = answer.complaint or overflow_complaint(references)
-                return self._safe(motion, complaint, start, answer.found)
-            solved, found = answer, answer.found
-            decided, output = found.acceleration, found.output
-        self._remember(motion, solved)
-        return self._outcome.command(levels[-1].program, solved, gears, motion, start)
+                break
+            found = answer.found
+            level.assemble(motion, references, contacts, found.solution.x)
+            deeper = level.solve(gears, found.output)
+            if isinstance(deeper, Refusal) and deeper.complaint is not None:
+                return answer.without_lower(deeper.complaint)
+            self._level, answer = level, deeper
+        return answer
 
     def _judge_speeds(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Update the plant; return sigma (m,), measured and expected motor speed (m,)."""

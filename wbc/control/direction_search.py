@@ -74,8 +74,9 @@ class DirectionSearch:
         self.program = program
         self._solver_name, self._tolerance = solver_name, tolerance
         self._iterations, self._rounds = iterations, rounds
-        self._solver: Solver = self._make(len(program.rows.labels))
-        self._branching: DirectionBranching | None = None
+        self._equalities = -1
+        self._solver: Solver
+        self._branching: DirectionBranching | None
         self._spent = 0.0
         self._count = 0
 
@@ -98,6 +99,8 @@ class DirectionSearch:
         """
         self._spent, self._count = 0.0, 0
         program = self.program
+        if len(program.b) != self._equalities:
+            self._make_solvers()
         for _ in range(min(_GUESSES, self._rounds)):
             slope = slopes.at(positive)
             program.assemble_torque_limits(slope, *limits)
@@ -123,6 +126,12 @@ class DirectionSearch:
         ):
             return self._found(solution, False)
         return self._branch(slopes, limits, None, _NONE, positive, solution)
+
+    def _make_solvers(self) -> None:
+        """Make the solver anew: what a more important level decides has other rows than before."""
+        self._equalities = len(self.program.b)
+        self._solver = self._make(len(self.program.rows.labels))
+        self._branching = None
 
     def _make(self, rows: int) -> Solver:
         return make_solver(

@@ -33,6 +33,7 @@ class InequalityRows:
         joint_limit: JointLimit | None,
         nv: int,
         force_scale: float,
+        slack: float,
     ) -> None:
         """Lay the rows out.
 
@@ -42,8 +43,9 @@ class InequalityRows:
             joint_limit: limits of joints, or None.
             nv: number of accelerations, which come before the forces in x.
             force_scale: [N] per unit of force variable.
+            slack: how far every bound lies beyond what it stands for.
         """
-        self._force_scale = force_scale
+        self._force_scale, self._slack = force_scale, slack
         self.revision = 0
         faces, normals = len(contacts.cone), len(contacts.contacts)
         joints = () if joint_limit is None else joint_limit.joints
@@ -52,7 +54,7 @@ class InequalityRows:
         self.C = np.zeros((ends[-1], nv + contacts.rows))
         self.lower, self.upper = np.full(ends[-1], -INFINITE), np.full(ends[-1], INFINITE)
         self.C[self.cone, nv:] = contacts.cone
-        self.upper[self.cone] = 0.0
+        self.upper[self.cone] = slack
         self.C[self.normal, nv:] = contacts.normals
         if joint_limit is not None:
             self.C[np.arange(self.joint.start, self.joint.stop), joint_limit.rows] = 1.0
@@ -65,15 +67,21 @@ class InequalityRows:
 
     def write_normals(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (c,) [N] of the normal forces; a low ceiling lowers the floor."""
-        scale = self._force_scale
-        self.lower[self.normal] = np.minimum(least, greatest) / scale
-        self.upper[self.normal] = np.minimum(greatest / scale, INFINITE)
+        scale, slack = self._force_scale, self._slack
+        self.lower[self.normal] = np.minimum(least, greatest) / scale - slack
+        self.upper[self.normal] = np.minimum(greatest / scale, INFINITE) + slack
         self.revision += 1
 
     def write_joints(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (j,) of the joints' accelerations."""
-        self.lower[self.joint], self.upper[self.joint] = least, greatest
+        slack = self._slack
+        self.lower[self.joint], self.upper[self.joint] = least - slack, greatest + slack
         self.revision += 1
+
+    def write_torques(self, least: FloatArray, greatest: FloatArray) -> None:
+        """Write the bounds (t,) [N m] of the torque rows."""
+        np.subtract(least, self._slack, out=self.lower[self.torque])
+        np.add(greatest, self._slack, out=self.upper[self.torque])
 
     def scale_and_unit(self, row: int) -> tuple[float, str]:
         """Return what a violation of the row is multiplied with for its unit, and the unit."""

@@ -14,6 +14,7 @@ from wbc.control.command import Status
 from wbc.control.direction_search import DirectionSearch, Found
 from wbc.control.gears import GearLaw
 from wbc.control.inputs import Complaint, all_finite
+from wbc.control.level_lock import LevelLock
 from wbc.control.program import ContactForceProgram
 from wbc.control.qp import QPProblem
 from wbc.control.reference import Reference
@@ -49,6 +50,11 @@ class Answer(NamedTuple):
     realised: Realised
     verdict: Complaint
 
+    def without_lower(self, complaint: Complaint) -> Answer:
+        """Return the answer of a level whose next one has only a complaint."""
+        message = f"the tasks of level 1 are left out: {complaint[1]}"
+        return self._replace(verdict=(Status.INACCURATE, message))
+
 
 class Refusal(NamedTuple):
     """Why there is no usable solution; no complaint where a number of the program is not finite."""
@@ -67,8 +73,8 @@ class Level:
     def __init__(
         self,
         tasks: TaskStack,
-        above: TaskStack | None,
         program: ContactForceProgram,
+        lock: LevelLock | None,
         search: DirectionSearch,
         guess: ActiveSetGuess | None,
         law: GearLaw,
@@ -79,15 +85,15 @@ class Level:
 
         Args:
             tasks: of the level.
-            above: tasks of the more important level, None where there is none.
             program: what is to be solved.
+            lock: holds what the more important level decided; None where there is none.
             search: solves it with the directions of its own solution.
             guess: tried before the search; None where every tick goes to the solver.
             law: of the meshes.
             stage: finds the rotor torques.
             time_step: time until the next tick [s].
         """
-        self._tasks, self._above, self.program = tasks, above, program
+        self._tasks, self._lock, self.program = tasks, lock, program
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._time_step = time_step
         self._output = np.zeros(0)
@@ -106,13 +112,13 @@ class Level:
             motion: the state.
             references: of the tick.
             contacts: greatest normal force [N] of each active contact, or None.
-            decided: qdd (nv,) of the level above.
+            decided: x (n,) of the level above.
         """
         program = self.program
         program.assemble_constraints(motion.position, motion.velocity, self._time_step, contacts)
         program.assemble_forces(references)
-        if self._above is not None and decided is not None:
-            program.assemble_lock(*self._above.lock(decided))
+        if self._lock is not None and decided is not None:
+            self._lock.assemble(decided)
 
     def solve(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         """Return the solution with the directions of its own torques, or why there is none.

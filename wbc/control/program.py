@@ -40,6 +40,7 @@ class ContactForceProgram:
             accelerations and forces are of one size and tolerances mean the same on any robot.
         force_cost: cost of the contact forces.
         A, b: the equalities, part of `stacked` and `stacked_right`.
+        unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
     """
@@ -56,6 +57,7 @@ class ContactForceProgram:
         locked: int = 0,
         task_rows: int = 0,
         room: int = 0,
+        slack: float = 0.0,
     ) -> None:
         """Lay out the rows.
 
@@ -67,9 +69,10 @@ class ContactForceProgram:
             weights: regularisation of qdd and of the force variables.
             efforts: costs on the torques of the gears.
             force_tasks: costs on contact forces; those of inactive contacts stay idle.
-            locked: number of equality rows on qdd that a more important level hands down.
+            locked: greatest number of equality rows that a more important level hands down.
             task_rows: rows kept free above the equalities, for who solves them together.
             room: rows kept free below them.
+            slack: how far every inequality's bound lies beyond what it stands for.
         """
         robot = plant.robot
         self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
@@ -93,19 +96,18 @@ class ContactForceProgram:
         if self.efforts:
             self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
         rest = self.undriven + contacts.rows
-        self.locked_rows = slice(rest, rest + locked)
-        stop = task_rows + rest + locked
-        self.stacked = np.zeros((stop + room, self.n))
-        self.stacked_right = np.zeros(stop + room)
-        self.A, self.b = self.stacked[task_rows:stop], self.stacked_right[task_rows:stop]
+        self.unlocked, self._task_rows = rest, task_rows
+        size = task_rows + rest + locked + room
+        self.stacked, self.stacked_right = np.zeros((size, self.n)), np.zeros(size)
+        self._count_equalities(rest)
         balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
         self._balance, self._balance_right = self.A[balance], self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
         self._copies = not contacts.place(self._contact_rows, self._contact_right)
         names = robot.transmission.joints
-        self.rows = InequalityRows(
-            [names[i] for i in self.gears], contacts, joint_limit, self.nv, self.force_scale
-        )
+        gears = [names[i] for i in self.gears]
+        scale = self.force_scale
+        self.rows = InequalityRows(gears, contacts, joint_limit, self.nv, scale, slack)
         self._write_normal_bounds(None)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
         self._scaled_map = np.zeros_like(self.torque_map)
@@ -188,9 +190,13 @@ class ContactForceProgram:
             add_effort(cost, self.torque_map, self.plant, self.H, self.g)
 
     def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
-        """Write the rows on qdd (k, nv) that a more important level has decided, and values."""
-        self.A[self.locked_rows, : self.nv] = matrix
-        self.b[self.locked_rows] = values
+        """Write the rows (k, n) that a more important level has decided, and values (k,)."""
+        self._count_equalities(self.unlocked + len(values))
+        self.A[self.unlocked :], self.b[self.unlocked :] = matrix, values
+
+    def _count_equalities(self, count: int) -> None:
+        where = slice(self._task_rows, self._task_rows + count)
+        self.A, self.b = self.stacked[where], self.stacked_right[where]
 
     def assemble_torque_limits(
         self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
@@ -209,12 +215,10 @@ class ContactForceProgram:
         np.multiply(self.torque_map, slopes[:, None], out=scaled)
         scaled[:, :nv] += plant.rotor
         if self._all_gears:
-            np.subtract(lower, offset, out=rows.lower[where])
-            np.subtract(upper, offset, out=rows.upper[where])
+            rows.write_torques(lower - offset, upper - offset)
         else:
             rows.C[where] = scaled[self.gears]
-            rows.lower[where] = (lower - offset)[self.gears]
-            rows.upper[where] = (upper - offset)[self.gears]
+            rows.write_torques((lower - offset)[self.gears], (upper - offset)[self.gears])
 
     def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
         set_ = self.contacts

@@ -15,6 +15,7 @@ from wbc.control.direction_search import DirectionSearch
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.gears import GearLaw
 from wbc.control.level import Level
+from wbc.control.level_lock import LevelLock, greatest_lock
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program import ContactForceProgram
@@ -22,6 +23,9 @@ from wbc.control.settings import ControllerSettings
 from wbc.control.task_stack import TaskStack
 from wbc.control.torque_stage import RotorTorqueStage
 from wbc.control.warm_start import WarmStart
+
+# A level decides up to the tolerance; what binds it must still let the next one keep that.
+_SLACK = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +83,7 @@ class ProgramLibrary:
     def _level(self, contacts: ContactSet, rank: int) -> Level:
         recipe, settings = self._recipe, self._recipe.settings
         last = rank == len(recipe.stacks) - 1
-        tasks = recipe.stacks[rank]
+        tasks, above = recipe.stacks[rank], recipe.stacks[rank - 1] if rank else None
         program = ContactForceProgram(
             recipe.plant,
             contacts,
@@ -88,9 +92,10 @@ class ProgramLibrary:
             (settings.acceleration_weight, settings.force_weight),
             recipe.efforts if last else (),
             recipe.force_tasks if last else (),
-            recipe.stacks[rank - 1].locks if rank else 0,
+            0 if above is None else greatest_lock(above),
             len(tasks.wanted),
             ROOM,
+            _SLACK * settings.tolerance if rank else 0.0,
         )
         search = DirectionSearch(
             program,
@@ -104,7 +109,7 @@ class ProgramLibrary:
         guess = None
         if diagonal and settings.warm_start is WarmStart.ACTIVE_SET:
             guess = ActiveSetGuess(program, tasks, settings.tolerance)
-        above = recipe.stacks[rank - 1] if rank else None
+        lock = None if above is None else LevelLock(program, above)
         return Level(
-            tasks, above, program, search, guess, recipe.law, recipe.stage, settings.time_step
+            tasks, program, lock, search, guess, recipe.law, recipe.stage, settings.time_step
         )

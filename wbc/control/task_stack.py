@@ -147,19 +147,6 @@ class TaskStack:
         hessian.reshape(-1)[:: len(hessian) + 1] += self.diagonal
         return hessian, -(self.wanted @ weighted) - self.pull
 
-    @property
-    def locks(self) -> int:
-        """How many rows on qdd fix what all tasks of this stack obtain."""
-        return len(self.wanted) + int(np.count_nonzero(self.diagonal))
-
-    def lock(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows (k, nv) and values (k,) that keep what `acceleration` gives the tasks."""
-        chosen = np.flatnonzero(self.diagonal)
-        rows = np.zeros((self.locks, len(acceleration)))
-        rows[: len(self.wanted)] = np.sqrt(self._weight)[:, None] * self.jacobian
-        rows[np.arange(len(self.wanted), len(rows)), chosen] = 1.0
-        return rows, rows @ acceleration
-
     def _held(self, task: Task, kinematics: Kinematics, reference: Reference) -> Reference:
         """Return a reference with the position of the last one, or with the present value."""
         held = self._last.get(task.name)

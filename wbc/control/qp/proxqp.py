@@ -27,9 +27,10 @@ class ProxQPSolver:
     (COLD_START_WITH_PREVIOUS_RESULT): the fully warm start calls feasible programs infeasible or
     stalls on them. The duality gap is part of the stopping rule: without it a start that is
     feasible and stationary, but pushes against a bound that has moved away, is returned as the
-    solution after no iteration at all. Iterations are bounded inside and outside, so that no tick
-    can stall. The caller makes sure that every number is finite and lower <= upper; ProxQP would
-    not return otherwise.
+    solution after no iteration at all. From far off it still calls programs infeasible that leave
+    hardly any room, so that a failure is believed only of a start from nothing. Iterations are
+    bounded inside and outside, so that no tick can stall. The caller makes sure that every number
+    is finite and lower <= upper; ProxQP would not return otherwise.
     """
 
     def __init__(
@@ -53,6 +54,14 @@ class ProxQPSolver:
 
     def solve(self, problem: QPProblem) -> QPSolution:
         """Return the solution of `problem`, which must have the size given on construction."""
+        warm = self._started
+        solution = self._solve(problem)
+        if warm and solution.status is not QPStatus.SOLVED:
+            self.forget()
+            solution = self._solve(problem)
+        return solution
+
+    def _solve(self, problem: QPProblem) -> QPSolution:
         H, g, A, b, C, lower, upper = problem
         if self._started:
             self._qp.update(H=H, g=g, A=A, b=b, C=C, l=lower, u=upper)

@@ -1,0 +1,92 @@
+"""Tasks of level 1 under tasks that ask for more than the robot has freedoms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sims.legged import feet
+from wbc.control import (
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    FrameOrientationTask,
+    PostureTask,
+    Status,
+    WarmStart,
+)
+from wbc.control.level import Level, Refusal
+from wbc.control.orthonormal_rows import extend_basis
+from wbc.effects import load_robot
+from wbc.robot import Motion
+
+TRUNK = {"solo12": "base_link", "talos": "torso_2_link"}
+TICKS = 200
+
+
+def moving(robot, seed):
+    """Yield states around the stance, fast enough that friction cones bind in many of them."""
+    generator = np.random.default_rng(seed)
+    nv, q = robot.model.nv, next(iter(robot.poses.values()))
+    for _ in range(TICKS):
+        at = pin.integrate(robot.model, q, 0.02 * generator.normal(size=nv))
+        yield Motion(at, 0.3 * generator.normal(size=nv))
+
+
+@pytest.mark.parametrize("start", WarmStart, ids=lambda start: start.value)
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+@pytest.mark.parametrize("few", [False, True], ids=["all_feet", "half_the_feet"])
+@pytest.mark.parametrize("name", TRUNK)
+def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, start):
+    """Centre of mass and every joint are decided: level 1 is solved and changes neither."""
+    robot = load_robot(name)
+    upper = [CenterOfMassTask(), PostureTask.of(robot)]
+    lower = FrameOrientationTask(name="trunk", frame=TRUNK[name], level=1)
+    settings = ControllerSettings(solver=solver, warm_start=start)
+    alone = Controller(robot, upper, feet(robot), settings=settings)
+    both = Controller(robot, [*upper, lower], feet(robot), settings=settings)
+    on = [foot.name for foot in feet(robot)]
+    contacts = dict.fromkeys(on[: len(on) // 2] if few else on, np.inf)
+    bound = 0
+    for state in moving(robot, 0):
+        one, two = (c.step(state, contacts=contacts) for c in (alone, both))
+        assert one.status is Status.SOLVED
+        assert two.status is Status.SOLVED, two.message
+        bound += bool((np.abs(one.solution.z) > 1e-5).any())
+        scale = 1.0 + np.abs(one.acceleration).max()
+        np.testing.assert_allclose(two.acceleration, one.acceleration, atol=1e-6 * scale)
+    assert bound > TICKS // 10
+
+
+def test_basis_says_the_same_as_rows_that_depend_on_one_another():
+    generator = np.random.default_rng(0)
+    fixed = generator.normal(size=(3, 9))
+    fixed = np.vstack([fixed, fixed[0] + fixed[1]])
+    rows = np.diag([1e3, 1.0, 1e-3]) @ generator.normal(size=(3, 9))
+    rows = np.vstack([rows, rows[0] - 1e3 * rows[1] + fixed[2], np.zeros(9), fixed[3]])
+    kept, left = np.zeros((10, 9)), np.zeros((10, 9))
+    first = extend_basis(fixed, left, kept, 0)
+    last = extend_basis(rows, left, kept, first)
+    assert (first, last) == (3, 6)
+    np.testing.assert_allclose(kept[:6] @ kept[:6].T, np.eye(6), atol=1e-14)
+    span = np.linalg.svd(np.vstack([fixed, rows]))[2][:6]
+    np.testing.assert_allclose(kept[:6].T @ kept[:6], span.T @ span, atol=1e-9)
+
+
+def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypatch):
+    robot = load_robot("solo12")
+    upper = [CenterOfMassTask(), PostureTask.of(robot)]
+    lower = FrameOrientationTask(name="trunk", frame=TRUNK["solo12"], level=1)
+    alone = Controller(robot, upper, feet(robot))
+    both = Controller(robot, [*upper, lower], feet(robot))
+    gave_up = Refusal((Status.FAILED, "the solver gave up."), None)
+    solve = Level.solve
+    second = both._programs.levels(None)[1]
+    monkeypatch.setattr(Level, "solve", lambda s, *a: gave_up if s is second else solve(s, *a))
+    state = next(moving(robot, 1))
+    one, two = alone.step(state), both.step(state)
+    assert two.status is Status.INACCURATE
+    assert two.message == "the tasks of level 1 are left out: the solver gave up."
+    np.testing.assert_array_equal(two.rotor_torque, one.rotor_torque)
+    assert two.solution.primal_residual(both.problem) < 1e-5
