@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from wbc.effects.loose_link import Contact, loose_deflection
 from wbc.effects.loose_search import best_contacts
-from wbc.effects.soft_link import soft_deflection
+from wbc.effects.soft_link import soft_deflections
 from wbc.effects.soft_search import best_springs
 from wbc.robot import LinkResponse
 
@@ -56,7 +56,7 @@ def test_a_soft_link_swings_as_an_ode_solver_says(
     start: tuple[float, float], damping: float
 ) -> None:
     truth = _truth(Contact(300.0, damping, 0.0), start)
-    found = soft_deflection(_response(truth), 300.0, damping)
+    found = soft_deflections([_response(truth)], [(300.0, damping)])[0]
     assert found[:, 0] == pytest.approx(truth[:, 0], abs=0.01 * np.abs(truth[:, 0]).max())
     assert found[:, 1] == pytest.approx(truth[:, 1], abs=0.02 * np.abs(truth[:, 1]).max())
 

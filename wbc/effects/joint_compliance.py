@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.effects.soft_link import soft_deflection
 from wbc.effects.soft_search import best_springs
-from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
+from wbc.robot import Evidence, Parameter, Robot, Screen
 
 
 @final
@@ -52,6 +50,6 @@ class JointCompliance(JointEffect):
         gears = robot.transmission.with_value("stiffness", self.where, self.stiffness)
         return robot.with_transmission(gears.with_value("damping", self.where, self.damping))
 
-    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
-        """Return the link's motion relative to the motor, (N, 3)."""
-        return soft_deflection(response, self.stiffness, self.damping)
+    def spring(self) -> tuple[float, float]:
+        """Return stiffness and damping."""
+        return self.stiffness, self.damping

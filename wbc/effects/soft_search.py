@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.effects.soft_link import Spring
 from wbc.robot import LinkResponse
 
 _DAMPING_RATIOS = (0.02, 0.1, 0.4)
 _STIFFNESSES = np.geomspace(20.0, 20000.0, 22)
 _NEAR = (0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25)
 _HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
-
-Spring = tuple[float, float]
 
 
 def best_springs(responses: Sequence[LinkResponse], count: int) -> list[Spring]:
@@ -65,7 +64,7 @@ def _left(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> FloatAr
 def _torques(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> list[FloatArray]:
     """Return per log (N, 3, P) the joint's additional torque: from rest, and per free swing.
 
-    All springs and logs are stepped side by side, by the rule of `soft_deflection` with one step
+    All springs and logs are stepped side by side, by the rule of `soft_deflections` with one step
     per sample. By the balance of the link the additional torque is what the gear passes on less
     the load.
     """

@@ -68,12 +68,12 @@ def derivatives(
         slots: the p parameters as (number of effect, parameter).
         records: the logs.
         whitening: (outputs, judged outputs) by which residuals are multiplied.
-        known: (rows, outputs, p) derivatives nearby. Those by parameters of links that swing are
-            taken from it, so that nothing is simulated.
+        known: (rows, outputs, p) derivatives nearby. Those by parameters that change how links
+            swing are taken from it, so that nothing is simulated.
     """
     columns = []
     for row, (k, parameter) in enumerate(slots):
-        if known is not None and deflects(at.effects[k]):
+        if known is not None and _swings(robot, at, k):
             columns.append(known[:, :, row])
         else:
             columns.append(_derivative(robot, at, k, parameter, records, whitening))
@@ -96,8 +96,8 @@ def _derivative(
     records: Sequence[Record],
     whitening: FloatArray,
 ) -> FloatArray:
-    # What is no part of a soft gear hardly changes how its link swings.
-    held = None if deflects(at.effects[k]) else at.swinging
+    # What is neither part of a soft gear nor of a link hardly changes how links swing.
+    held = None if _swings(robot, at, k) else at.swinging
     for size in (_STEP, -_STEP):
         try:
             changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
@@ -106,6 +106,14 @@ def _derivative(
             continue
         return np.asarray((moved @ whitening - at.residual) / size)
     return np.zeros_like(at.residual)
+
+
+def _swings(robot: Robot, at: Evaluation, k: int) -> bool:
+    """Whether the parameters of an effect change how links swing behind their gears."""
+    if deflects(at.effects[k]):
+        return True
+    behind_gears = any(deflects(effect) for effect in at.effects)
+    return behind_gears and at.effects[k].change(robot).model is not robot.model
 
 
 def with_changes(

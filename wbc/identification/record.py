@@ -6,11 +6,12 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import (
     contact_torque,
     inertial_parameters,
@@ -18,10 +19,10 @@ from wbc.dynamics import (
     link_torque,
 )
 from wbc.identification.bandwidth import Bandwidth, SensorNoise
+from wbc.identification.link_responses import Columns, regressor_columns, torque_columns
 from wbc.identification.smoothing import low_pass
 from wbc.robot import LinkResponse, Motion, Robot
 
-_SMALL = 1e-6
 _KEPT_MOTIONS = 3
 
 
@@ -59,6 +60,7 @@ class Record:
     certainty: FloatArray
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
+    _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)
     _moved: dict[bytes, Record] = field(default_factory=dict)
 
     @property
@@ -116,7 +118,7 @@ class Record:
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""
-        return replace(self, robot=robot, _gravity_terms={}, _responses={}, _moved={})
+        return replace(self, robot=robot, **_nothing_kept())
 
     def along(self, motion: Motion) -> Record:
         """Return this record for another motion under the same measured forces.
@@ -132,9 +134,7 @@ class Record:
         if digest not in self._moved:
             while len(self._moved) >= _KEPT_MOTIONS:
                 del self._moved[next(iter(self._moved))]
-            self._moved[digest] = replace(
-                self, motion=motion, _gravity_terms={}, _responses={}, _moved={}
-            )
+            self._moved[digest] = replace(self, motion=motion, **_nothing_kept())
         return self._moved[digest]
 
     @cached_property
@@ -166,31 +166,46 @@ class Record:
             self._responses[joint] = self._sensitivities(joint)
         return self._responses[joint]
 
+    def response_of(self, robot: Robot, joint: str) -> LinkResponse:
+        """Return the response of a robot whose links differ from those of the believed one.
+
+        Linear in the links' parameters, so that a payload that is fitted costs no dynamics.
+        """
+        response = self.response(joint)
+        if robot.model is self.robot.model:
+            return response
+        change = inertial_parameters(robot) - inertial_parameters(self.robot)
+        kept = np.flatnonzero(change)
+        if not kept.size:
+            return response
+        known, columns = self._response_changes.get(joint, (kept[:0], None))
+        if columns is None or not np.isin(kept, known).all():
+            known = np.union1d(kept, known)
+            columns = regressor_columns(self.robot, self.motion, joint, self.regressor, known)
+            self._response_changes[joint] = known, columns
+        inertia, damping, stiffness = (column @ change[known] for column in columns)
+        return replace(
+            response,
+            inertia=response.inertia + inertia,
+            damping=response.damping + damping,
+            stiffness=response.stiffness + stiffness,
+        )
+
     def _sensitivities(self, joint: str) -> LinkResponse:
-        """Differentiate the link torque by one joint's position, velocity and acceleration."""
-        robot, motion = self.robot, self.motion
+        robot = self.robot
         row = robot.velocity_index(joint)
-        unit = np.eye(robot.model.nv)[row]
         column = int(np.flatnonzero(robot.actuated == row)[0])
-        position = np.array(motion.position)
-        position[:, robot.position_index(joint)] += _SMALL
-        acceleration = np.zeros_like(motion.velocity) + unit
-        if motion.acceleration is not None:
-            acceleration = acceleration + motion.acceleration
-        moved = motion.replace(position=position)
-        faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
-        pushed = motion.replace(acceleration=acceleration)
-        load = self.links - self.contacts
-        pushing = contact_torque(robot, moved.position, self.forces)
-        bent = link_torque(robot, moved) - pushing
+        inertia, damping, stiffness = torque_columns(
+            robot, self.motion, joint, self.links, self.forces
+        )
         return LinkResponse(
             step=1.0 / self.rate,
             row=row,
-            load=load,
-            inertia=link_torque(robot, pushed) - self.links,
-            damping=(link_torque(robot, faster) - self.links) / _SMALL,
-            stiffness=(bent - load) / _SMALL,
-            unexplained=np.zeros(len(load)),
+            load=self.links - self.contacts,
+            inertia=inertia,
+            damping=damping,
+            stiffness=stiffness,
+            unexplained=np.zeros(len(self.links)),
             band=partial(self._own_band, column=column),
         )
 
@@ -209,6 +224,10 @@ class Record:
                 self._gravity_terms[key] = _gravity_torque(robot, self.motion, int(axis))
             total += change[axis] * self._gravity_terms[key]
         return total
+
+
+def _nothing_kept() -> dict[str, Any]:
+    return {"_gravity_terms": {}, "_responses": {}, "_response_changes": {}, "_moved": {}}
 
 
 def _gravity_torque(robot: Robot, motion: Motion, axis: int) -> FloatArray:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
+from wbc.effects.soft_link import soft_deflections
 from wbc.identification.record import Record
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 
@@ -62,14 +63,14 @@ def _loads(
 def deflects(effect: Effect | type[Effect]) -> bool:
     """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
     kind = effect if isinstance(effect, type) else type(effect)
-    return kind.deflection is not Effect.deflection
+    return kind.deflection is not Effect.deflection or kind.spring is not Effect.spring
 
 
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
     """Return how the link behind a gear of `robot` reacts, and what of the log it may explain."""
     motion, links, contacts = _loads(robot, record, None)
     left = _unexplained(robot, record, motion, links, contacts)
-    return _response(record, joint, links - contacts, _on_joints(robot, left))
+    return _response(robot, record, joint, motion, links - contacts, _on_joints(robot, left))
 
 
 def _swinging(
@@ -81,22 +82,48 @@ def _swinging(
 ) -> FloatArray:
     """Return the torque (N, nv) of links that swing behind their gears.
 
-    Every link is driven by its motor and by the others; with several, twice round.
+    Links behind linear springs are simulated together. Every other link is driven by its motor
+    and by the rest; with several, twice round.
     """
-    soft = [effect for effect in robot.effects if deflects(effect)]
-    torques = {effect: np.zeros_like(links) for effect in soft}
-    for effect in (*soft, *soft) if len(soft) > 1 else soft:
-        others = links + sum(t for other, t in torques.items() if other is not effect)
-        left = _unexplained(robot, record, motion, others, contacts)
-        response = _response(record, effect.where, others - contacts, _on_joints(robot, left))
-        bent = effect.deflection(robot, response)
-        if bent is not None:
-            torques[effect] = response.torque(bent)
-    return np.asarray(sum(torques.values()))
+    springs = [effect for effect in robot.effects if effect.spring() is not None]
+    loose = [effect for effect in robot.effects if deflects(effect) and effect not in springs]
+    soft = {effect.where: effect for effect in springs}  # a gear is as soft as it was said last
+    groups = [tuple(soft.values())] if soft else []
+    groups += [(effect,) for effect in loose]
+    torques = [np.zeros_like(links) for _ in groups]
+    for k in (*range(len(groups)),) * (2 if len(groups) > 1 else 1):
+        others = links + sum(torque for i, torque in enumerate(torques) if i != k)
+        left = _on_joints(robot, _unexplained(robot, record, motion, others, contacts))
+        load = others - contacts
+        responses = [_response(robot, record, e.where, motion, load, left) for e in groups[k]]
+        torques[k] = sum(_torques(robot, groups[k], responses), np.zeros_like(links))
+    return np.asarray(sum(torques))
 
 
-def _response(record: Record, joint: str, load: FloatArray, left: FloatArray) -> LinkResponse:
-    response = record.response(joint)
+def _torques(
+    robot: Robot, group: Sequence[Effect], responses: Sequence[LinkResponse]
+) -> Iterator[FloatArray]:
+    """Yield the torque (N, nv) of every link of a group that is simulated at once."""
+    springs = [spring for effect in group if (spring := effect.spring()) is not None]
+    bent: Sequence[FloatArray | None]
+    if springs:
+        bent = soft_deflections(responses, springs)
+    else:
+        bent = [e.deflection(robot, r) for e, r in zip(group, responses, strict=True)]
+    for response, deflection in zip(responses, bent, strict=True):
+        if deflection is not None:
+            yield response.torque(deflection)
+
+
+def _response(
+    robot: Robot,
+    record: Record,
+    joint: str,
+    motion: Motion,
+    load: FloatArray,
+    left: FloatArray,
+) -> LinkResponse:
+    response = record.along(motion).response_of(robot, joint)
     return replace(response, load=load, unexplained=left[:, response.row])
 
 

@@ -198,11 +198,20 @@ class Effect(ABC):
             f"{self.name} has a memory (first_memory) but no next_memory; give it both."
         )
 
+    def spring(self) -> tuple[float, float] | None:
+        """Return stiffness [N m/rad] and damping [N m s/rad] of a gear that is a linear spring.
+
+        All such gears of a robot are simulated together along a log. None means that the gear is
+        stiff, or nothing so simple (see `deflection`).
+        """
+        return None
+
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray | None:
         """Return how far the link behind a gear strays from its motor, (N, 3), along a log.
 
         Columns are the deflection [rad], its rate and its second derivative. None means that the
-        gear is stiff. Only identification asks: a simulator carries the deflection as state.
+        gear is stiff or a linear `spring`. Only identification asks: a simulator carries the
+        deflection as state.
         """
         return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,11 @@ from wbc.robot.motion import Motion
 class LinkResponse:
     """How the link behind one gear reacts to a small deflection d of the gear, along a log.
 
-    The link is at q = motor + d. Its torque balance, linear in d:
+    The link is at q = motor + d. The torque balance of the links, linear in d:
 
-        inertia d_dd + damping d_d + stiffness d + load = torque the gear passes on
+        inertia d_dd + damping d_d + stiffness d + load = torque the gears pass on
+
+    With several soft gears the left side is the sum over their deflections.
 
     Attributes:
         step: distance of the samples [s].
@@ -54,11 +56,10 @@ class LinkResponse:
         size = (len(self.unexplained),) + (1,) * (np.ndim(torques) - 1)
         return self.band(self.unexplained.reshape(size) - torques)
 
-    def own_torque(self, deflections: Sequence[FloatArray]) -> FloatArray:
-        """Return the additional torque (N, B) at the joint itself of B deflections (N, 3)."""
-        stacked = np.stack(deflections, axis=1)
+    def torque_on(self, row: int, deflections: FloatArray) -> FloatArray:
+        """Return what B deflections (N, 3, B) of this gear add to the torque at `row`, (N, B)."""
         columns = (self.stiffness, self.damping, self.inertia)
-        terms = [c[:, [self.row]] * stacked[..., k] for k, c in enumerate(columns)]
+        terms = [c[:, [row]] * deflections[:, k] for k, c in enumerate(columns)]
         return np.asarray(terms[0] + terms[1] + terms[2])
 
 
