@@ -1,40 +1,24 @@
-"""Finite differences against what tasks, contacts and limits say about themselves."""
+"""What limits promise, against motions driven as hard as they allow and against the gears."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import Contact, PointContact
+from wbc.control.contacts import PointContact
 from wbc.control.controller import Controller
-from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.reference import Reference
 from wbc.control.settings import ControllerSettings
 from wbc.control.speed import SpeedBlend
-from wbc.control.tasks import PostureTask, Task
+from wbc.control.tasks import PostureTask
 from wbc.control.warm_start import WarmStart
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
-
-
-@dataclass(frozen=True)
-class DerivativeErrors:
-    """Largest differences between stated and finite-difference derivatives.
-
-    Attributes:
-        jacobian: of J v against the rate of -error for a fixed target (or of the value's own
-            motion), in the task's unit per second.
-        drift: of J qdd + dJ/dt v against the rate of J v.
-    """
-
-    jacobian: float
-    drift: float
 
 
 @dataclass(frozen=True)
@@ -52,63 +36,6 @@ class TorqueLimitErrors:
     gradient: float
     bounds: float
     beyond: float
-
-
-def check_task(
-    robot: Robot,
-    task: Task,
-    position: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    *,
-    step: float = 1e-5,
-) -> DerivativeErrors:
-    """Return how far a task's Jacobian and drift are from central differences.
-
-    The error's rate is checked about its own present value, where it must be -J v; a task whose
-    value is itself a rate (momentum) is checked by J v = value instead.
-
-    Args:
-        robot: the robot.
-        task: any task.
-        position, velocity, acceleration: (nq,), (nv,), (nv,) of the motion to go along.
-        step: of the differences [s].
-    """
-    task.check(robot)
-    at = _along(robot, position, velocity, acceleration)
-    here, ahead, behind = at(0.0), at(step), at(-step)
-    target, rate = task.value(here), task.jacobian(here) @ velocity
-    if np.shape(target) == rate.shape and np.allclose(target, rate, rtol=1e-9, atol=1e-9):
-        jacobian = float(np.abs(np.asarray(target) - rate).max())
-    else:
-        gone = (task.error(ahead, target) - task.error(behind, target)) / (2.0 * step)
-        jacobian = float(np.abs(gone + rate).max())
-    stated = task.jacobian(here) @ acceleration + task.drift(here)
-    found = task.jacobian(ahead) @ ahead.velocity - task.jacobian(behind) @ behind.velocity
-    return DerivativeErrors(jacobian, float(np.abs(stated - found / (2.0 * step)).max()))
-
-
-def check_contact(
-    robot: Robot,
-    contact: Contact,
-    position: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    *,
-    step: float = 1e-5,
-) -> float:
-    """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
-    bound, nv = contact.bind(robot), robot.model.nv
-    frames = bound.frames(robot.model)
-    at = _along(robot, position, velocity, acceleration, frames)
-    here, ahead, behind = at(0.0), at(step), at(-step)
-    jacobian, drift = np.zeros((bound.rows, nv)), np.zeros(bound.rows)
-    bound.fill(ahead, jacobian, drift)
-    found = jacobian @ ahead.velocity
-    bound.fill(behind, jacobian, drift)
-    found = (found - jacobian @ behind.velocity) / (2.0 * step)
-    bound.fill(here, jacobian, drift)
-    return float(np.abs(jacobian @ acceleration + drift - found).max())
 
 
 def check_joint_limit(
@@ -178,9 +105,7 @@ def check_torque_limit(
     controller = Controller(robot, [task], contacts, [limit], settings)
     rest = position[robot.actuated_position]
     wanted = Reference(rest, None, acceleration[robot.actuated])
-    for _ in range(
-        2
-    ):  # the rows of gears that do not bind stand in the directions of the last tick
+    for _ in range(2):  # rows that do not bind stand in the directions of the last tick
         command = controller.step(Motion(position, velocity), {task.name: wanted})
     problem = controller.problem
     if not command.status.usable or command.solution is None or problem is None:
@@ -230,22 +155,3 @@ def _beyond_top_speed(robot: Robot, limit: RotorTorqueLimit) -> float:
         over = np.where(np.isfinite(gears.speed_limit), np.abs(speed) / top - 1.0, 0.0)
         beyond = max(beyond, float(over.max()))
     return beyond
-
-
-def _along(
-    robot: Robot,
-    position: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    frames: Sequence[pin.Frame] = (),
-) -> Callable[[float], Kinematics]:
-    """Return the kinematics at time t of the motion with constant acceleration through a state."""
-
-    def at(time: float) -> Kinematics:
-        moved = time * velocity + 0.5 * time**2 * acceleration
-        q = pin.integrate(robot.model, position, moved)
-        kinematics = Kinematics(robot, frames)
-        kinematics.update(q, velocity + time * acceleration)
-        return kinematics
-
-    return at

@@ -1,0 +1,48 @@
+"""Compiled functions: kept where they can be, and still there where they cannot."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+
+import pytest
+from numba.core import caching
+
+from wbc.control import compiled as compiling
+from wbc.control.compiled import Number, compiled
+
+
+@pytest.fixture
+def nowhere(monkeypatch):
+    """Leave no folder in which a compiled function could be kept."""
+    monkeypatch.setattr(caching.config, "CACHE_LOCATOR_CLASSES", "UserProvidedCacheLocator")
+    monkeypatch.setattr(caching.config, "CACHE_DIR", "")
+    compiling._warn_of_compiling.cache_clear()
+    yield
+    compiling._warn_of_compiling.cache_clear()
+
+
+def doubled(x: float) -> float:
+    return 2.0 * x
+
+
+def test_without_a_folder_functions_are_compiled_with_one_warning(nowhere):
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        functions = [compiled(Number, Number)(doubled) for _ in range(2)]
+    assert [function(3.0) for function in functions] == [6.0, 6.0]
+    assert all(function.signatures for function in functions)
+    assert len(told) == 1
+    assert "NUMBA_CACHE_DIR" in str(told[0].message)
+
+
+def test_errors_of_the_compiler_are_not_taken_for_a_missing_folder():
+    with pytest.raises(Exception, match="nothing_of_this_name"):
+        compiled(Number, Number)(lambda x: nothing_of_this_name(x))  # noqa: F821
+
+
+def test_the_library_alone_does_not_load_the_compiler():
+    code = "import sys, wbc; print([m for m in ('numba', 'llvmlite') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
