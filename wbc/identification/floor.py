@@ -71,15 +71,14 @@ def with_even_noise(records: Sequence[Record]) -> tuple[Record, ...]:
 
     The weight around reversals carries noise of higher frequencies into the residual's band: a
     log that reverses often is noisier than a calm one with the same sensors. Where runs repeat
-    one another the floor is theirs, and quieter logs are not counted for more.
+    one another the floor is theirs. Quieter logs are not counted for more: what a model lacks
+    there may be no smaller.
     """
     drawn = [record.condense(np.add(*synthetic_noise(record))) for record in records]
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
     repeated = sorted({k for pair in find_repeats(records) for k in pair})
     reference = np.mean(levels[repeated or slice(None)], axis=0)
-    certainty = np.sqrt(reference / levels)
-    if repeated:
-        certainty = np.minimum(certainty, 1.0)
+    certainty = np.minimum(np.sqrt(reference / levels), 1.0)
     pairs = zip(records, certainty, strict=True)
     return tuple(replace(record, certainty=share) for record, share in pairs)
 
