@@ -13,9 +13,11 @@ from wbc.control import (
     ControllerSettings,
     FrameOrientationTask,
     PostureTask,
+    RotorTorqueEffort,
     Status,
     WarmStart,
 )
+from wbc.control.direction_search import DirectionSearch
 from wbc.control.level import Level, Refusal
 from wbc.control.orthonormal_rows import extend_basis
 from wbc.effects import load_robot
@@ -90,3 +92,37 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     assert two.message == "the tasks of level 1 are left out: the solver gave up."
     np.testing.assert_array_equal(two.rotor_torque, one.rotor_torque)
     assert two.solution.primal_residual(both.problem) < 1e-5
+
+
+@pytest.mark.parametrize("name", TRUNK)
+def test_efforts_and_a_lower_level_need_no_solver_where_little_changes(name, monkeypatch):
+    """Every tick is solved by the guess alone, and a solver finds the same."""
+    robot = load_robot(name)
+    trunk = FrameOrientationTask(name="trunk", frame=TRUNK[name])
+    lower = PostureTask.of(robot, weight=0.1, level=1)
+    tasks = [CenterOfMassTask(weight=10.0), trunk, lower, RotorTorqueEffort(weight=1e-2)]
+    guessing = Controller(robot, tasks, feet(robot))
+    settings = ControllerSettings(solver="daqp", warm_start=WarmStart.SOLVER, tolerance=1e-10)
+    asking = Controller(robot, tasks, feet(robot), settings=settings)
+    solve, asked = DirectionSearch.solve, []
+
+    def counted(search, *given):
+        asked.append(search.program.A.shape)
+        return solve(search, *given)
+
+    monkeypatch.setattr(DirectionSearch, "solve", counted)
+    generator = np.random.default_rng(2)
+    q = next(iter(robot.poses.values()))
+    for _ in range(20):
+        state = Motion(q, 0.01 * generator.normal(size=robot.model.nv))
+        one = guessing.step(state)
+        assert not asked
+        assert one.status is Status.SOLVED
+        two = asking.step(state)
+        assert len(asked) == 2
+        asked.clear()
+        np.testing.assert_allclose(one.acceleration, two.acceleration, atol=1e-6)
+        np.testing.assert_allclose(one.rotor_torque, two.rotor_torque, atol=1e-6)
+        problem = guessing.problem
+        assert one.solution.primal_residual(problem) < 1e-6
+        assert one.solution.dual_residual(problem) < 1e-6

@@ -21,17 +21,19 @@ _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a
 class ActiveSetGuess:
     """Solves the contact-force program where few constraints bind and little has changed.
 
-    Without inequalities, with the task rows A x + r = t and the equalities E x = e stacked in G,
-    what remains of the Hessian is the diagonal D of regularisation and joint-selecting tasks, and
+    Without inequalities, with the rows A x + r = t of tasks and efforts and the equalities E x = e
+    stacked in G, what remains of the Hessian is the diagonal D of regularisation and
+    joint-selecting tasks, and
 
         (G D^-1 G' + diag(1/w, 0)) lambda = [t; e] - G D^-1 p,      x = D^-1 (p + G' lambda),
 
-    a positive definite system as large as G has rows, a third to a half of the variables. Bounds
-    that bind are further rows of G. Starting from those of the last tick, rows that are violated
-    are added and rows that pull instead of push are dropped (the primal-dual active set method of
-    Hintermueller, Ito & Kunisch, 2003) until nothing changes: then x is the solution, as every
-    condition of optimality has been checked. If that takes more than a few rounds, or the rows
-    depend on one another, the guess has failed and a solver must do it.
+    a positive definite system as large as G has rows: without efforts and on level 0 a third to a
+    half of the variables. Bounds that bind are further rows of G. Starting from those of the last
+    tick, rows that are violated are added and rows that pull instead of push are dropped (the
+    primal-dual active set method of Hintermueller, Ito & Kunisch, 2003) until nothing changes:
+    then x is the solution, as every condition of optimality has been checked. If that takes more
+    than a few rounds, or the rows depend on one another, the guess has failed and a solver must do
+    it.
 
     Torque limits are not among the inequalities here; who asks must check them.
     """
@@ -40,18 +42,18 @@ class ActiveSetGuess:
         """Make room.
 
         Args:
-            program: what is to be solved, without efforts and without rows handed down.
+            program: what is to be solved.
             tasks: whose rows are in the cost, all with a weight.
             tolerance: how much a row may be violated, and a multiplier have the wrong sign.
         """
         self._program, self._tasks, self._tolerance = program, tasks, tolerance
-        k, base = len(tasks.wanted), len(tasks.wanted) + len(program.b)
+        k = len(tasks.wanted)
         self._allowed = (_ROUNDING * tolerance) ** 2
-        self._base, self._equalities = base, slice(k, base)
+        self._base = 0
         self._G, self._right = program.stacked, program.stacked_right
         size = len(self._right)
         self._softness = np.zeros(size)
-        self._softness[:k] = tasks.softness
+        self._softness[:k], self._softness[k : program.cost_rows] = tasks.softness, 1.0
         self._bounds = OneSidedRows(program.rows)
         self._free, self._inverse = np.zeros(program.n), np.zeros(program.n)
         self._force, self._beyond = np.zeros(size), np.zeros(len(self._bounds.bounds))
@@ -79,6 +81,7 @@ class ActiveSetGuess:
             self._weigh()
         G, right, free, inverse = self._G, self._right, self._free, self._inverse
         place_tasks(tasks.jacobian, tasks.wanted, tasks.pull, inverse, G, right, free)
+        self._base = self._program.cost_rows + len(self._program.b)
         bounds, x = self._bounds, np.empty(self._program.n)
         bounds.update()
         for count in range(1, _ROUNDS + 1):
@@ -120,4 +123,5 @@ class ActiveSetGuess:
             bounds = self._bounds
             pushes = self._force[base : base + len(active)]
             push[bounds.source[active]] = -bounds.sign[active] * pushes
-        return QPSolution(x, -self._force[self._equalities], push, QPStatus.SOLVED, rounds)
+        pull = -self._force[self._program.cost_rows : base]
+        return QPSolution(x, pull, push, QPStatus.SOLVED, rounds)

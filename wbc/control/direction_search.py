@@ -15,8 +15,10 @@ from wbc.control.qp import QPProblem, QPSolution, QPStatus, Solver, make_solver
 from wbc.control.solution_torques import Limits, beyond_limits
 
 _ACTIVE = 1e-6
-_SMALL = 1e-6
-_GUESSES = 3
+SMALL = 1e-6
+"""[N m], output torque under which a gear's direction does not matter."""
+GUESSES = 3
+"""How often directions are turned over before they are searched."""
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
 
 
@@ -101,7 +103,7 @@ class DirectionSearch:
         program = self.program
         if len(program.b) != self._equalities:
             self._make_solvers()
-        for _ in range(min(_GUESSES, self._rounds)):
+        for _ in range(min(GUESSES, self._rounds)):
             slope = slopes.at(positive)
             program.assemble_torque_limits(slope, *limits)
             program.assemble_efforts(slope, speed, last_output)
@@ -171,11 +173,11 @@ class DirectionSearch:
         wrong &= slopes.positive != slopes.negative
         program = self.program
         if program.efforts:
-            return np.asarray(wrong & (np.abs(output) > _SMALL))
+            return np.asarray(wrong & (np.abs(output) > SMALL))
         beyond = beyond_limits(program, solution, slopes, limits)
         pushing = np.zeros(len(output), dtype=bool)
         pushing[program.gears] = np.abs(solution.z[program.rows.torque]) > _ACTIVE
-        return np.asarray(wrong & (np.abs(output) > _SMALL) & (beyond | pushing))
+        return np.asarray(wrong & (np.abs(output) > SMALL) & (beyond | pushing))
 
     def _contested(self, slopes: Slopes, solution: QPSolution) -> IntArray:
         """Return the gears at a limit on the side where the allowed set is a union."""

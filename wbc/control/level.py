@@ -11,12 +11,12 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.active_set_guess import ActiveSetGuess
 from wbc.control.command import Status
-from wbc.control.direction_search import DirectionSearch, Found
+from wbc.control.direction_search import GUESSES, SMALL, DirectionSearch, Found
 from wbc.control.gears import GearLaw
 from wbc.control.inputs import Complaint, all_finite
 from wbc.control.level_lock import LevelLock
 from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPProblem
+from wbc.control.qp import QPProblem, QPSolution
 from wbc.control.reference import Reference
 from wbc.control.task_stack import TaskStack
 from wbc.control.torque_stage import Realised, RotorTorqueStage
@@ -129,7 +129,7 @@ class Level:
         """
         self._whole = False
         if self._guess is not None and not self._saturated:
-            found = self._guessed(self._guess)
+            found = self._guessed(self._guess, gears, first)
             if found is not None:
                 realised = self._realise(found, gears)
                 if realised.exact:
@@ -143,18 +143,46 @@ class Level:
             self._assemble_whole()
             slope = self._law.slopes(gears.sigma).at(self._output > 0.0)
             self.program.assemble_torque_limits(slope, *gears.limits)
+            self.program.assemble_efforts(slope, gears.speed, gears.last_output)
         return self.program.problem.copied()
 
-    def _guessed(self, guess: ActiveSetGuess) -> Found | None:
+    def _guessed(self, guess: ActiveSetGuess, gears: GearState, first: FloatArray) -> Found | None:
         """Return the solution if no torque limit binds, None where the guess fails."""
+        if self.program.efforts:
+            return self._guessed_with_efforts(guess, gears, first)
         start = perf_counter()
         solution = guess.solve()
         if solution is None:
             return None
-        program = self.program
-        spent = perf_counter() - start
-        self._output = output = program.output_torque(solution.x)
-        return Found(solution, output, 1, spent, True, solution.x[: program.nv])
+        return self._found(solution, 1, perf_counter() - start)
+
+    def _guessed_with_efforts(
+        self, guess: ActiveSetGuess, gears: GearState, first: FloatArray
+    ) -> Found | None:
+        """Return the same where what efforts cost depends on the directions of the gears."""
+        program, slopes, spent = self.program, self._law.slopes(gears.sigma), 0.0
+        program.assemble_torque_map()
+        positive, directional = first > 0.0, slopes.positive != slopes.negative
+        for round_ in range(1, GUESSES + 1):
+            program.effort_cost.fill(
+                program.torque_map, slopes.at(positive), gears.speed, gears.last_output
+            )
+            start = perf_counter()
+            solution = guess.solve()
+            spent += perf_counter() - start
+            if solution is None:
+                return None
+            found = self._found(solution, round_, spent)
+            turned = (found.output > 0.0) != positive
+            turned &= directional & (np.abs(found.output) > SMALL)
+            if not turned.any():
+                return found
+            positive ^= turned
+        return None
+
+    def _found(self, solution: QPSolution, rounds: int, spent: float) -> Found:
+        self._output = output = self.program.output_torque(solution.x)
+        return Found(solution, output, rounds, spent, True, solution.x[: self.program.nv])
 
     def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         self._assemble_whole()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.balance import place_output, place_share
@@ -30,12 +31,13 @@ class Plant:
         bias: (nv,) [N m], effects included.
         rotor: (m, nv) [kg m^2], N^2 I_r D^-1 in the driven columns.
         rotor_bias: (m,) [N m] at the motor output: rotor friction and coupling.
+        weight: of the robot [N].
     """
 
     def __init__(self, robot: Robot) -> None:
         """Precompute what does not change with the state."""
         gears = robot.transmission
-        self.robot = robot
+        self.robot, self.weight = robot, _weight(robot.model)
         self.driven = as_rows(robot.actuated)
         self.topology = None if _is_identity(gears.topology) else gears.topology
         self.motor_from_joint = None if self.topology is None else gears.motor_from_joint
@@ -152,6 +154,11 @@ def _terms(kinematics: Kinematics) -> Terms:
         np.zeros((0, 3)),
         kinematics.data,
     )
+
+
+def _weight(model: pin.Model) -> float:
+    gravity = float(np.linalg.norm(model.gravity.linear))
+    return float(pin.computeTotalMass(model)) * gravity
 
 
 def _is_identity(matrix: FloatArray) -> bool:

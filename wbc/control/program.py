@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.balance import place_balance
 from wbc.control.contact_force_cost import ContactForceCost
 from wbc.control.contact_set import ContactSet
-from wbc.control.effort_cost import add_effort
+from wbc.control.effort_cost import EffortCost
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.inequality_rows import InequalityRows
 from wbc.control.limits import JointLimit
@@ -39,7 +38,9 @@ class ContactForceProgram:
         force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
             accelerations and forces are of one size and tolerances mean the same on any robot.
         force_cost: cost of the contact forces.
+        effort_cost: cost of the efforts, with its rows in `stacked` below those of tasks.
         A, b: the equalities, part of `stacked` and `stacked_right`.
+        cost_rows: rows of tasks and efforts in `stacked`, above the equalities.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
@@ -70,7 +71,7 @@ class ContactForceProgram:
             efforts: costs on the torques of the gears.
             force_tasks: costs on contact forces; those of inactive contacts stay idle.
             locked: greatest number of equality rows that a more important level hands down.
-            task_rows: rows kept free above the equalities, for who solves them together.
+            task_rows: rows kept free for tasks, for who solves them with the equalities.
             room: rows kept free below them.
             slack: how far every inequality's bound lies beyond what it stands for.
         """
@@ -82,7 +83,7 @@ class ContactForceProgram:
         self.gears = np.flatnonzero(limited)
         self._all_gears = len(self.gears) == robot.transmission.size
         self.weights = weights
-        weight = _weight(robot.model)
+        weight = plant.weight
         self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
         self._force_scales = np.full(self.forces, self.force_scale)
         self.force_cost = ContactForceCost(
@@ -96,9 +97,13 @@ class ContactForceProgram:
         if self.efforts:
             self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
         rest = self.undriven + contacts.rows
-        self.unlocked, self._task_rows = rest, task_rows
-        size = task_rows + rest + locked + room
+        cost_rows = task_rows + robot.transmission.size * len(self.efforts)
+        self.unlocked, self.cost_rows = rest, cost_rows
+        size = cost_rows + rest + locked + room
         self.stacked, self.stacked_right = np.zeros((size, self.n)), np.zeros(size)
+        mine = slice(task_rows, cost_rows)
+        memory = self.stacked[mine], self.stacked_right[mine]
+        self.effort_cost = EffortCost(efforts, plant, *memory)
         self._count_equalities(rest)
         balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
         self._balance, self._balance_right = self.A[balance], self.b[balance]
@@ -185,9 +190,8 @@ class ContactForceProgram:
             return
         np.copyto(self.H, self._cost_H)
         np.copyto(self.g, self._cost_g)
-        for effort in self.efforts:
-            cost = effort.cost(self.plant.robot, slopes, speed, last)
-            add_effort(cost, self.torque_map, self.plant, self.H, self.g)
+        self.effort_cost.fill(self.torque_map, slopes, speed, last)
+        self.effort_cost.add_to(self.H, self.g)
 
     def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
         """Write the rows (k, n) that a more important level has decided, and values (k,)."""
@@ -195,7 +199,7 @@ class ContactForceProgram:
         self.A[self.unlocked :], self.b[self.unlocked :] = matrix, values
 
     def _count_equalities(self, count: int) -> None:
-        where = slice(self._task_rows, self._task_rows + count)
+        where = slice(self.cost_rows, self.cost_rows + count)
         self.A, self.b = self.stacked[where], self.stacked_right[where]
 
     def assemble_torque_limits(
@@ -245,9 +249,3 @@ class ContactForceProgram:
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
         return "what the more important tasks have decided", "m/s^2"
-
-
-def _weight(model: pin.Model) -> float:
-    """Return the robot's weight [N]."""
-    gravity = float(np.linalg.norm(model.gravity.linear))
-    return float(pin.computeTotalMass(model)) * gravity

@@ -104,8 +104,7 @@ class ProgramLibrary:
             settings.max_iterations,
             settings.max_rounds,
         )
-        diagonal = rank == 0 and not program.efforts and settings.force_weight > 0.0
-        diagonal = diagonal and bool(np.isfinite(tasks.softness).all())
+        diagonal = settings.force_weight > 0.0 and bool(np.isfinite(tasks.softness).all())
         guess = None
         if diagonal and settings.warm_start is WarmStart.ACTIVE_SET:
             guess = ActiveSetGuess(program, tasks, settings.tolerance)
