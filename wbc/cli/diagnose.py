@@ -69,6 +69,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         diagnosis = diagnose(robot, logs, candidates, progress=progress)
     print_diagnosis(shown, diagnosis)
     content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
+    discovery = None
     if options.discover:
         with working(shown, "discovering") as progress:
             discovery = discover(robot, logs, progress, diagnosis.effects)
@@ -84,7 +85,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         }
         path = save_robot(fitted, options.save, intervals, provenance)
         shown.print(f"wrote {path}")
-    write_report_file(options, robot, logs, shown, diagnosis)
+    write_report_file(options, robot, logs, shown, diagnosis, discovery)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
 
 

@@ -17,6 +17,7 @@ from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis
+from wbc.identification.discovery import Discovery
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 
@@ -118,6 +119,7 @@ def write_report_file(
     logs: Sequence[Log],
     console: Console,
     diagnosis: Diagnosis | None = None,
+    discovery: Discovery | None = None,
 ) -> None:
     """Write the HTML report if one was asked for."""
     if options.report is None:
@@ -126,5 +128,8 @@ def write_report_file(
     from wbc.view.report import write_report
 
     with working(console, "writing the report"):
-        path = write_report(options.report, robot, logs, diagnosis, command=command_line())
+        command = command_line()
+        path = write_report(
+            options.report, robot, logs, diagnosis, command=command, discovery=discovery
+        )
     console.print(f"wrote {path}")

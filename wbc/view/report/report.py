@@ -14,6 +14,7 @@ from plotly.offline import get_plotlyjs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis
 from wbc.identification.compare import compare_problem
+from wbc.identification.discovery import Discovery
 from wbc.identification.intervals import BOOTSTRAP_SEED
 from wbc.identification.problem import Problem
 from wbc.measurement import Log, check_logs
@@ -29,6 +30,7 @@ from wbc.view.report.content import (
     ranking_rows,
     step_rows,
 )
+from wbc.view.report.formulas import formula_part
 from wbc.view.report.plot_data import residual_plots
 from wbc.view.report.provenance import provenance
 from wbc.view.residuals import residuals_in
@@ -45,12 +47,14 @@ def write_report(
     command: str = "",
     seed: int = BOOTSTRAP_SEED,
     theme: str = "",
+    discovery: Discovery | None = None,
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
 
     Top to bottom: the verdict in a sentence, the staircase of the error, the effects with their
-    parameters, the ranked table with paired differences, the next experiment, where the model
-    fails, the log with the model as a ghost, the quality of the logs, and how to reproduce it.
+    parameters, the ranked table with paired differences, the next experiment, formulas proposed
+    for the rest, where the model fails, the log with the model as a ghost, the quality of the
+    logs, and how to reproduce it.
 
     Args:
         path: the file to write (whole or not at all).
@@ -60,12 +64,14 @@ def write_report(
         command: how to run it again, for the last section.
         seed: of the bootstrap behind the intervals, for the last section.
         theme: "light", "dark", or "" for what the reader's system prefers.
+        discovery: what `discover` proposes for what the effects leave.
 
     Raises:
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    return write_text(path, report_page(robot, logs, diagnosis, command, seed, theme))
+    page = report_page(robot, logs, diagnosis, command, seed, theme, discovery)
+    return write_text(path, page)
 
 
 def report_page(
@@ -75,6 +81,7 @@ def report_page(
     command: str,
     seed: int,
     theme: str,
+    discovery: Discovery | None = None,
 ) -> str:
     """Return the HTML text of `write_report`."""
     problem = Problem.from_logs(robot, logs)
@@ -92,7 +99,7 @@ def report_page(
         "provenance": provenance(logs, command, None if diagnosis is None else seed),
         "logs": [Path(log.source.label).name for log in logs],
     }
-    context |= _diagnosis_part(diagnosis)
+    context |= _diagnosis_part(diagnosis) | {"formulas": formula_part(discovery)}
     context["playback"] = _embedded(_playback(robot, logs[0], comparison))
     fitted = robot if diagnosis is None else diagnosis.robot
     plots = residual_plots(residuals_in(problem, fitted))
