@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
-from wbc.effects.soft_link import soft_deflections
 from wbc.identification.record import Record
+from wbc.identification.swinging import deflects as deflects
+from wbc.identification.swinging import driven, swing
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
@@ -60,17 +61,11 @@ def _loads(
     return motion, links, contacts
 
 
-def deflects(effect: Effect | type[Effect]) -> bool:
-    """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
-    kind = effect if isinstance(effect, type) else type(effect)
-    return kind.deflection is not Effect.deflection or kind.spring is not Effect.spring
-
-
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
     """Return how the link behind a gear of `robot` reacts, and what of the log it may explain."""
     motion, links, contacts = _loads(robot, record, None)
-    left = _unexplained(robot, record, motion, links, contacts)
-    return _response(robot, record, joint, motion, links - contacts, _on_joints(robot, left))
+    left = _on_joints(robot, _unexplained(robot, record, motion, links, contacts))
+    return driven(robot, record.along(motion), joint, links - contacts, left)
 
 
 def _swinging(
@@ -80,51 +75,10 @@ def _swinging(
     links: FloatArray,
     contacts: FloatArray,
 ) -> FloatArray:
-    """Return the torque (N, nv) of links that swing behind their gears.
+    def unexplained(more: FloatArray) -> FloatArray:
+        return _on_joints(robot, _unexplained(robot, record, motion, links + more, contacts))
 
-    Links behind linear springs are simulated together. Every other link is driven by its motor
-    and by the rest; with several, twice round.
-    """
-    springs = [effect for effect in robot.effects if effect.spring() is not None]
-    loose = [effect for effect in robot.effects if deflects(effect) and effect not in springs]
-    soft = {effect.where: effect for effect in springs}  # a gear is as soft as it was said last
-    groups = [tuple(soft.values())] if soft else []
-    groups += [(effect,) for effect in loose]
-    torques = [np.zeros_like(links) for _ in groups]
-    for k in (*range(len(groups)),) * (2 if len(groups) > 1 else 1):
-        others = links + sum(torque for i, torque in enumerate(torques) if i != k)
-        left = _on_joints(robot, _unexplained(robot, record, motion, others, contacts))
-        load = others - contacts
-        responses = [_response(robot, record, e.where, motion, load, left) for e in groups[k]]
-        torques[k] = sum(_torques(robot, groups[k], responses), np.zeros_like(links))
-    return np.asarray(sum(torques))
-
-
-def _torques(
-    robot: Robot, group: Sequence[Effect], responses: Sequence[LinkResponse]
-) -> Iterator[FloatArray]:
-    """Yield the torque (N, nv) of every link of a group that is simulated at once."""
-    springs = [spring for effect in group if (spring := effect.spring()) is not None]
-    bent: Sequence[FloatArray | None]
-    if springs:
-        bent = soft_deflections(responses, springs)
-    else:
-        bent = [e.deflection(robot, r) for e, r in zip(group, responses, strict=True)]
-    for response, deflection in zip(responses, bent, strict=True):
-        if deflection is not None:
-            yield response.torque(deflection)
-
-
-def _response(
-    robot: Robot,
-    record: Record,
-    joint: str,
-    motion: Motion,
-    load: FloatArray,
-    left: FloatArray,
-) -> LinkResponse:
-    response = record.along(motion).response_of(robot, joint)
-    return replace(response, load=load, unexplained=left[:, response.row])
+    return swing(robot, record.along(motion), unexplained)
 
 
 def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
