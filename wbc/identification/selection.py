@@ -22,6 +22,8 @@ _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivative
 _SYSTEMATIC_SIMULATED = 0.02  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
 _FEW_BLOCKS = 12  # in which a cause may gain much and still not be significant
+_MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
+_MASKS = 2  # times that such causes are put aside
 _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
 _TIED = 0.05  # of the gain, by which the errors of equals may differ
@@ -129,10 +131,7 @@ class Selector:
     def best_addition(self, model: Model, first: Model, most: float = np.inf) -> Model | None:
         """Return the simplest of the models with one cause more that do best, or None.
 
-        Args:
-            model: to add to.
-            first: the model without causes.
-            most: screened error above which nothing is fitted.
+        Nothing is fitted whose screened error is above `most`; `first` is without causes.
         """
         trials = self._trials(model, most)
         taken = [m for m in trials if self._taken(model, m, first)]
@@ -148,9 +147,20 @@ class Selector:
         return min(equals, key=lambda m: m.error, default=best)
 
     def _trials(self, model: Model, most: float = np.inf) -> list[Model]:
-        """Return the most promising models with more causes, all of which show."""
-        shown = [self.shown(m, model) for m in self.additions(model, REFINED, most=most)]
-        return [m for m in shown if len(m.effects) > len(model.effects)]
+        """Return the most promising models with more causes, all of which show.
+
+        What explains most and does not show hides what explains less: it is put aside.
+        """
+        aside: list[tuple[str, str]] = []
+        for _ in range(_MASKS + 1):
+            fitted = self.additions(model, REFINED, aside, most=most)
+            shown = [self.shown(m, model) for m in fitted]
+            shown = [m for m in shown if len(m.effects) > len(model.effects)]
+            masks = [m for m in fitted if m.error < _MASKING * model.error]
+            if shown or not masks:
+                return shown
+            aside += [(e.name, e.where) for m in masks for e in m.effects[len(model.effects) :]]
+        return []
 
     def _taken(self, small: Model, large: Model, first: Model) -> bool:
         return (
