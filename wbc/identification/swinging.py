@@ -13,7 +13,9 @@ from wbc.effects.soft_link import soft_deflections
 from wbc.identification.record import Record
 from wbc.robot import Effect, LinkResponse, Robot
 
-_LARGEST = 0.3  # [rad] of deflection up to which what is not linear in it converges
+_LARGEST = 0.4  # [rad] of deflection up to which what is not linear in it is followed
+_ROUNDS = 8
+_SETTLED = 1e-3
 
 Unexplained = Callable[[FloatArray], FloatArray]
 """Additional torque of the links (N, nv) -> what the log then leaves unexplained (N, nv)."""
@@ -74,21 +76,26 @@ def _soft(
     """Return the torque of all links behind springs.
 
     Linear in the deflections at first; what their size adds (a hip that winds up by 0.03 rad needs
-    some 3 % less inertia there) is then a load of its own, from the dynamics where the links are.
+    some 3 % less inertia there) is then a load of its own, from the dynamics where the links are,
+    until the next round promises to change no deflection by more than a share of the largest.
     """
     beyond = np.zeros_like(load)
     straight = np.zeros_like(load)
-    for round_ in range(1 + len(springs)):
+    bent = [np.zeros((len(load), 3)) for _ in springs]
+    former = 0.0
+    for _ in range(_ROUNDS):
         known = others + beyond
         left = unexplained(known)
         responses = [driven(robot, record, joint, load + known, left) for joint in springs]
-        bent = soft_deflections(responses, list(springs.values()))
+        before, bent = bent, soft_deflections(responses, list(springs.values()))
         straight = sum(
             (r.torque(d) for r, d in zip(responses, bent, strict=True)), np.zeros_like(load)
         )
         largest = max(float(np.abs(d[:, 0]).max()) for d in bent)
-        if round_ == len(springs) or not largest < _LARGEST:
+        change = max(float(np.abs(d - b)[:, 0].max()) for d, b in zip(bent, before, strict=True))
+        if change**2 < _SETTLED * largest * former or not largest < _LARGEST:
             break
+        former = change
         beyond = _needed(robot, record, list(springs), bent) - load - straight
     return np.asarray(straight + beyond)
 
