@@ -9,7 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 
 _BINS = 16384
-_LEAST_PERIODS = 1.0  # a period longer than the range of motion cannot be told from a slope
+LEAST_PERIODS = 1.0  # a period longer than the range of motion cannot be told from a slope
 
 
 def strongest_orders(
@@ -39,7 +39,7 @@ def strongest_orders(
         power += np.abs(np.fft.rfft(total)) ** 2
     order = 2.0 * np.pi * np.arange(power.size) / length
     # Within one bin a wave must not turn by more than about half a radian.
-    usable = (order >= 2.0 * np.pi * _LEAST_PERIODS / span) & (order < 0.5 * _BINS / length)
+    usable = (order >= 2.0 * np.pi * LEAST_PERIODS / span) & (order < 0.5 * _BINS / length)
     peak = usable & (power >= np.roll(power, 1)) & (power >= np.roll(power, -1))
     ranked = np.flatnonzero(peak)[np.argsort(power[peak])[::-1]]
     return [float(order[k]) for k in ranked[:count]]

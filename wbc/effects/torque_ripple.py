@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.effects.periodicity import strongest_orders
+from wbc.effects.periodicity import LEAST_PERIODS, strongest_orders
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 
@@ -69,6 +70,12 @@ class TorqueRipple(JointEffect):
             return Screen(units, combine)
 
         return tuple(screen(order) for order in orders)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether the joint passed a whole period, within a twentieth."""
+        positions = [self.joint_position(robot, motion) for motion in motions]
+        span = max(float(p.max()) for p in positions) - min(float(p.min()) for p in positions)
+        return self.order * span > 0.95 * 2.0 * np.pi * LEAST_PERIODS
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""

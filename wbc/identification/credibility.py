@@ -68,6 +68,9 @@ def credible(problem: Problem, fit: Fit) -> bool:
         null = effect.null_values(problem.robot, effect.where)[parameter.name]
         if not parameter.shape and value in (parameter.low, parameter.high) and value != null:
             return False
+    motions = [record.motion for record in problem.records]
+    if not all(effect.recognisable(fit.robot, motions) for effect in fit.effects):
+        return False
     before, after = (
         np.array([i.mass for i in r.model.inertias]) for r in (problem.robot, fit.robot)
     )

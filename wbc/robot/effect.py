@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -164,6 +164,13 @@ class Effect(ABC):
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return the torque that the effect adds on the rotors, (..., m) [N m]."""
         return None
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether these motions could show the effect for what it is, with these parameters.
+
+        A wave of which less than one period was passed is any bend: a diagnosis must not name it.
+        """
+        return True
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the rotor torque delivered for the reported or commanded `torque`, (..., m)."""
