@@ -5,8 +5,9 @@ import pytest
 
 import wbc
 from sims.excitation import record_with
-from wbc.effects import CustomTorque, TorqueRipple
-from wbc.identification import diagnose
+from wbc.effects import TorqueRipple
+from wbc.identification.credibility import credible
+from wbc.identification.problem import Problem
 from wbc.robot import Motion
 
 
@@ -19,13 +20,11 @@ def test_a_ripple_is_recognised_from_one_period_on(order: float, known: bool) ->
     assert TorqueRipple("knee", 1.0, order, 0.0).recognisable(leg, [motion]) is known
 
 
-def test_a_one_sided_cable_is_no_spring_with_a_slow_ripple() -> None:
-    """A cable that pulls from the middle of the range on has a kink, which a slow wave imitates."""
+@pytest.mark.parametrize(("order", "believed"), [(1.5, False), (9.0, True)])
+def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: bool) -> None:
     leg = wbc.load_robot("planar_leg_fixed").lossless()
-    cable = CustomTorque.at("hip", {"q_hip": -1.5, "|q_hip|": -1.5})
-    diagnosis = diagnose(leg, record_with(leg, [cable], duration=4.0))
-    assert not any(
-        effect.name == "torque_ripple" and effect.values["order"] < 2.0
-        for effect in diagnosis.effects
-    )
-    assert diagnosis.verdict == "unknown"
+    ripple = TorqueRipple("hip", 0.5, order, 0.3)
+    problem = Problem.from_logs(leg, record_with(leg, [ripple], duration=3.0))
+    fit = problem.fit([ripple])
+    assert fit.effects[0].values["order"] == pytest.approx(order, rel=0.1)
+    assert credible(problem, fit) is believed
