@@ -10,7 +10,8 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import EffectError, RobotError, TransmissionError
 from wbc.identification.record import Record
-from wbc.identification.residual import deflects, link_response, raw_residual, swinging_torque
+from wbc.identification.residual import link_response, raw_residual, swinging_torque
+from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Evidence, Robot, Screen
 
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order

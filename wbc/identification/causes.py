@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
-from wbc.identification.residual import deflects
 from wbc.identification.selection import SIMPLER, Selector
+from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried

@@ -10,7 +10,8 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual, deflects, swinging_torque
+from wbc.identification.residual import condensed_residual, swinging_torque
+from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Parameter, Robot
 
 IMPOSSIBLE = (EffectError, TransmissionError, DynamicsError)

@@ -8,8 +8,8 @@ from dataclasses import replace
 from wbc.identification.atoms import Shelf
 from wbc.identification.credibility import credible, shape_at_bound, showing
 from wbc.identification.model import Model
-from wbc.identification.residual import deflects
 from wbc.identification.selection import REFINED, SIMPLER, Selector, without
+from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
 _EXCHANGES = 3

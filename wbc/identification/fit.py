@@ -17,7 +17,7 @@ from wbc.identification.derivatives import (
     with_changes,
 )
 from wbc.identification.record import Record
-from wbc.identification.residual import deflects
+from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Parameter, Robot
 
 _ITERATIONS = 12

@@ -10,7 +10,6 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
 from wbc.identification.record import Record
-from wbc.identification.swinging import deflects as deflects
 from wbc.identification.swinging import driven, swing
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 

@@ -12,9 +12,9 @@ from wbc.identification.credibility import credible, showing
 from wbc.identification.drive_order import in_best_order
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE, Problem
-from wbc.identification.residual import deflects
 from wbc.identification.screening import Nearby, Swinging, screen
 from wbc.identification.search import Subset
+from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square

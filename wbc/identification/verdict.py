@@ -10,7 +10,7 @@ from wbc.effects import EFFECTS
 from wbc.identification.diagnosis import Finding, Verdict
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
-from wbc.identification.residual import deflects
+from wbc.identification.swinging import deflects
 
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
