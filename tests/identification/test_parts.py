@@ -14,7 +14,7 @@ from wbc.effects.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.design_matrix import DesignMatrix
-from wbc.identification.floor import find_repeats, noise_floor
+from wbc.identification.floor import drawn_noise, find_repeats, noise_floor
 from wbc.identification.preparation import prepare
 from wbc.identification.problem import Problem
 from wbc.identification.residual import condensed_residual
@@ -69,7 +69,7 @@ def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Lo
     records = prepare(ROBOT, logs)
     assert find_repeats(records) == ((0, 1),)
     residuals = [condensed_residual(ROBOT, [record]) for record in records]
-    floor = noise_floor(records, residuals)
+    floor = noise_floor(records, residuals, drawn_noise(records))
     assert floor.source == "repeats"
     assert floor.values == pytest.approx(np.sqrt(np.diag(floor.sensors)), rel=0.25)
     whitened = np.concatenate(residuals) @ floor.whitening

@@ -66,31 +66,39 @@ class NoiseFloor:
         return "repeats" if self.repeats else "lower bound"
 
 
-def with_even_noise(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Return the records with rows scaled so that their sensors' noise is equal in all of them.
+def drawn_noise(records: Sequence[Record]) -> list[FloatArray]:
+    """Return what the sensors' white noise does to the residual of each record, (rows, m + b)."""
+    return [record.condense(np.add(*synthetic_noise(record))) for record in records]
+
+
+def with_even_noise(
+    records: Sequence[Record], drawn: Sequence[FloatArray]
+) -> tuple[tuple[Record, ...], list[FloatArray]]:
+    """Return records and drawn noise with rows scaled so that the noise is equal in all of them.
 
     The weight around reversals carries noise of higher frequencies into the residual's band: a
     log that reverses often is noisier than a calm one with the same sensors. Where runs repeat
     one another the floor is theirs. Quieter logs are not counted for more: what a model lacks
     there may be no smaller.
     """
-    drawn = [record.condense(np.add(*synthetic_noise(record))) for record in records]
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
     repeated = sorted({k for pair in find_repeats(records) for k in pair})
     reference = np.mean(levels[repeated or slice(None)], axis=0)
     certainty = np.minimum(np.sqrt(reference / levels), 1.0)
-    pairs = zip(records, certainty, strict=True)
-    return tuple(replace(record, certainty=share) for record, share in pairs)
+    even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
+    return even, [noise * share for noise, share in zip(drawn, certainty, strict=True)]
 
 
-def noise_floor(records: Sequence[Record], residuals: Sequence[FloatArray]) -> NoiseFloor:
+def noise_floor(
+    records: Sequence[Record], residuals: Sequence[FloatArray], drawn: Sequence[FloatArray]
+) -> NoiseFloor:
     """Return the floor from repeated runs where there are any, else from the sensors' noise.
 
     Args:
         records: the logs.
         residuals: (rows, m + b) condensed residual of each.
+        drawn: (rows, m + b) noise of the sensors in each.
     """
-    drawn = [record.condense(np.add(*synthetic_noise(record))) for record in records]
     sensors = _covariance(np.concatenate(drawn))
     pairs = find_repeats(records)
     if not pairs:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.fit import Fit, refine
-from wbc.identification.floor import NoiseFloor, noise_floor, with_even_noise
+from wbc.identification.floor import NoiseFloor, drawn_noise, noise_floor, with_even_noise
 from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
 from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
@@ -49,9 +49,10 @@ class Problem:
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> Problem:
         """Prepare logs; see `prepare` for the errors raised."""
-        records = with_even_noise(prepare(robot, logs))
+        prepared = prepare(robot, logs)
+        records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         parts = [condensed_residual(robot, [record]) for record in records]
-        floor = noise_floor(records, parts)
+        floor = noise_floor(records, parts, drawn)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
         floor = replace(floor, aside=aside)
