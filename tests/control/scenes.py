@@ -17,7 +17,7 @@ from wbc.control import (
     SpeedBlend,
 )
 from wbc.effects import load_robot
-from wbc.robot import Robot
+from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission
 
 # The measured speed is believed and every direction is certain: what the paper's equation says.
@@ -89,3 +89,12 @@ def leg_references(com_target, posture_target):
         "center_of_mass": Reference(com_target),
         "posture": Reference(posture_target),
     }
+
+
+def moving(robot, seed, ticks, position, velocity):
+    """Yield `ticks` states scattered around the stance by these deviations [rad, rad/s]."""
+    generator = np.random.default_rng(seed)
+    nv, q = robot.model.nv, next(iter(robot.poses.values()))
+    for _ in range(ticks):
+        at = pin.integrate(robot.model, q, position * generator.normal(size=nv))
+        yield Motion(at, velocity * generator.normal(size=nv))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from sims.legged import feet
+from tests.control.scenes import moving
 from wbc.control import (
     CenterOfMassTask,
     Controller,
@@ -27,13 +27,9 @@ TRUNK = {"solo12": "base_link", "talos": "torso_2_link"}
 TICKS = 200
 
 
-def moving(robot, seed):
+def moving_fast(robot, seed):
     """Yield states around the stance, fast enough that friction cones bind in many of them."""
-    generator = np.random.default_rng(seed)
-    nv, q = robot.model.nv, next(iter(robot.poses.values()))
-    for _ in range(TICKS):
-        at = pin.integrate(robot.model, q, 0.02 * generator.normal(size=nv))
-        yield Motion(at, 0.3 * generator.normal(size=nv))
+    return moving(robot, seed, TICKS, 0.02, 0.3)
 
 
 @pytest.mark.parametrize("start", WarmStart, ids=lambda start: start.value)
@@ -51,7 +47,7 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
     on = [foot.name for foot in feet(robot)]
     contacts = dict.fromkeys(on[: len(on) // 2] if few else on, np.inf)
     bound = 0
-    for state in moving(robot, 0):
+    for state in moving_fast(robot, 0):
         one, two = (c.step(state, contacts=contacts) for c in (alone, both))
         assert one.status is Status.SOLVED
         assert two.status is Status.SOLVED, two.message
@@ -86,7 +82,7 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     solve = Level.solve
     second = both._programs.levels(None)[1]
     monkeypatch.setattr(Level, "solve", lambda s, *a: gave_up if s is second else solve(s, *a))
-    state = next(moving(robot, 1))
+    state = next(moving_fast(robot, 1))
     one, two = alone.step(state), both.step(state)
     assert two.status is Status.INACCURATE
     assert two.message == "the tasks of level 1 are left out: the solver gave up."

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import wbc.control
 from sims.legged import feet
+from tests.control.scenes import moving
 from wbc.control import (
     AngularMomentumTask,
     CenterOfMassTask,
@@ -94,12 +94,8 @@ CONTACTS = {PointContact: ("solo12", "anymal"), SurfaceContact: ("talos",)}
 KINDS = [*TASKS, *EFFORTS, *LIMITS]
 
 
-def moving(robot, seed):
-    generator = np.random.default_rng(seed)
-    nv, q = robot.model.nv, next(iter(robot.poses.values()))
-    for _ in range(TICKS):
-        at = pin.integrate(robot.model, q, 0.005 * generator.normal(size=nv))
-        yield Motion(at, 0.1 * generator.normal(size=nv))
+def moving_slowly(robot, seed):
+    return moving(robot, seed, TICKS, 0.005, 0.1)
 
 
 def agree(robot, tasks, contacts, limits, states, wish):
@@ -153,14 +149,14 @@ def test_two_solvers_and_the_guess_agree(name, kind):
     more, limits = {**TASKS, **EFFORTS}.get(kind), LIMITS.get(kind)
     tasks = base(robot) + (more(robot) if more else [])
     bounds = limits(robot) if limits else None
-    assert agree(robot, tasks, feet(robot), bounds, moving(robot, 0), {}) == TICKS
+    assert agree(robot, tasks, feet(robot), bounds, moving_slowly(robot, 0), {}) == TICKS
 
 
 @pytest.mark.parametrize("name", LEGGED)
 def test_two_solvers_and_the_guess_agree_on_a_lower_level(name):
     robot = load_robot(name)
     tasks = [CenterOfMassTask(), frame(robot, FrameOrientationTask), PostureTask.of(robot, level=1)]
-    assert agree(robot, tasks, feet(robot), None, moving(robot, 2), {}) == TICKS
+    assert agree(robot, tasks, feet(robot), None, moving_slowly(robot, 2), {}) == TICKS
 
 
 def test_a_leg_balances_the_same_by_every_way():
