@@ -43,12 +43,17 @@ class MultiSine:
 
 
 def record_run(robot: Robot, believed: Robot, seed: int, duration: float) -> Log:
-    """Return the recording of one run: computed torque of the believed robot plus PD."""
+    """Return the recording of one run: computed torque of the believed robot plus PD.
+
+    The PD loop closes over encoders on the motors, as on most robots: over those of the links it
+    would shake a soft gear without end.
+    """
     path, gears = MultiSine(believed, seed), believed.transmission
     model, data = believed.model, believed.model.createData()
 
     def control(state: SimState) -> FloatArray:
         q, v, a = path.at(state.time)
+        state = plant.encoders(state)
         torque = pin.rnea(model, data, q, v, a) + gears.reflected_inertia * a
         torque += 150.0 * (q - state.position) + 8.0 * (v - state.velocity)
         return np.asarray(torque / gears.gear_ratio)

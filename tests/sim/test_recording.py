@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from wbc import load_robot
-from wbc.effects import JointEffect, JointSpring, TorqueConstant
+from wbc.effects import JointCompliance, JointEffect, JointSpring, TorqueConstant
 from wbc.errors import SimulationError
-from wbc.sim import Plane, Plant, Sensor, SensorModel, Simulation, Stairs, simulate
+from wbc.sim import Plane, Plant, Sensor, SensorModel, SimState, Simulation, Stairs, simulate
 
 
 def _run(robot=None, duration: float = 0.2) -> Simulation:
@@ -118,3 +118,25 @@ def test_terrain_distances() -> None:
         Stairs(np.array([1.0, 0.5]), np.zeros(3))
     with pytest.raises(SimulationError, match="point up"):
         Plane(normal=np.array([1.0, 0.0, 0.0]))
+
+
+def test_encoders_on_the_motors_see_the_gear_wind_up() -> None:
+    """A gear held still under gravity: the encoder stays, the link sags by load over stiffness."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    soft = robot.with_effect(JointCompliance("knee", stiffness=200.0, damping=3.0))
+    plant = Plant(soft, Plane(height=-10.0))
+    q = soft.configuration(hip=0.0, knee=1.0)
+
+    def held(state: SimState) -> np.ndarray:
+        seen = plant.encoders(state)
+        return (300.0 * (q - seen.position) - 10.0 * seen.velocity) / 20.0
+
+    log = simulate(plant, held, plant.state(q), 3.0).log
+    shown = SensorModel().measure(soft, log, seed=0)
+    assert not shown.has("knee.rotor_position")
+    link, motor = log.column("knee.position")[-1], shown.column("knee.position")[-1]
+    load = log.column("knee.joint_torque")[-1]
+    assert motor - link == pytest.approx(load / 200.0, rel=1e-4)
+    assert abs(motor - link) > 0.01
+    assert motor == pytest.approx(log.column("knee.rotor_position")[-1] / 20.0, abs=1e-12)
+    np.testing.assert_allclose(shown.column("hip.position"), log.column("hip.position"), atol=1e-12)

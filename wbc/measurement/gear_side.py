@@ -12,6 +12,7 @@ from wbc.errors import LogError, unknown_name
 SIDES = ("rotor", "motor", "joint")
 
 _OUTPUT_MOTION = ("position", "velocity", "acceleration", "goal_position")
+_ROTOR_MOTION = ("rotor_position", "rotor_velocity")
 
 
 def side_factor(side: str, quantity: str, gear_ratio: float, place: str) -> float:
@@ -31,7 +32,7 @@ def side_factor(side: str, quantity: str, gear_ratio: float, place: str) -> floa
     before = side == "rotor"
     if quantity in _OUTPUT_MOTION:
         return 1.0 / gear_ratio if before else 1.0
-    if quantity == "rotor_position":
+    if quantity in _ROTOR_MOTION:
         return 1.0 if before else gear_ratio
     if quantity == "rotor_torque":
         return 1.0 if before else 1.0 / gear_ratio

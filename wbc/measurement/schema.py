@@ -17,6 +17,7 @@ JOINT_QUANTITIES: dict[str, tuple[str, ...]] = {
     "joint_torque": ("N m", "N"),
     "current": ("A",),
     "rotor_position": ("rad",),
+    "rotor_velocity": ("rad/s",),
     "temperature": ("deg C",),
     "voltage": ("V",),
     "duty": ("1",),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.sim.drivetrain import Drivetrain
 from wbc.sim.state import SimState
 
@@ -45,3 +45,12 @@ class MotorMotion:
         relative = np.where(drive.loose, speed - drive.rows @ velocity, 0.0)
         deflection = self.deflection + 0.5 * step * (self.relative + relative)
         return MotorMotion(speed, relative, deflection)
+
+
+def rotor_motion(
+    drive: Drivetrain, actuated_position: IntArray, state: SimState
+) -> tuple[FloatArray, FloatArray]:
+    """Return angles (m,) [rad] and speeds (m,) [rad/s] of the rotors, zero where the joints are."""
+    motor = MotorMotion.of(drive, state)
+    joint = drive.rows[:, drive.actuated] @ state.position[actuated_position]
+    return drive.ratio * (joint + motor.deflection), drive.ratio * motor.speed

@@ -20,7 +20,7 @@ from wbc.sim.flow import Flow, flow
 from wbc.sim.forces import checked_memory
 from wbc.sim.impact import Impact
 from wbc.sim.kinetic_energy import kinetic_energy
-from wbc.sim.motor_motion import MotorMotion
+from wbc.sim.motor_motion import MotorMotion, rotor_motion
 from wbc.sim.plane import Plane
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
@@ -151,6 +151,22 @@ class Plant:
         height = pin.computePotentialEnergy(setup.space.model, setup.space.data, state.position)
         kinetic = kinetic_energy(setup, state.position, state.velocity, motor.speed)
         return float(kinetic + height + setup.drive.spring_energy(motor.deflection))
+
+    def encoders(self, state: SimState) -> SimState:
+        """Return the state with q and v as encoders on the motors show them.
+
+        They differ from the joints' where gears are compliant or have play; feed them back to
+        controllers whose robot has its encoders there.
+        """
+        robot, drive = self.robot, self._setup.drive
+        if not drive.any_loose:
+            return state
+        angle, speed = rotor_motion(drive, robot.actuated_position, state)
+        position, velocity = np.array(state.position), np.array(state.velocity)
+        gears = robot.transmission
+        position[robot.actuated_position] = gears.joints_from_rotors(angle)
+        velocity[robot.actuated] = gears.joints_from_rotors(speed)
+        return state.replace(position=position, velocity=velocity)
 
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""

@@ -8,6 +8,8 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.sim.drivetrain import drivetrain
+from wbc.sim.motor_motion import rotor_motion
 from wbc.sim.state import SimState
 from wbc.sim.step_result import StepResult
 
@@ -26,7 +28,8 @@ class Recorder:
 
     A row holds the state at its time and the torques and forces of the step that starts there:
     `rotor_torque` as the drives report it, `joint_torque` what the gears pass to the joints, and
-    contact forces as means over the step, impacts included.
+    contact forces as means over the step, impacts included. Where a gear is compliant or has play
+    `rotor_position` and `rotor_velocity` stand beside the joint's own `position` and `velocity`.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -37,12 +40,16 @@ class Recorder:
             for name in robot.single_joints
             if robot.model.joints[robot.model.getJointId(name)].nq == 1
         ]
-        self._rows: list[tuple[float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]]
-        self._rows = []
+        self._drive = drivetrain(robot)
+        self._rows: list[tuple[float | FloatArray, ...]] = []
 
     def add(self, state: SimState, result: StepResult) -> None:
         """Record the step from `state` that gave `result`."""
         torque = self._robot.transmission.motor_from_joint.T @ result.mesh_torque
+        row: tuple[float | FloatArray, ...]
+        turn: tuple[FloatArray, ...] = ()
+        if self._drive.any_loose:
+            turn = rotor_motion(self._drive, self._robot.actuated_position, state)
         row = (
             state.time,
             state.position,
@@ -50,6 +57,7 @@ class Recorder:
             result.command,
             torque,
             result.contact_force.ravel(),
+            *turn,
         )
         self._rows.append(row)
 
@@ -61,7 +69,7 @@ class Recorder:
         """
         if len(self._rows) < 2:
             raise SimulationError("a recording needs at least two steps to be a log.")
-        times, q, v, rotor, joint, force = (
+        times, q, v, rotor, joint, force, *turn = (
             np.array(part) for part in zip(*self._rows, strict=True)
         )
         columns: dict[str, FloatArray] = {}
@@ -74,6 +82,9 @@ class Recorder:
         for i, name in enumerate(self._robot.transmission.joints):
             columns[f"{name}.rotor_torque"] = rotor[:, i]
             columns[f"{name}.joint_torque"] = joint[:, i]
+            if turn:
+                columns[f"{name}.rotor_position"] = turn[0][:, i]
+                columns[f"{name}.rotor_velocity"] = turn[1][:, i]
         for i, contact in enumerate(self._robot.contacts):
             for j, axis in enumerate("xyz"):
                 columns[f"{contact.name}.force.{axis}"] = force[:, 3 * i + j]

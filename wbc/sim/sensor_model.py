@@ -13,6 +13,8 @@ from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.sim.sensor import Sensor
 
+_ROTOR = ("rotor_position", "rotor_velocity")
+
 
 @dataclass(frozen=True)
 class SensorModel:
@@ -43,7 +45,8 @@ class SensorModel:
     def measure(self, robot: Robot, recording: Log, seed: int) -> Log:
         """Return the log that these sensors make of a recording; same seed, same bits.
 
-        The robot's own effects on measurements (position offsets and the like) act first.
+        Encoders sit on the motors: in a gear that is compliant or has play they show the motor's
+        motion. The robot's own effects on measurements (position offsets and the like) act first.
 
         Raises:
             SimulationError: `columns` names a column that the recording does not have.
@@ -55,6 +58,8 @@ class SensorModel:
         shown = reported_motion(robot, recording)
         columns = {}
         for name, values in recording.columns.items():
+            if name.endswith(_ROTOR):  # an encoder on it is what `position` comes from
+                continue
             sensor = self.columns.get(name, self._sensor(name))
             columns[name] = sensor.read(recording.time, shown.get(name, values), random)
         measured = Log(recording.time, columns, recording.source)
@@ -69,18 +74,24 @@ class SensorModel:
 
 
 def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
-    """Return the joint columns as the robot's effects let the encoders report them.
+    """Return the joint columns as the encoders, on the motors, and the effects report them.
 
-    Empty for robots with a free-flyer or without such effects.
+    Empty where both leave them as they are.
     """
     names = [j for j in robot.single_joints if recording.has(f"{j}.position", f"{j}.velocity")]
-    if not robot.effects or robot.has_free_flyer or not names:
+    gears = robot.transmission
+    loose = recording.has(*(f"{joint}.{name}" for joint in gears.joints for name in _ROTOR))
+    if not names or not (robot.effects or loose):
         return {}
     q = np.tile(robot.neutral(), (len(recording), 1))
     v = np.zeros((len(recording), robot.model.nv))
     for name in names:
         q[:, robot.position_index(name)] = recording.column(f"{name}.position")
         v[:, robot.velocity_index(name)] = recording.column(f"{name}.velocity")
+    if loose:
+        angle, speed = (recording.stack(name, gears.joints) for name in _ROTOR)
+        q[:, robot.actuated_position] = gears.joints_from_rotors(angle)
+        v[:, robot.actuated] = gears.joints_from_rotors(speed)
     motion = Motion(q, v, time=recording.time)
     for effect in robot.effects:
         motion = effect.measured(robot, motion)

@@ -151,6 +151,10 @@ class Transmission:
         """D^-1, (m, m): dpsi = D^-1 dq_m."""
         return frozen(np.linalg.inv(self.topology))
 
+    def joints_from_rotors(self, rotors: FloatArray) -> FloatArray:
+        """Return joint angles or rates (..., m) from those of the rotors: q_m = D phi / N."""
+        return np.asarray((rotors / self.gear_ratio) @ self.topology.T)
+
     @cached_property
     def reflected_inertia(self) -> FloatArray:
         """N^2 I_r (m,) [kg m^2], the rotor's inertia felt at the motor output."""
