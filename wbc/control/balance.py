@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.compiled import (
+from wbc.compiled import (
     Matrix,
     Nothing,
     Number,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.arrays import FloatArray
-from wbc.control.compiled import Flag, Nothing, Number, OutVector, Vector, compiled
+from wbc.compiled import Flag, Nothing, Number, OutVector, Vector, compiled
 
 
 @compiled(Nothing, Vector, Vector, Number, Number, OutVector)

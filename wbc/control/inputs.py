@@ -8,8 +8,8 @@ from math import isfinite
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.compiled import Flag, Vector, compiled
 from wbc.control.command import Status
-from wbc.control.compiled import Flag, Vector, compiled
 from wbc.control.reference import Reference
 from wbc.control.state import State
 from wbc.errors import unknown_name

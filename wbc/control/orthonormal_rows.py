@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.arrays import FloatArray
-from wbc.control.compiled import Count, Dense, Nothing, OutDense, compiled
+from wbc.compiled import Count, Dense, Nothing, OutDense, compiled
 
 _INDEPENDENT = 1e-8
 _PASSES = 2  # the first leaves rounding along rows nearly parallel to those removed

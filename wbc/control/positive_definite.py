@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.arrays import FloatArray
-from wbc.control.compiled import Count, Flag, Nothing, OutDense, OutVector, compiled
+from wbc.compiled import Count, Flag, Nothing, OutDense, OutVector, compiled
 
 
 @compiled(Flag, OutDense, Count)

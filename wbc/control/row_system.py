@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.arrays import FloatArray
-from wbc.control.compiled import (
+from wbc.compiled import (
     Count,
     Dense,
     Flag,

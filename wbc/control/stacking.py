@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.compiled import Dense, Matrix, Nothing, OutVector, Places, Vector, compiled
+from wbc.compiled import Dense, Matrix, Nothing, OutVector, Places, Vector, compiled
 
 
 @compiled(Nothing, Matrix, Vector, Places, OutVector)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
+import numpy as np
+
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Parameter, Robot
 
@@ -40,7 +42,9 @@ class LoadFriction(JointEffect):
         """Return the robot whose gear loses the share of the load as well."""
         gears = robot.transmission
         row = gears.index(self.where)
-        forward = float(gears.forward_efficiency[row]) * (1.0 - self.coefficient)
-        backward = float(gears.backward_efficiency[row]) / (1.0 + self.coefficient)
-        gears = gears.with_value("backward_efficiency", self.where, backward)
-        return robot.with_transmission(gears.with_value("forward_efficiency", self.where, forward))
+        forward, backward = np.array(gears.forward_efficiency), np.array(gears.backward_efficiency)
+        forward[row] *= 1.0 - self.coefficient
+        backward[row] /= 1.0 + self.coefficient
+        return robot.with_transmission(
+            gears.replace(forward_efficiency=forward, backward_efficiency=backward)
+        )

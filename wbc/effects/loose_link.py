@@ -108,64 +108,19 @@ class _Link:
     def follow(
         self, contact: Contact, starts: Sequence[tuple[float, float]], finest: float
     ) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the deflection and its rate (N,) each, from every start.
+        """Return the deflection and its rate (N,) each, from every start."""
+        from wbc.effects.link_steps import follow_loose
 
-        On a flank and between, a step is linear in rate, deflection and load; its coefficients
-        are prepared for all samples, so that hardly a multiplication is left per step.
-        """
-        half = 0.5 * contact.play
         least = float(self.inertia.min())
         parts = steps_per_sample(self.step, contact.stiffness, least, finest)
-        h = self.step / parts
-        late = float(weight_of_the_end(np.array(contact.stiffness), least, h))
-        early = 1.0 - late
-        slope = np.diff(self.load) / parts
-        load = self.load[:-1, None] + slope[:, None] * (np.arange(1, parts + 1) - early)
-
-        def coefficients(rate: float, spring: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-            b, p = self.drag[:-1] + rate, self.pull[:-1] + spring
-            inverse = 1.0 / (self.inertia[:-1] + h * late * (b + h * late * p))
-            by_rate = (self.inertia[:-1] - h * early * (b + h * late * p)) * inverse
-            return by_rate, -h * p * inverse, -h * inverse
-
-        free, held = coefficients(0.0, 0.0), coefficients(contact.damping, contact.stiffness)
-        rows = list(
-            zip(
-                (free[2][:, None] * load).tolist(),
-                (held[2][:, None] * load).tolist(),
-                (-held[2] * contact.stiffness * half).tolist(),
-                *(values.tolist() for values in (*free[:2], *held[:2])),
-                strict=True,
-            )
-        )
-        weights = half, 0.5 * h, h * early, h * late
-        return [_travel(rows, weights, start) for start in starts]
-
-
-_Row = tuple[list[float], list[float], float, float, float, float, float]
-
-
-def _travel(
-    rows: Sequence[_Row], weights: tuple[float, float, float, float], start: tuple[float, float]
-) -> tuple[FloatArray, FloatArray]:
-    """Return deflection and rate (N,), given each sample's pushes and coefficients."""
-    half, ahead, before, after = weights
-    d, v = start
-    positions, rates = [d], [v]
-    for pushes, held_pushes, rest, free_v, free_d, held_v, held_d in rows:
-        for push, held_push in zip(pushes, held_pushes, strict=True):
-            middle = d + ahead * v
-            if middle > half:
-                new = held_v * v + held_d * d + held_push + rest
-            elif middle < -half:
-                new = held_v * v + held_d * d + held_push - rest
-            else:
-                new = free_v * v + free_d * d + push
-            d += before * v + after * new
-            v = new
-        positions.append(d)
-        rates.append(v)
-    return np.array(positions), np.array(rates)
+        late = float(weight_of_the_end(np.array(contact.stiffness), least, self.step / parts))
+        flanks = contact.stiffness, contact.damping, 0.5 * contact.play
+        link = self.load, self.inertia, self.drag, self.pull, self.step, parts, late
+        paths = []
+        for start in starts:
+            paths.append((np.empty(len(self.load)), np.empty(len(self.load))))
+            follow_loose(*link, *flanks, *start, *paths[-1])
+        return paths
 
 
 def steps_per_sample(step: float, stiffness: float, inertia: float, finest: float) -> int:

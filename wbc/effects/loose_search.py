@@ -120,29 +120,19 @@ class _Columns:
         finest: float,
     ) -> FloatArray:
         """Return the joint's additional torque (N, P, S, L) from S starts each (P, S, L)."""
-        stiffness, damping, play = flanks
-        half = 0.5 * play
+        from wbc.effects.link_steps import rank_loose
+
+        stiffness, damping, play = (values.ravel() for values in flanks)
         parts = max(1, round(step / finest))
-        h = step / parts
-        late = weight_of_the_end(stiffness, float(self.inertia.min()), h)
-        early = 1.0 - late
+        late = weight_of_the_end(stiffness, float(self.inertia.min()), step / parts)
         result = np.zeros((len(self.load), *d.shape))
-        change = np.diff(self.load, axis=0) / parts
-        rows = zip(self.load, self.inertia, self.drag, self.pull, change, strict=False)
-        for k, (load, m, b, p, slope) in enumerate(rows):
-            start, torque = v, load - early * slope
-            for _ in range(parts):
-                torque = torque + slope
-                middle = d + 0.5 * h * v
-                flank = np.minimum(np.maximum(middle, -half), half)
-                touching = middle != flank
-                rate, spring = b + touching * damping, p + touching * stiffness
-                ahead = early * v
-                push = torque + rate * ahead + spring * (d + h * late * ahead)
-                push -= touching * stiffness * flank
-                v = (m * v - h * push) / (m + h * late * (rate + h * late * spring))
-                d = d + h * (ahead + late * v)
-            result[k] = m * (v - start) / step + b * v + p * d
+        for k in range(self.load.shape[1]):
+            link = self.load[:, k], self.inertia[:, k], self.drag[:, k], self.pull[:, k]
+            starts = np.stack([d[..., k], v[..., k]], axis=-1)
+            torques = np.zeros((len(self.load), *d.shape[:2]))
+            flank = late, stiffness, damping, 0.5 * play
+            rank_loose(*link, step, parts, *flank, starts, torques)
+            result[..., k] = torques
         return result
 
 

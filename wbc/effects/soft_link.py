@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.linalg import solve_banded
 
 from wbc.arrays import FloatArray
 from wbc.robot import LinkResponse
@@ -52,63 +51,57 @@ def _start(responses: Sequence[LinkResponse], paths: Sequence[FloatArray]) -> Fl
 def _solutions(
     responses: Sequence[LinkResponse], springs: Sequence[Spring], parts: int
 ) -> list[FloatArray]:
-    """Return per gear the deflections (N, 3, 1 + 2 n): from rest, then from unit starts.
-
-    The unit starts are a deflection of each gear and then a rate of each. Newmark's rule with
-    average acceleration, which takes no energy out of a swing, as one banded system of n x n blocks
-    for all samples.
-    """
-    n, count = len(responses), len(responses[0].load)
+    """Return per gear the deflections (N, 3, 1 + 2 n): from rest, then from unit starts."""
     rows = [response.row for response in responses]
-    fine = np.arange((count - 1) * parts + 1) / parts
-    coarse = np.arange(count)
-    h = responses[0].step / parts
 
-    def between(name: str) -> FloatArray:
-        """Return (fine, n, n): what row i feels of joint j."""
-        blocks = np.stack([getattr(r, name)[:, rows] for r in responses], axis=-1)
-        return blocks if parts == 1 else _interpolated(fine, blocks)
+    def samples(name: str) -> FloatArray:
+        """Return (N, n, n): what row i feels of joint j."""
+        return np.stack([getattr(r, name)[:, rows] for r in responses], axis=-1)
 
-    inertia = between("inertia")
-    drag = between("damping") + np.diag([damping for _, damping in springs])
-    pull = between("stiffness") + np.diag([stiffness for stiffness, _ in springs])
+    inertia = samples("inertia")
+    drag = samples("damping") + np.diag([damping for _, damping in springs])
+    pull = samples("stiffness") + np.diag([stiffness for stiffness, _ in springs])
     load = responses[0].load[:, rows]
-    load = load if parts == 1 else CubicSpline(coarse, load)(fine)
-    mean = (load[2:] + 2.0 * load[1:-1] + load[:-2]) / 4.0
-    known = np.zeros((fine.size, n, 1 + 2 * n))
-    known[2:, :, 0] = -mean
-    known[0, :, 1 : 1 + n] = np.eye(n)
+    d, v = swings(inertia, drag, pull, load, responses[0].step, parts)
+    needed = drag @ v + pull @ d
+    needed[..., 0] += load
+    a = -np.linalg.solve(inertia, needed)
+    return [np.stack([d[:, i], v[:, i], a[:, i]], axis=1) for i in range(len(rows))]
+
+
+def swings(
+    inertia: FloatArray,
+    drag: FloatArray,
+    pull: FloatArray,
+    load: FloatArray,
+    step: float,
+    parts: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return deflections and rates (N, n, 1 + 2 n): from rest, then from unit starts.
+
+    The unit starts are a deflection of each gear and then a rate of each.
+
+    Args:
+        inertia, drag, pull: (N, n, n), springs and dampers included.
+        load: (N, n).
+        step: distance of the samples [s].
+        parts: steps per sample.
+    """
+    from wbc.effects.link_steps import follow_soft  # it loads the compiler
+
+    count, n = load.shape
+    fine = np.arange((count - 1) * parts + 1) / parts
+    h = step / parts
+    between = load if parts == 1 else CubicSpline(np.arange(count), load)(fine)
+    d = np.zeros((fine.size, n, 1 + 2 * n))
+    d[0, :, 1 : 1 + n] = np.eye(n)
     # The first step: d1 = d0 + h v0 + h^2 a0 / 2.
     push = np.concatenate([load[0][:, None], pull[0], drag[0]], axis=1)
-    known[1] = -0.5 * h**2 * np.linalg.solve(inertia[0], push)
-    known[1, :, 1:] += np.concatenate([np.eye(n), h * np.eye(n)], axis=1)
-    bands = np.zeros((4 * n - 1, fine.size, n))
-    after = inertia / h**2 + drag / (2.0 * h) + pull / 4.0
-    here = -2.0 * inertia / h**2 + pull / 2.0
-    before = inertia / h**2 - drag / (2.0 * h) + pull / 4.0
-    for i in range(n):
-        bands[n - 1, :2, i] = 1.0
-        for j in range(n):
-            diagonal = n - 1 + i - j
-            bands[diagonal, 2:, j] = after[1:-1, i, j]
-            bands[diagonal + n, 1:-1, j] = here[1:-1, i, j]
-            bands[diagonal + 2 * n, :-2, j] = before[1:-1, i, j]
-    shape = (3 * n - 1, n - 1)
-    flat = known.reshape(fine.size * n, -1)
-    d = solve_banded(shape, bands.reshape(4 * n - 1, -1), flat, check_finite=False)
-    d = d.reshape(known.shape)
-    v = np.gradient(d, h, axis=0)
-    v[0] = 0.0
+    d[1] = -0.5 * h**2 * np.linalg.solve(inertia[0], push)
+    d[1, :, 1:] += np.concatenate([np.eye(n), h * np.eye(n)], axis=1)
+    follow_soft(inertia, drag, pull, between, step, parts, d)
+    v = np.zeros((count, n, 1 + 2 * n))
     v[0, :, 1 + n :] = np.eye(n)
-    d, v = d[::parts], v[::parts]
-    needed = drag[::parts] @ v + pull[::parts] @ d
-    needed[..., 0] += load[::parts]
-    a = -np.linalg.solve(inertia[::parts], needed)
-    return [np.stack([d[:, i], v[:, i], a[:, i]], axis=1) for i in range(n)]
-
-
-def _interpolated(fine: FloatArray, blocks: FloatArray) -> FloatArray:
-    """Return `blocks` (N, n, n) at the `fine` samples, linear between neighbours."""
-    below = np.minimum(fine.astype(int), len(blocks) - 2)
-    share = (fine - below)[:, None, None]
-    return np.asarray((1.0 - share) * blocks[below] + share * blocks[below + 1])
+    v[1:-1] = (d[parts + 1 :: parts][: count - 2] - d[parts - 1 :: parts][: count - 2]) / (2.0 * h)
+    v[-1] = (d[-1] - d[-2]) / h
+    return d[::parts], v

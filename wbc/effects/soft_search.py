@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.soft_link import Spring
+from wbc.effects.soft_link import Spring, swings
 from wbc.robot import LinkResponse
 
 _DAMPING_RATIOS = (0.02, 0.1, 0.4)
@@ -50,7 +50,8 @@ def best_springs(responses: Sequence[LinkResponse], count: int) -> list[Spring]:
 def _left(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> FloatArray:
     """Return (P,) the squares that each spring leaves, with the start that leaves least."""
     total = np.zeros(len(pairs))
-    for response, torques in zip(responses, _torques(responses, pairs), strict=True):
+    for response in responses:
+        torques = _torques(response, pairs)
         band = response.band(torques.reshape(len(torques), -1)).reshape(-1, *torques.shape[1:])
         wanted = response.left(np.zeros(len(torques)))[:, None] - band[:, 0]
         free = band[:, 1:] / np.maximum(np.sqrt(np.sum(band[:, 1:] ** 2, axis=0)), 1e-300)
@@ -61,41 +62,19 @@ def _left(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> FloatAr
     return total
 
 
-def _torques(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> list[FloatArray]:
-    """Return per log (N, 3, P) the joint's additional torque: from rest, and per free swing.
+def _torques(response: LinkResponse, pairs: Sequence[Spring]) -> FloatArray:
+    """Return (N, 3, P) the joint's additional torque: from rest, and per free swing.
 
-    All springs and logs are stepped side by side, by the rule of `soft_deflections` with one step
-    per sample. By the balance of the link the additional torque is what the gear passes on less
-    the load.
+    By the balance of the link it is what the gear passes on less the load.
     """
-    longest = max(len(response.load) for response in responses)
-    h = np.array([response.step for response in responses])
-    k, c = (np.array(values)[:, None] for values in zip(*pairs, strict=True))
-
-    def column(name: str) -> FloatArray:
-        parts = [getattr(response, name)[:, response.row] for response in responses]
-        padded = [np.pad(part, (0, longest - len(part)), mode="edge") for part in parts]
-        return np.stack(padded, axis=1)[:, None, :]
-
-    inertia, load = column("inertia"), column("load")
-    drag, pull = column("damping") + c, column("stiffness") + k
-    after = inertia / h**2 + drag / (2.0 * h) + pull / 4.0
-    by_last = (2.0 * inertia / h**2 - pull / 2.0) / after
-    by_former = (drag / (2.0 * h) - inertia / h**2 - pull / 4.0) / after
-    mean = load.copy()
-    mean[1:-1] = (load[2:] + 2.0 * load[1:-1] + load[:-2]) / 4.0
-    push = -mean / after
-    d = np.zeros((longest, 3, *after.shape[1:]))
-    d[0, 1] = 1.0
-    d[1, 0] = -0.5 * h**2 * load[0] / inertia[0]
-    d[1, 1] = 1.0 - 0.5 * h**2 * pull[0] / inertia[0]
-    d[1, 2] = h - 0.5 * h**2 * drag[0] / inertia[0]
-    for i in range(1, longest - 1):
-        np.multiply(by_last[i], d[i], out=d[i + 1])
-        d[i + 1] += by_former[i] * d[i - 1]
-        d[i + 1, 0] += push[i]
-    v = np.gradient(d, axis=0) / h
-    v[0] = np.array([0.0, 0.0, 1.0])[:, None, None]
-    torque = -k * d - c * v
+    row = response.row
+    inertia, drag, pull = (
+        getattr(response, name)[:, [row], None] for name in ("inertia", "damping", "stiffness")
+    )
+    load = response.load[:, [row]]
+    torque = np.empty((len(load), 3, len(pairs)))
+    for p, (stiffness, damping) in enumerate(pairs):
+        d, v = swings(inertia, drag + damping, pull + stiffness, load, response.step, 1)
+        torque[:, :, p] = -stiffness * d[:, 0] - damping * v[:, 0]
     torque[:, 0] -= load
-    return [torque[: len(r.load), :, :, n] for n, r in enumerate(responses)]
+    return torque

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from wbc.arrays import FloatArray
-from wbc.control.compiled import Matrix, Number, Vector, compiled
+from wbc.compiled import Matrix, Number, Vector, compiled
 from wbc.control.positive_definite import factorise, substitute
 
 

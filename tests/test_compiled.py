@@ -9,8 +9,8 @@ import warnings
 import pytest
 from numba.core import caching
 
-from wbc.control import compiled as compiling
-from wbc.control.compiled import Number, compiled
+from wbc import compiled as compiling
+from wbc.compiled import Number, compiled
 
 
 @pytest.fixture

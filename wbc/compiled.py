@@ -66,7 +66,7 @@ def _machine_code(function: _Function, signature: Any, *, kept: bool) -> _Functi
 def _warn_of_compiling() -> None:
     """Say it once per process."""
     warnings.warn(
-        "wbc.control finds no folder to keep its compiled functions in and compiles them in every "
+        "wbc finds no folder to keep its compiled functions in and compiles them in every "
         "process, for some seconds; set NUMBA_CACHE_DIR to a folder that can be written.",
         stacklevel=2,
     )
