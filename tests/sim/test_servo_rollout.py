@@ -112,6 +112,10 @@ def test_variants_side_by_side_equal_each_alone(pendulum: Robot) -> None:
         for k, one in enumerate(runs):
             alone = servo_rollout([pair], [one], 0.004)[:, 0, 0]
             np.testing.assert_allclose(together[: alone.size, v, k], alone, atol=1e-12)
+    wanted = np.array([[True, False], [True, True]])
+    some = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004, wanted)
+    np.testing.assert_allclose(some[:, wanted], together[:, wanted], atol=1e-12)
+    assert np.all(np.isnan(some[:, ~wanted]))
 
 
 def test_refuses_what_it_cannot_simulate(pendulum: Robot) -> None:

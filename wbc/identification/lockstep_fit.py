@@ -31,7 +31,7 @@ class _Point(NamedTuple):
 
 
 def lockstep_fit(
-    residuals: Callable[[FloatArray], FloatArray],
+    residuals: Callable[[FloatArray, Sequence[int]], FloatArray],
     tasks: Sequence[Task],
     bounds: tuple[FloatArray, FloatArray],
     scale: FloatArray,
@@ -47,7 +47,8 @@ def lockstep_fit(
     that jumps (dry friction makes such costs rough).
 
     Args:
-        residuals: (V, n) numbers -> (V, R) residuals.
+        residuals: (V, n) numbers and the task (V,) of each -> (V, R) residuals; rows that the
+            task does not see are not read.
         tasks: the fits.
         bounds: low and high, (n,) each.
         scale: typical sizes of the numbers, (n,), > 0.
@@ -60,7 +61,7 @@ def lockstep_fit(
     damping = np.full(len(tasks), 1e-2)
 
     def points(xs: FloatArray, of: Sequence[int]) -> list[_Point]:
-        table = residuals(xs)
+        table = residuals(xs, of)
         result = []
         for x, row, k in zip(xs, table, of, strict=True):
             full = np.concatenate([row[tasks[k].rows], pull[0] * (x - pull[1])])

@@ -122,12 +122,14 @@ def fit_servos(
     firsts = [np.array([start.get(name, spans[name].start) for name in names]) for start in starts]
     row_of = np.concatenate([np.full(len(r.position[::_EVERY]), k) for k, r in enumerate(runs)])
 
-    def residuals(points: FloatArray) -> FloatArray:
+    seen = np.array([np.isin(range(len(runs)), subset) for subset in subsets for _ in firsts])
+
+    def residuals(points: FloatArray, tasks: Sequence[int]) -> FloatArray:
         """Return the errors (V, rows) of V variants, thinned, runs one after another."""
         servos = [build(dict(zip(names, map(float, p), strict=True))) for p in points]
-        positions = servo_rollout(servos, runs, step)
+        positions = servo_rollout(servos, runs, step, seen[list(tasks)])
         parts = [
-            (positions[: run.position.size, :, k] - run.position[:, None])[::_EVERY]
+            positions[: run.position.size : _EVERY, :, k] - run.position[::_EVERY, None]
             for k, run in enumerate(runs)
         ]
         return np.concatenate(parts).T

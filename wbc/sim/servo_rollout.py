@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import RobotError
 from wbc.robot import Effect, Motion, Robot
 from wbc.robot.dc_drive import DcDrive, next_rise, winding_current
@@ -19,7 +19,7 @@ from wbc.sim.servo_run import ServoRun
 
 @dataclass(frozen=True, eq=False)
 class _Variants:
-    """Numbers of V robots with one joint, (V, 1) each, and their effects with (V, 1) parameters."""
+    """Numbers of robots with one joint, (N,) each, and their effects with (N,) parameters."""
 
     robot: Robot
     effects: tuple[Effect, ...]
@@ -27,7 +27,7 @@ class _Variants:
 
 
 class _Winding(NamedTuple):
-    """Motor torque [N m], back-EMF damping at the joint [N m s/rad] and heat [W], (V, L) each."""
+    """Motor torque [N m], back-EMF damping at the joint [N m s/rad] and heat [W], (N,) each."""
 
     torque: FloatArray
     brake: FloatArray
@@ -35,7 +35,10 @@ class _Winding(NamedTuple):
 
 
 def servo_rollout(
-    variants: Sequence[tuple[Robot, DcDrive]], runs: Sequence[ServoRun], step: float
+    variants: Sequence[tuple[Robot, DcDrive]],
+    runs: Sequence[ServoRun],
+    step: float,
+    wanted: BoolArray | None = None,
 ) -> FloatArray:
     """Return the positions (T, V, L) that V variants of a servo reach in L runs.
 
@@ -48,26 +51,29 @@ def servo_rollout(
             drives.
         runs: what the servo was told.
         step: time step [s] of the runs.
+        wanted: (V, L) which variant goes through which run; all if None. Elsewhere the positions
+            are NaN.
 
     Raises:
         RobotError: a robot with more than one joint, with a self-locking gear, without a torque
             constant and resistance, or with other effects than the first.
     """
-    stack = _stacked(variants)
+    pairs = np.ones((len(variants), len(runs)), dtype=bool) if wanted is None else wanted
+    variant_of, run_of = np.nonzero(pairs)
+    stack = _stacked(variants, variant_of)
     length = max(run.goal.size for run in runs)
     goal = np.stack([_held(run.goal, length) for run in runs], axis=1)
-    enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1)
-    gain = np.array([run.gain for run in runs])
-    shape = (len(variants), len(runs))
-    position = np.broadcast_to([run.position[0] for run in runs], shape).astype(np.float64)
-    velocity, rise = np.zeros(shape), np.zeros(shape)
-    result = np.empty((length, *shape))
+    enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1) > 0.5
+    gain = np.array([run.gain for run in runs])[run_of]
+    position = np.array([run.position[0] for run in runs], dtype=np.float64)[run_of]
+    velocity, rise = np.zeros(run_of.size), np.zeros(run_of.size)
+    result = np.full((length, *pairs.shape), np.nan)
     for k in range(length):
-        result[k] = position
-        error = gain * (goal[k] - position)
+        result[k][pairs] = position
+        error = gain * (goal[k][run_of] - position)
         # Velocities live half a step before the positions (leapfrog), which start at rest.
         span = step if k else 0.5 * step
-        winding = _winding(stack.numbers, velocity, error, enabled[k] > 0.5, rise)
+        winding = _winding(stack.numbers, velocity, error, enabled[k][run_of], rise)
         velocity = _next_velocity(stack, position, velocity, winding, span)
         rise = next_rise(
             rise, winding.heat, stack.numbers["heating"], stack.numbers["cooling"], span
@@ -83,7 +89,7 @@ def _held(values: FloatArray, length: int) -> FloatArray:
 def _winding(
     n: dict[str, FloatArray], velocity: FloatArray, error: FloatArray, on: Any, rise: FloatArray
 ) -> _Winding:
-    """Return what the drives do at one instant, (V, L) each."""
+    """Return what the drives do at one instant, (N,) each."""
     duty = np.clip(error, -n["duty_limit"], n["duty_limit"])
     resistance = n["resistance"] * (1.0 + rise)
     current = winding_current(
@@ -104,10 +110,10 @@ def _winding(
 def _next_velocity(
     stack: _Variants, position: FloatArray, velocity: FloatArray, winding: _Winding, step: float
 ) -> FloatArray:
-    """Return the velocity (V, L) after one step of the set-valued mesh law, solved exactly."""
+    """Return the velocity (N,) after one step of the set-valued mesh law, solved exactly."""
     n, motion = stack.numbers, Motion(position[..., None], velocity[..., None])
     rotor = winding.torque[..., None]
-    smooth = -(n["sine"] * np.sin(position) + n["cosine"] * np.cos(position) + n["constant"])
+    smooth = -(n["weight"] * np.sin(position + n["phase"]) + n["constant"])
     dry = np.zeros(velocity.shape)
     for effect in stack.effects:
         rotor = effect.drive(stack.robot, motion, rotor)
@@ -146,7 +152,8 @@ def _branch(
     return result[0], result[1]
 
 
-def _stacked(variants: Sequence[tuple[Robot, DcDrive]]) -> _Variants:
+def _stacked(variants: Sequence[tuple[Robot, DcDrive]], rows: IntArray) -> _Variants:
+    """Return the numbers of the variants that `rows` (N,) names, one after another."""
     robots = [robot for robot, _ in variants]
     names = [(effect.name, effect.where) for effect in robots[0].effects]
     for robot in robots:
@@ -157,18 +164,18 @@ def _stacked(variants: Sequence[tuple[Robot, DcDrive]]) -> _Variants:
             )
         if [(effect.name, effect.where) for effect in robot.effects] != names:
             raise RobotError("the variants of a servo must have the same effects, in other sizes.")
-    rows = [_numbers(robot, drive) for robot, drive in variants]
-    numbers = {key: np.array([row[key] for row in rows])[:, None] for key in rows[0]}
-    effects = [_stacked_effect([r.effects[k] for r in robots]) for k in range(len(names))]
+    table = [_numbers(robot, drive) for robot, drive in variants]
+    numbers = {key: np.array([one[key] for one in table])[rows] for key in table[0]}
+    effects = [_stacked_effect([r.effects[k] for r in robots], rows) for k in range(len(names))]
     return _Variants(robots[0], tuple(effects), numbers)
 
 
-def _stacked_effect(effects: Sequence[Effect]) -> Effect:
-    """Return one effect whose parameters are (V, 1) arrays, for hooks with leading axes (V, L)."""
+def _stacked_effect(effects: Sequence[Effect], rows: IntArray) -> Effect:
+    """Return one effect whose parameters are (N,) arrays, for hooks with that leading axis."""
     one = copy.copy(effects[0])
     for parameter in one.parameters:
         values = np.array([getattr(effect, parameter.name) for effect in effects])
-        object.__setattr__(one, parameter.name, values[:, None])
+        object.__setattr__(one, parameter.name, values[rows])
     return one
 
 
@@ -195,8 +202,8 @@ def _numbers(robot: Robot, drive: DcDrive) -> dict[str, float]:
         "rotor_viscous": float(gears.rotor_viscous_friction[0]),
         "link_inertia": float(pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]),
         "constant": constant,
-        "cosine": zero - constant,
-        "sine": quarter - constant,
+        "weight": float(np.hypot(quarter - constant, zero - constant)),
+        "phase": float(np.arctan2(zero - constant, quarter - constant)),
         "supply_voltage": drive.supply_voltage,
         "source_resistance": drive.source_resistance,
         "current_limit": drive.current_limit,
