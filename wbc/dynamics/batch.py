@@ -69,13 +69,12 @@ def contact_torque(
     for name in forces:
         robot.contact(name)
     world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    for row, q in enumerate(position):
-        pin.computeJointJacobians(space.model, space.data, q)
-        for name, force in forces.items():
-            frame = space.frames[names.index(name)]
-            pin.updateFramePlacement(space.model, space.data, frame)
-            jacobian = pin.getFrameJacobian(space.model, space.data, frame, world)
-            result[row] += jacobian[:3].reshape(3, -1).T @ force[row]
+    for name, force in forces.items():
+        frame = space.frames[names.index(name)]
+        jacobians = np.array(
+            [pin.computeFrameJacobian(space.model, space.data, q, frame, world) for q in position]
+        )
+        result += np.einsum("nij,ni->nj", jacobians[:, :3], force)
     return result
 
 
@@ -105,13 +104,15 @@ def rotor_torque(
     if robot.rotors_turn_with_links:
         housing, spun = _coupling_torque(robot, motion)
         torque = torque + housing
+    smooth, level = np.zeros(torque.shape), np.zeros(torque.shape)
     for effect in robot.effects:
-        smooth = effect.joint_torque(robot, motion)
-        if smooth is not None:
-            torque = torque - smooth
-        level = effect.joint_friction(robot, motion)
-        if level is not None:
-            torque = torque + level * np.sign(motion.velocity)
+        pushed = effect.joint_torque(robot, motion)
+        if pushed is not None:
+            smooth += pushed
+        dry = effect.joint_friction(robot, motion)
+        if dry is not None:
+            level += dry
+    torque = torque - smooth + level * np.sign(motion.velocity)
     psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
     psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
     output = torque[..., robot.actuated] @ gears.topology

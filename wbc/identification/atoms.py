@@ -47,7 +47,7 @@ class Atom:
         """Return the effect with these coefficients, or None if `robot` cannot have it."""
         try:
             effect = self.effect.at(self.where, self.screen.combine(coefficients))
-            robot.with_effect(effect)
+            effect.change(robot)
         except (EffectError, TransmissionError, RobotError):
             return None
         return effect

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import DynamicsError, EffectError, TransmissionError
+from wbc.identification.kept_columns import (
+    IMPOSSIBLE,
+    STEP,
+    KeptColumns,
+    keeps_motion,
+    lossy_gears,
+)
 from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual, swinging_torque
+from wbc.identification.residual import condensed_residual, noise_sizes, swinging_torque
 from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Parameter, Robot
 
-IMPOSSIBLE = (EffectError, TransmissionError, DynamicsError)
-"""Raised where a robot cannot have an effect with these parameters."""
-
-_STEP = 1e-3  # of a parameter's scale, by which it is varied
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
 
 Slots = Sequence[tuple[int, Parameter]]
@@ -29,13 +31,19 @@ class Evaluation:
 
     Attributes:
         effects: added to the robot.
+        robot: with the effects.
+        condensed: (rows, m + b) what is left [N m, N].
         residual: (rows, outputs), whitened.
         swinging: per record (N, nv), what links that swing behind their gears need more, or None.
+        sizes: (rows, m + b) by what the drives divide the residual.
     """
 
     effects: tuple[Effect, ...]
+    robot: Robot
+    condensed: FloatArray
     residual: FloatArray
     swinging: tuple[FloatArray | None, ...]
+    sizes: FloatArray
 
     @property
     def cost(self) -> float:
@@ -49,8 +57,9 @@ def evaluate(
     """Return what `robot` with `effects` leaves; links that swing are simulated once."""
     whole = robot.with_effects(*effects)
     swinging = tuple(swinging_torque(whole, record) for record in records)
-    residual = condensed_residual(whole, records, swinging) @ whitening
-    return Evaluation(tuple(effects), residual, swinging)
+    condensed = condensed_residual(whole, records, swinging)
+    sizes = noise_sizes(whole, records)
+    return Evaluation(tuple(effects), whole, condensed, condensed @ whitening, swinging, sizes)
 
 
 def derivatives(
@@ -60,6 +69,7 @@ def derivatives(
     records: Sequence[Record],
     whitening: FloatArray,
     known: FloatArray | None = None,
+    kept: KeptColumns | None = None,
 ) -> FloatArray:
     """Return the change (rows, outputs, p) of the residual per scale of each parameter.
 
@@ -71,13 +81,17 @@ def derivatives(
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         known: (rows, outputs, p) derivatives nearby. Those by parameters that change how links
             swing are taken from it, so that nothing is simulated.
+        kept: columns of this robot on these logs; new ones are put there.
     """
     columns = []
     for row, (k, parameter) in enumerate(slots):
         if known is not None and _swings(robot, at, k):
             columns.append(known[:, :, row])
-        else:
-            columns.append(_derivative(robot, at, k, parameter, records, whitening))
+            continue
+        column = None if kept is None else _kept(at, k, parameter, kept)
+        if column is None:
+            column = _derivative(robot, at, k, parameter, records)
+        columns.append(column @ whitening)
     if not columns:
         return np.zeros((*at.residual.shape, 0))
     jacobian = np.stack(columns, axis=-1)
@@ -89,24 +103,41 @@ def derivatives(
     return jacobian
 
 
+def _kept(at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns) -> FloatArray | None:
+    """Return a column (rows, m + b) that does not depend on the other effects, or None."""
+    if not keeps_motion(at.robot):
+        return None
+    column = kept.column(at.effects, k, parameter)
+    if column is None:
+        return None
+    lossy = lossy_gears(at.robot)
+    if np.any(column[:, : lossy.size][:, lossy]):
+        return None
+    return np.asarray(column / at.sizes)
+
+
 def _derivative(
-    robot: Robot,
-    at: Evaluation,
-    k: int,
-    parameter: Parameter,
-    records: Sequence[Record],
-    whitening: FloatArray,
+    robot: Robot, at: Evaluation, k: int, parameter: Parameter, records: Sequence[Record]
 ) -> FloatArray:
+    """Return the change (rows, m + b) of the residual per scale of a parameter of effect `k`."""
     # What is neither part of a soft gear nor of a link hardly changes how links swing.
     held = None if _swings(robot, at, k) else at.swinging
-    for size in (_STEP, -_STEP):
+    for size in (STEP, -STEP):
         try:
             changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
-            moved = condensed_residual(robot.with_effects(*changed), records, held)
+            moved = condensed_residual(_whole(robot, at, k, changed), records, held)
         except IMPOSSIBLE:
             continue
-        return np.asarray((moved @ whitening - at.residual) / size)
-    return np.zeros_like(at.residual)
+        return np.asarray((moved - at.condensed) / size)
+    return np.zeros_like(at.condensed)
+
+
+def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> Robot:
+    """Return the robot with effects of which number `k` is not as in `at`."""
+    if type(at.effects[k]).change is not Effect.change:
+        return robot.with_effects(*changed)
+    # Every number that effects change is as it was.
+    return replace(at.robot, effects=(*robot.effects, *changed))
 
 
 def _swings(robot: Robot, at: Evaluation, k: int) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from wbc.identification.atoms import Shelf
 from wbc.identification.credibility import credible, shape_at_bound, showing
-from wbc.identification.model import Model
+from wbc.identification.model import Model, least_complexity
 from wbc.identification.selection import REFINED, SIMPLER, Selector, without
 from wbc.identification.swinging import deflects
 from wbc.robot import Effect
@@ -29,32 +29,36 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
         first: the model without causes.
     """
     current = model
-    for _ in range(_EXCHANGES):
-        rivals = _all_rivals(selector, current)
-        better = _better(selector, [m for group in rivals for m in group], current, first)
+    for left in reversed(range(_EXCHANGES + 1)):
+        offers = _all_offers(selector, current)
+        # What asks for more to be believed takes no place: it is only fitted at the end.
+        bound = current.complexity + SIMPLER
+        simple = [e for group in offers for e in group if least_complexity(e) < bound]
+        better = _better(selector, _credible(selector, simple), current, first) if left else None
         if better is None:
             break
         current = selector.prune(better, first)
-    else:
-        rivals = _all_rivals(selector, current)
     names = [
-        _names([m for m in group if _stands(selector, m, current, k, first)], current.effects[k])
-        for k, group in enumerate(rivals)
+        _names(
+            [m for m in _credible(selector, group) if _stands(selector, m, current, k, first)],
+            current.effects[k],
+        )
+        for k, group in enumerate(offers)
     ]
     return current, names
 
 
-def _all_rivals(selector: Selector, model: Model) -> list[list[Model]]:
-    """Return for each cause the models in which another one stands in its place.
+def _all_offers(selector: Selector, model: Model) -> list[list[tuple[Effect, ...]]]:
+    """Return for each cause the effects of the models in which another one stands in its place.
 
     What a small effect adds to the model hardly depends on one cause more or less: all
     screens but those beside a link that swings share the columns of the whole model.
     """
     columns: Shelf = {}
-    return [_rivals(selector, model, k, columns) for k in range(len(model.effects))]
+    return [_offers(selector, model, k, columns) for k in range(len(model.effects))]
 
 
-def _rivals(selector: Selector, model: Model, k: int, columns: Shelf) -> list[Model]:
+def _offers(selector: Selector, model: Model, k: int, columns: Shelf) -> list[tuple[Effect, ...]]:
     own = model.effects[k]
     near = None if deflects(own) else (model.fit.robot, columns)
     if not deflects(own) and any(deflects(e) for e in model.effects):
@@ -62,8 +66,13 @@ def _rivals(selector: Selector, model: Model, k: int, columns: Shelf) -> list[Mo
         direct = tuple(c for c in selector.candidates if not deflects(c))
         selector = replace(selector, candidates=direct)
     rest = selector.model(without(model.effects, k))
-    found = selector.additions(rest, REFINED, [(own.name, own.where)], model.error, near=near)
-    return [m for m in found if credible(selector.problem, m.fit)]
+    return selector.promising(rest, REFINED, [(own.name, own.where)], model.error, near=near)
+
+
+def _credible(selector: Selector, offers: Sequence[tuple[Effect, ...]]) -> list[Model]:
+    """Return the models with these effects that are an explanation at all."""
+    fitted = [selector.model(effects) for effects in offers]
+    return [m for m in fitted if credible(selector.problem, m.fit)]
 
 
 def _better(

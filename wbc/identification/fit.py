@@ -9,13 +9,13 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.identification.derivatives import (
-    IMPOSSIBLE,
     Evaluation,
     Slots,
     derivatives,
     evaluate,
     with_changes,
 )
+from wbc.identification.kept_columns import IMPOSSIBLE, KeptColumns
 from wbc.identification.record import Record
 from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Parameter, Robot
@@ -103,6 +103,7 @@ def refine(
     records: Sequence[Record],
     whitening: FloatArray,
     iterations: int = _ITERATIONS,
+    kept: KeptColumns | None = None,
 ) -> Fit:
     """Fit all parameters of `effects` added to `robot`.
 
@@ -112,11 +113,12 @@ def refine(
         records: the logs.
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
+        kept: derivatives made before of this robot on these records; new ones are put there.
     """
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
     swings = any(deflects(effect) for effect in effects)
     at = evaluate(robot, effects, records, whitening)
-    jacobian = derivatives(robot, at, slots, records, whitening)
+    jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
     least = _CONVERGED_ROUGH if swings else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
     for _ in range(iterations if slots else 0):
@@ -125,7 +127,8 @@ def refine(
         if found is None:
             if fresh:
                 break
-            jacobian, fresh = derivatives(robot, at, slots, records, whitening), True
+            jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
+            fresh = True
             continue
         moved, length = found
         gain = (at.cost - moved.cost) / at.cost
@@ -143,7 +146,7 @@ def refine(
             trusted = abs(gain * at.cost / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
         at = moved
         known = jacobian if trusted else None
-        jacobian = derivatives(robot, at, slots, records, whitening, known)
+        jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
         if settled and (trusted or fresh):
             break
         fresh = not trusted or not swings

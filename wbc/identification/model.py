@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,17 @@ class Model:
     @property
     def complexity(self) -> float:
         """How much the model asks one to believe: names count most, then places, parameters."""
-        names = {effect.name for effect in self.effects}
-        parameters = sum(effect.freedom for effect in self.effects)
-        return 1.0 * len(names) + 0.5 * (len(self.effects) - len(names)) + 0.1 * parameters
+        return _complexity(self.effects, [effect.freedom for effect in self.effects])
+
+
+def least_complexity(effects: Sequence[Effect]) -> float:
+    """Return how much a model with these causes asks one to believe at the least, once fitted."""
+    plain = Effect.freedom
+    return _complexity(
+        effects, [effect.freedom if type(effect).freedom is plain else 1 for effect in effects]
+    )
+
+
+def _complexity(effects: Sequence[Effect], freedoms: Sequence[int]) -> float:
+    names = {effect.name for effect in effects}
+    return 1.0 * len(names) + 0.5 * (len(effects) - len(names)) + 0.1 * sum(freedoms)

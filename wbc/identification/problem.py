@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.fit import Fit, refine
 from wbc.identification.floor import NoiseFloor, drawn_noise, noise_floor, with_even_noise
 from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
+from wbc.identification.kept_columns import KeptColumns
 from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
@@ -83,9 +85,13 @@ class Problem:
         """(outputs, judged outputs) by which residuals are multiplied."""
         return self.floor.whitening
 
+    @cached_property
+    def _columns(self) -> KeptColumns:
+        return KeptColumns(self.robot, self.records)
+
     def fit(self, effects: Sequence[Effect]) -> Fit:
         """Return the robot with these effects, parameters fitted to all records."""
-        return refine(self.robot, effects, self.records, self.whitening)
+        return refine(self.robot, effects, self.records, self.whitening, kept=self._columns)
 
     def held_out(self, fit: Fit) -> FloatArray:
         """Return (rows, outputs) held-out squares in units of the floor."""

@@ -94,10 +94,28 @@ def _unexplained(
 ) -> FloatArray:
     needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
     delivered, slope = _delivered(robot, motion, record.torque)
-    share = record.reported_share
-    size = np.sqrt(share * np.maximum(slope, _LEAST_GAIN) ** 2 + 1.0 - share)
+    size = _noise_size(record, slope)
     driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
     return np.concatenate([driven, -wrench], axis=1)
+
+
+def _noise_size(record: Record, slope: FloatArray) -> FloatArray:
+    """Return (m,) what drives of these slopes do to the size of the residual's noise."""
+    share = record.reported_share
+    return np.asarray(np.sqrt(share * np.maximum(slope, _LEAST_GAIN) ** 2 + 1.0 - share))
+
+
+def noise_sizes(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (rows, m + b) by what the drives of a robot divide what it leaves unexplained.
+
+    The drives act on the motion as measured: the robot has no effect on its encoders.
+    """
+    parts = []
+    for record in records:
+        _, slope = _delivered(robot, record.motion, record.torque)
+        sizes = np.concatenate([_noise_size(record, slope), np.ones(robot.floating_size)])
+        parts.append(np.broadcast_to(sizes, (record.rows, sizes.size)))
+    return np.concatenate(parts)
 
 
 def condensed_residual(

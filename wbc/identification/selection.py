@@ -190,7 +190,20 @@ class Selector:
         most: float = np.inf,
         near: Nearby | None = None,
     ) -> list[Model]:
-        """Return the `count` most promising models with one cause more, fitted.
+        """Return the `count` most promising models with one cause more; see `promising`."""
+        found = self.promising(model, count, exclude, enough, most, near)
+        return [self.model(effects) for effects in found]
+
+    def promising(
+        self,
+        model: Model,
+        count: int,
+        exclude: Sequence[tuple[str, str]] = (),
+        enough: float = 0.0,
+        most: float = np.inf,
+        near: Nearby | None = None,
+    ) -> list[tuple[Effect, ...]]:
+        """Return the effects of a model with those that are most promising beside them, unfitted.
 
         Those whose screened error is clearly above both the best one and `enough`, or above `most`,
         are left out. With `near` the screen's columns are those of a robot close by.
@@ -217,7 +230,7 @@ class Selector:
         worst = max(found[0].error, enough) + doubt
         # Beside the best group of places stands the best single one.
         single = next((s for s in found if len(s.atoms) == 1), found[0])
-        refined: list[Model] = []
+        offers: list[tuple[Effect, ...]] = []
         seen: set[tuple[tuple[str, str], ...]] = set()
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
@@ -231,8 +244,8 @@ class Selector:
             pairs = zip(added, search.coefficients(subset.atoms), strict=True)
             effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
             seen.add(key)
-            refined.append(self.model((*model.effects, *(e for e in effects if e is not None))))
-        return refined
+            offers.append((*model.effects, *(e for e in effects if e is not None)))
+        return offers
 
     def prune(self, model: Model, first: Model) -> Model:
         """Return the model without causes that do not pay any more."""

@@ -19,6 +19,7 @@ from wbc.robot import Motion, Robot
 _MOST_BLOCKS = 96  # memory grows with blocks times the square of the library
 _LEVEL_SAMPLES = 2000
 _NUDGE = 1e-3  # [N m]
+_ROUNDING = 1e-6  # share of what an effect does to the output that feels it most
 _LOST = 1e-6  # share of a column's square that must be left beside the known effects
 _BATCH = 64
 
@@ -81,6 +82,9 @@ def term_table(problem: Problem, fit: Fit, joint: str, terms: Sequence[TorqueTer
     """
     back = np.linalg.pinv(problem.whitening)
     residual, known = fit.residual @ back, np.einsum("rpk,po->rok", fit.jacobian, back)
+    size = np.sqrt(np.mean(known**2, axis=0))
+    # What another joint feels is left over here by rounding: scaled up it would pass for a cause.
+    known[:, size < _ROUNDING * size.max(axis=0, initial=0.0)] = 0.0
     cells, folds, blocks = _cells(problem)
     totals = _Totals(len(folds), len(terms) + known.shape[-1])
     levels, first = [], 0
