@@ -16,15 +16,14 @@ With --export nothing is fitted: the runs are written as BAM keeps them, for its
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import pi
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.bam_runs import DATA, STEP, export, folds, read_runs
 from benchmarks.servo_candidates import (
     CANDIDATES,
     ELECTRICAL,
@@ -32,20 +31,15 @@ from benchmarks.servo_candidates import (
     RIVALS,
     SPANS,
     STARTS,
-    SUPPLY,
     servo,
 )
 from benchmarks.servo_choice import PROCEDURES, Forecasts, forecasts, least, outsides
 from wbc.effects import load_robot
 from wbc.identification.servo_fit import ServoFit, fit_servos
-from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
 
-ROOT = Path(__file__).resolve().parent.parent
-STEP = 0.005
-DUTY_PER_RAD = 4096 / (2 * pi) / (256 * 885)  # times kp, the firmware's law
 ITERATIONS = 25
 
 
@@ -127,63 +121,6 @@ class Bench:
         print("    " + ", ".join(f"{key} {value:.4g}" for key, value in trial.fit.values.items()))
 
 
-def read_logs(folder: Path) -> list[tuple[Log, int, str]]:
-    """Return log, gain and trajectory of every run."""
-    logs = load_logs([folder / "bam.parquet"], ROOT / "robots" / "xl330_pendulum" / "columns.toml")
-    parts = [log.source.part.split("_", 2)[1:] for log in logs]
-    return [
-        (log, int(gain.removeprefix("kp")), trajectory)
-        for log, (gain, trajectory) in zip(logs, parts, strict=True)
-    ]
-
-
-def read_runs(folder: Path) -> list[ServoRun]:
-    return [
-        ServoRun.from_log(log, "shaft", gain * DUTY_PER_RAD, STEP)
-        for log, gain, _ in read_logs(folder)
-    ]
-
-
-def export(folder: Path, target: Path) -> None:
-    """Write every run as BAM's own processing does: interpolated to an even clock, as JSON."""
-    target.mkdir(parents=True, exist_ok=True)
-    names = {
-        "position": "position",
-        "speed": "velocity",
-        "goal_position": "goal_position",
-        "torque_enable": "enabled",
-    }
-    for log, gain, trajectory in read_logs(folder):
-        clock = np.arange(log.time[0], log.time[-1], STEP)
-        series = {
-            theirs: np.interp(clock, log.time, log.columns[f"shaft.{ours}"]).tolist()
-            for theirs, ours in names.items()
-        }
-        series["torque_enable"] = [share > 0.5 for share in series["torque_enable"]]
-        rows = zip(*series.values(), strict=True)
-        content = {
-            "motor": "xl330",
-            "mass": 0.49,
-            "arm_mass": 0.0,
-            "length": 0.1,
-            "vin": SUPPLY,
-            "kp": gain,
-            "trajectory": trajectory,
-            "dt": STEP,
-            "entries": [dict(zip(series, row, strict=True)) for row in rows],
-        }
-        (target / f"{log.source.part}.json").write_text(json.dumps(content), encoding="utf-8")
-
-
-def folds(runs: Sequence[ServoRun]) -> dict[str, list[int]]:
-    parts = [run.name.split("_", 2)[1:] for run in runs]
-    result: dict[str, list[int]] = {}
-    for place in (0, 1):
-        for value in dict.fromkeys(part[place] for part in parts):
-            result[value] = [k for k, part in enumerate(parts) if part[place] == value]
-    return result
-
-
 def line(name: str, seen: float | None, outer: Sequence[float] | np.ndarray, *rest: str) -> None:
     first = " " * 10 if seen is None else f"{seen:10.1f}"
     numbers = "".join(f"{x:10.1f}" for x in (*outer, np.mean(outer)))
@@ -195,6 +132,35 @@ def print_gaps(rows: Mapping[str, np.ndarray], first: str) -> None:
         gap = rows[name] - rows[first]
         error = gap.std(ddof=1) / np.sqrt(gap.size)
         print(f"{name} minus {first}: {gap.mean():.1f} +- {error:.1f} mrad over the folds")
+
+
+def print_choices(bench: Bench, offered: Sequence[Trial]) -> dict[str, np.ndarray]:
+    print("candidate chosen inside each fold, too")
+    rows = {}
+    for label, procedure in PROCEDURES.items():
+        rows[label], weights = bench.choices(offered, procedure)
+        line(label, None, rows[label])
+        for cut, row in zip(bench.cuts, weights, strict=True):
+            used = [(w, t) for w, t in zip(row, offered, strict=True) if w > 0.005]
+            share = sum(w for w, t in used if t.electrical)
+            text = "; ".join(f"{w:.2f} {t.name}, {t.hold}" for w, t in used)
+            print(f"    {cut}: electrical {share:.2f}: {text}")
+    return rows
+
+
+def print_choices_from_fewer(bench: Bench, offered: Sequence[Trial]) -> dict[str, np.ndarray]:
+    """Stack without the candidates that have a term: how much that term is needed."""
+    print("stacked from fewer")
+    rows = {}
+    for label, without in (
+        ("no electrical term", ELECTRICAL),
+        ("no load friction near rest", ("load_stribeck",)),
+        ("no warm winding", ("heating",)),
+    ):
+        fewer = [t for t in offered if not any(name in t.fit.values for name in without)]
+        rows[label], _ = bench.choices(fewer, PROCEDURES["stacked"])
+        line(label, None, rows[label])
+    return rows
 
 
 def main(folder: Path, *, quick: bool = False) -> dict[str, np.ndarray]:
@@ -214,16 +180,10 @@ def main(folder: Path, *, quick: bool = False) -> dict[str, np.ndarray]:
         rows[name], _ = bench.choices([t for t in trials if t.name == name], least)
         line(name, None, rows[name])
     print_gaps(rows, names[0] if quick else "+ load stribeck, sag")
-    print("candidate chosen inside each fold, too")
     offered = [trial for trial in trials if trial.name in CANDIDATES]
-    for label, procedure in PROCEDURES.items():
-        rows[label], weights = bench.choices(offered, procedure)
-        line(label, None, rows[label])
-        for cut, row in zip(bench.cuts, weights, strict=True):
-            used = [(w, t) for w, t in zip(row, offered, strict=True) if w > 0.005]
-            share = sum(w for w, t in used if t.electrical)
-            text = "; ".join(f"{w:.2f} {t.name}, {t.hold}" for w, t in used)
-            print(f"    {cut}: electrical {share:.2f}: {text}")
+    rows |= print_choices(bench, offered)
+    if not quick:
+        rows |= print_choices_from_fewer(bench, offered)
     fits = trials[0].positions.shape[1]
     print(f"{sum(fits * trial.seconds for trial in trials):.0f} CPU s for all fits")
     return rows
@@ -231,9 +191,7 @@ def main(folder: Path, *, quick: bool = False) -> dict[str, np.ndarray]:
 
 if __name__ == "__main__":
     reader = argparse.ArgumentParser()
-    reader.add_argument(
-        "folder", nargs="?", type=Path, default=ROOT.parent / "shared" / "data" / "bam_servo"
-    )
+    reader.add_argument("folder", nargs="?", type=Path, default=DATA)
     reader.add_argument("--quick", action="store_true")
     reader.add_argument("--export", type=Path)
     given = reader.parse_args()

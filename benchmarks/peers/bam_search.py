@@ -1,7 +1,7 @@
 """BAM's own search on the runs of a fold's outside; run by a Python that has BAM and optuna < 4.4.
 
     python -m benchmarks.bam --export RUNS
-    BAM_PYTHON benchmarks/peers/bam_search.py RUNS m6 3000 kp800
+    BAM_PYTHON benchmarks/peers/bam_search.py RUNS m6 3000 kp800 [SEED]
 
 Arguments: the folder of the runs, the model (m1 to m6), the number of trials, and the fold to
 leave out (a gain or a trajectory).
@@ -25,7 +25,7 @@ from bam.model import models
 from bam.simulate import Simulator
 
 
-def main(folder, name, trials, fold):
+def main(folder, name, trials, fold, seed=0):
     warnings.simplefilter("ignore")
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     everything = Logs(folder)
@@ -52,7 +52,7 @@ def main(folder, name, trials, fold):
             print(f"{name} {fold:16s}{done:7d}{numbers[0]:9.1f} s{numbers[1]:8.1f}{other:8.1f}")
             sys.stdout.flush()
 
-    sampler = optuna.samplers.CmaEsSampler(restart_strategy="bipop", seed=0)
+    sampler = optuna.samplers.CmaEsSampler(restart_strategy="bipop", seed=seed)
     study = optuna.create_study(sampler=sampler)
     study.optimize(objective, n_trials=trials, callbacks=[say])
     print(study.best_params)
@@ -72,4 +72,4 @@ def error(model, runs):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4])
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4], *map(int, sys.argv[5:]))
