@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.robot import LinkResponse
 
 _STEP = 1e-3  # [s]; the frequency of a swing w comes out wrong by the share (w h)^2 / 12
+_SEEN = 1.0
 
 Spring = tuple[float, float]
 """Stiffness [N m/rad] and damping [N m s/rad] of a gear."""
@@ -32,20 +33,32 @@ def soft_deflections(
     """
     parts = max(1, round(responses[0].step / _STEP))
     paths = _solutions(responses, springs, parts)
-    start = _start(responses, paths)
+    start = _start(responses, springs, paths)
     return [path[..., 0] + path[..., 1:] @ start for path in paths]
 
 
-def _start(responses: Sequence[LinkResponse], paths: Sequence[FloatArray]) -> FloatArray:
+def _start(
+    responses: Sequence[LinkResponse], springs: Sequence[Spring], paths: Sequence[FloatArray]
+) -> FloatArray:
     """Return how much of the free swings (2 n,) leaves least unexplained at the n joints."""
+    # A swing that turns by more than a radian per sample is in no channel.
+    seen = [_turn(r, spring) < _SEEN for r, spring in zip(responses, springs, strict=True)] * 2
     wanted, columns = [], []
     for response in responses:
         parts = zip(responses, paths, strict=True)
         torques = np.sum([other.torque_on(response.row, path) for other, path in parts], axis=0)
         wanted.append(response.left(torques[:, 0]))
         columns.append(response.band(torques[:, 1:]))
-    found = np.linalg.lstsq(np.concatenate(columns), np.concatenate(wanted), rcond=1e-6)
-    return np.asarray(found[0])
+    start = np.zeros(len(seen))
+    found = np.linalg.lstsq(np.concatenate(columns)[:, seen], np.concatenate(wanted), rcond=1e-6)
+    start[seen] = found[0]
+    return start
+
+
+def _turn(response: LinkResponse, spring: Spring) -> float:
+    """Return by how much [rad] of its period a link behind a spring swings per sample."""
+    inertia = float(np.mean(response.inertia[:, response.row]))
+    return response.step * float(np.sqrt(max(spring[0], 0.0) / inertia))
 
 
 def _solutions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -56,6 +57,11 @@ class StribeckFriction(JointEffect):
 
         speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
         return tuple(screen(float(speed)) for speed in speeds)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether the joint passed the Stribeck speed: below it this is Coulomb friction."""
+        fastest = max(np.abs(self.joint_velocity(robot, motion)).max() for motion in motions)
+        return bool(self.speed < fastest)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""

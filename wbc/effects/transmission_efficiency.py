@@ -21,7 +21,8 @@ class TransmissionEfficiency(JointEffect):
 
     Attributes:
         forward_efficiency: eta_f, power out / power in when the motor drives.
-        backward_efficiency: eta_b when the joint drives; zero or less is self-locking.
+        backward_efficiency: eta_b when the joint drives; zero or less is self-locking. Above one
+            the gear would yield more than it takes.
     """
 
     forward_efficiency: float
@@ -30,7 +31,7 @@ class TransmissionEfficiency(JointEffect):
     name: ClassVar[str] = "transmission_efficiency"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1),
-        Parameter("backward_efficiency", "1", 1.0, -20.0, 1.5, 0.1),
+        Parameter("backward_efficiency", "1", 1.0, -20.0, 1.0, 0.1),
     )
     explanation: ClassVar[str] = (
         "Sliding teeth lose a share of the power they carry; driving the joint from the motor "
@@ -64,8 +65,8 @@ class TransmissionEfficiency(JointEffect):
         def efficiencies(loss: float, backward_loss: float) -> dict[str, float]:
             inverse = 1.0 / forward + step * loss
             return {
-                "forward_efficiency": 1.0 / inverse if inverse > 0.0 else np.inf,
-                "backward_efficiency": backward - step * backward_loss,
+                "forward_efficiency": min(1.0 / inverse, 1.0) if inverse > 0.0 else np.inf,
+                "backward_efficiency": min(backward - step * backward_loss, 1.0),
             }
 
         pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))

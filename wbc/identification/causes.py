@@ -17,6 +17,7 @@ _HALF = 0.5  # of the error, left by the best cause that acts at once, from whic
 _FAR = 0.3  # ... links that swing come first, if they leave so little of what that cause leaves
 _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
+_SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 
 _Search = tuple[list[Model], Model]
@@ -59,7 +60,8 @@ def find_causes(
     explained = fine if problem.floor.repeats else rough
     best = direct, path, final
     for origin in dict.fromkeys((first, final)) if swinging.candidates else ():
-        if best[2].error < explained:
+        several = origin is first and len(final.effects) >= _SEVERAL
+        if best[2].error < explained and not several:
             break
         swung = _swung(swinging, origin, first, explained)
         if not swung:

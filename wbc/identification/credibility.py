@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.fit import Fit
 from wbc.identification.folds import ROWS_PER_SAMPLE
-from wbc.identification.intervals import interval_bounds
+from wbc.identification.intervals import bootstrap_steps, interval_bounds
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.residual import drive_gains, drive_misses
 
 _FOLLOWED = 0.3  # share of the needed torque that a drive model may miss and still be believed
 _LEAST_MASS = 0.1  # of a link, that a payload of negative mass may leave
 _DEVIATIONS = 5.0
+_VAGUE = 0.1  # low over high of a shape that the logs leave open
 _MOST_GAIN = 2.5  # of a drive: delivered over reported torque, or the inverse
 
 
@@ -25,15 +28,37 @@ def showing(problem: Problem, fit: Fit) -> set[int]:
     """
     sure = _sure(problem, fit)
     bounds = interval_bounds(fit, problem.blocks, np.zeros(1))
+    held = _with_vague_shapes_held(problem, fit, bounds)
     seen = set()
-    pairs = zip(fit.parameters, bounds, sure, strict=True)
-    for (k, parameter), (low, high), deviation in pairs:
+    pairs = zip(fit.parameters, bounds, held, sure, strict=True)
+    for (k, parameter), (low, high), (held_low, held_high), deviation in pairs:
         effect = fit.effects[k]
         null = effect.null_values(problem.robot, effect.where)[parameter.name]
         away = abs(effect.values[parameter.name] - null) / parameter.scale
-        if not parameter.shape and (not low <= null <= high or away > _DEVIATIONS * deviation):
+        inside = low <= null <= high and held_low <= null <= held_high
+        if not parameter.shape and (not inside or away > _DEVIATIONS * deviation):
             seen.add(k)
     return seen
+
+
+def _with_vague_shapes_held(problem: Problem, fit: Fit, bounds: FloatArray) -> FloatArray:
+    """Return the bounds (p, 2) with those shapes held that the logs leave open by a decade.
+
+    Which of two numbers a short log leaves open (how fast a motor weakens, and for how long) is no
+    reason to doubt both.
+    """
+    vague = [
+        parameter.shape and 0.0 < low <= _VAGUE * high
+        for (_, parameter), (low, high) in zip(fit.parameters, bounds, strict=True)
+    ]
+    if not any(vague):
+        return bounds
+    free = np.flatnonzero(~np.array(vague))
+    parameters = tuple(fit.parameters[row] for row in free)
+    known = replace(fit, jacobian=fit.jacobian[..., free], parameters=parameters)
+    held = bounds.copy()
+    held[free] = interval_bounds(known, problem.blocks, np.zeros(1))
+    return held
 
 
 def _sure(problem: Problem, fit: Fit) -> FloatArray:
@@ -56,6 +81,25 @@ def shape_at_bound(fit: Fit) -> bool:
     return any(value in (p.low, p.high) for value, p in found)
 
 
+def _pushes_out(problem: Problem, fit: Fit) -> bool:
+    """Whether noise cannot be why a number of what was added last lies at the end of its range.
+
+    What was there before may have become idle by it, and be dropped.
+    """
+    newest = fit.effects[-1].name if fit.effects else ""
+    ends = {
+        row: 1.0 if value == parameter.high else -1.0
+        for row, (k, parameter) in enumerate(fit.parameters)
+        if not parameter.shape
+        and fit.effects[k].name == newest
+        and (value := fit.effects[k].values[parameter.name]) in (parameter.low, parameter.high)
+    }
+    if not ends:
+        return False
+    steps = bootstrap_steps(fit, problem.blocks)
+    return any(np.percentile(side * steps[:, row], 1.0) > 0.0 for row, side in ends.items())
+
+
 def credible(problem: Problem, fit: Fit) -> bool:
     """Whether no number lies at the end of a fit's range, and no drive or mass explains too much.
 
@@ -68,6 +112,8 @@ def credible(problem: Problem, fit: Fit) -> bool:
         null = effect.null_values(problem.robot, effect.where)[parameter.name]
         if not parameter.shape and value in (parameter.low, parameter.high) and value != null:
             return False
+    if _pushes_out(problem, fit):
+        return False
     motions = [record.motion for record in problem.records]
     if not all(effect.recognisable(fit.robot, motions) for effect in fit.effects):
         return False

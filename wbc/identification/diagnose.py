@@ -30,8 +30,9 @@ _STILL = (
     "it moving back and forth, slowly and fast."
 )
 _SILENT = (
-    "{}: the torque that its drive reports is small beside what the motion needs and does not "
-    "follow it; the joint is set aside. Check its torque constant, its unit and its column."
+    "{}: the torque that its drive reports is small, close to its noise, and does not follow what "
+    "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
+    "judged, or its torque constant, unit or column is wrong."
 )
 
 

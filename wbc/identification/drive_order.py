@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from wbc.identification.model import Model
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 
 def in_best_order(model: Model, fitted: Callable[[Sequence[Effect]], Model]) -> Model:
@@ -25,6 +25,36 @@ def in_best_order(model: Model, fitted: Callable[[Sequence[Effect]], Model]) -> 
     places = [k for k in drives[:-1] if _same_drive(others[k], last)]
     moved = [fitted((*others[:k], last, *others[k:])) for k in places]
     return min([model, *moved], key=lambda m: m.error)
+
+
+def placed_first(
+    model: Model, candidates: Sequence[type[Effect]], robot: Robot
+) -> list[tuple[Effect, ...]]:
+    """Return the effects of models in which one drive effect more acts before those there are.
+
+    Beside a limit, what weakens a drive before it explains nothing where it acts behind it.
+
+    Args:
+        model: what one more is put to.
+        candidates: effect classes that may be used.
+        robot: without effects.
+    """
+    drives = [k for k, effect in enumerate(model.effects) if _drives(effect)]
+    if not drives:
+        return []
+    taken = {(effect.name, effect.where) for effect in model.effects}
+    offers = []
+    for kind in candidates:
+        if kind.drive is Effect.drive:
+            continue
+        for where in kind.places(robot):
+            if (kind.name, where) in taken:
+                continue
+            new = kind.at(where, kind.null_values(robot, where))
+            k = next((k for k in drives if _same_drive(model.effects[k], new)), None)
+            if k is not None:
+                offers.append((*model.effects[:k], new, *model.effects[k:]))
+    return offers
 
 
 def _drives(effect: Effect) -> bool:

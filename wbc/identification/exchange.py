@@ -33,11 +33,16 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
         offers = _all_offers(selector, current)
         # What asks for more to be believed takes no place: it is only fitted at the end.
         bound = current.complexity + SIMPLER
-        simple = [e for group in offers for e in group if least_complexity(e) < bound]
-        better = _better(selector, _credible(selector, simple), current, first) if left else None
+        whole = [_offers_for_all(selector, current, name) for name in _repeated(current)]
+        simple = [e for group in (*offers, *whole) for e in group if least_complexity(e) < bound]
+        rivals = _credible(selector, simple) if left else []
+        # Losses too small to count one by one would add up from exchange to exchange.
+        kept = [m for m in rivals if not selector.pays(m, model, first)]
+        better = _better(selector, kept, current, first)
         if better is None:
             break
-        current = selector.prune(better, first)
+        pruned = selector.prune(better, first)
+        current = better if selector.pays(pruned, model, first) else pruned
     names = [
         _names(
             [m for m in _credible(selector, group) if _stands(selector, m, current, k, first)],
@@ -69,6 +74,30 @@ def _offers(selector: Selector, model: Model, k: int, columns: Shelf) -> list[tu
     return selector.promising(rest, REFINED, [(own.name, own.where)], model.error, near=near)
 
 
+def _repeated(model: Model) -> list[str]:
+    """Return the names that stand at several places."""
+    names = [effect.name for effect in model.effects]
+    return [name for name in dict.fromkeys(names) if names.count(name) > 1]
+
+
+def _offers_for_all(selector: Selector, model: Model, name: str) -> list[tuple[Effect, ...]]:
+    """Return the effects of models in which others stand for one effect at all its places.
+
+    One by one they could not be exchanged: every rival would be one more name to believe in.
+    """
+    own = [e for e in model.effects if e.name == name]
+    places = {e.where for e in own}
+    rest = selector.model([e for e in model.effects if e.name != name])
+    elsewhere = [
+        (c.name, joint)
+        for c in selector.candidates
+        for joint in rest.fit.robot.transmission.joints
+        if joint not in places
+    ]
+    aside = [(name, place) for place in places] + elsewhere
+    return selector.promising(rest, REFINED, aside, model.error)
+
+
 def _credible(selector: Selector, offers: Sequence[tuple[Effect, ...]]) -> list[Model]:
     """Return the models with these effects that are an explanation at all."""
     fitted = [selector.model(effects) for effects in offers]
@@ -78,19 +107,25 @@ def _credible(selector: Selector, offers: Sequence[tuple[Effect, ...]]) -> list[
 def _better(
     selector: Selector, rivals: Sequence[Model], current: Model, first: Model
 ) -> Model | None:
-    simpler = [
-        m
-        for m in rivals
-        if m.complexity < current.complexity - SIMPLER and not selector.pays(m, current, first)
-    ]
+    simpler = [m for m in rivals if _simpler(m, current) and not selector.pays(m, current, first)]
     if simpler:
-        return min(simpler, key=lambda m: (round(m.complexity, 6), m.error))
+        return min(simpler, key=lambda m: (round(m.complexity, 6), m.numbers, m.error))
     stronger = [
         m
         for m in rivals
         if m.complexity < current.complexity + SIMPLER and selector.pays(current, m, first)
     ]
     return min(stronger, key=lambda m: m.error) if stronger else None
+
+
+def _simpler(rival: Model, model: Model) -> bool:
+    """Whether a rival asks for less to be believed, or for the same while less of it was fitted.
+
+    Two efficiencies near the relation of a wedge count as one number, but two were fitted.
+    """
+    if rival.complexity < model.complexity - SIMPLER:
+        return True
+    return rival.complexity < model.complexity + SIMPLER and rival.numbers < model.numbers
 
 
 def _stands(selector: Selector, rival: Model, model: Model, k: int, first: Model) -> bool:

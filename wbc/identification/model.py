@@ -35,6 +35,11 @@ class Model:
         return self.fit.effects
 
     @property
+    def numbers(self) -> int:
+        """How many parameters were fitted."""
+        return len(self.fit.parameters)
+
+    @property
     def complexity(self) -> float:
         """How much the model asks one to believe: names count most, then places, parameters."""
         return _complexity(self.effects, [effect.freedom for effect in self.effects])

@@ -126,4 +126,15 @@ class BeamSearch:
         groups = [
             sorted(places.values(), key=lambda k: self.error((k,))) for places in best.values()
         ]
-        return [tuple(group) for group in groups if len(group) > 1]
+        possible = [self._without_impossible(group) for group in groups]
+        return [tuple(group) for group in possible if len(group) > 1]
+
+    def _without_impossible(self, group: list[int]) -> list[int]:
+        """Return the members that are possible together: friction may not push."""
+        while len(group) > 1 and not np.isfinite(self.error(group)):
+            pairs = zip(group, self.coefficients(group), strict=True)
+            kept = [k for k, c in pairs if self.atoms[k].build(self.robot, c) is not None]
+            if len(kept) == len(group):
+                break
+            group = kept
+        return group

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.credibility import credible, showing
-from wbc.identification.drive_order import in_best_order
+from wbc.identification.drive_order import in_best_order, placed_first
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.screening import Nearby, Swinging, screen
@@ -95,13 +95,26 @@ class Selector:
         path = list(start) or [self.model(())]
         first = path[0]
         while len(path) <= _MOST_CAUSES and self._hopeful(path[-1], first):
-            best = self.best_addition(path[-1], first) or self.on_credit(path[-1], first)
+            last = path[-1]
+            best = self.best_addition(last, first) or self.before_a_drive(last, first)
+            best = best or self.on_credit(last, first)
             if best is None:
                 break
-            for effect in best.effects[len(path[-1].effects) :]:
+            known = {(e.name, e.where) for e in last.effects}
+            for effect in (e for e in best.effects if (e.name, e.where) not in known):
                 self.report(f"{effect.name} at {effect.where}")
             path.append(in_best_order(best, self.model))
         return path
+
+    def before_a_drive(self, model: Model, first: Model) -> Model | None:
+        """Return the best model with one cause more that acts before another in a drive, or None.
+
+        Screens see causes only as the last to act.
+        """
+        offers = placed_first(model, self.candidates, self.problem.robot)
+        taken = [m for m in map(self.model, offers) if self._taken(model, m, first)]
+        shown = [m for m in taken if len(showing(self.problem, m.fit)) == len(m.effects)]
+        return min(shown, key=lambda m: m.error, default=None)
 
     def on_credit(self, model: Model, first: Model) -> Model | None:
         """Return the first model that pays with several causes more, or None.
@@ -139,7 +152,7 @@ class Selector:
             return None
         lowest = min(taken, key=lambda m: m.error)
         close = [m for m in taken if not self.pays(m, lowest, first)]
-        best = min(close, key=lambda m: (round(m.complexity, 6), self._rank(m)))
+        best = min(close, key=lambda m: (round(m.complexity, 6), m.numbers, self._rank(m)))
         # Where one shows that something is missing, an equal that leaves clearly less need not.
         clearly = best.error - _TIED * (model.error - best.error)
         rivals = [m for m in trials if m.error < clearly and credible(self.problem, m.fit)]
@@ -149,7 +162,8 @@ class Selector:
     def _trials(self, model: Model, most: float = np.inf) -> list[Model]:
         """Return the most promising models with more causes, all of which show.
 
-        What explains most and does not show hides what explains less: it is put aside.
+        What explains most and does not show, or by impossible numbers, hides what explains less:
+        it is put aside.
         """
         aside: list[tuple[str, str]] = []
         for _ in range(_MASKS + 1):
@@ -157,7 +171,7 @@ class Selector:
             shown = [self.shown(m, model) for m in fitted]
             shown = [m for m in shown if len(m.effects) > len(model.effects)]
             masks = [m for m in fitted if m.error < _MASKING * model.error]
-            if shown or not masks:
+            if not masks or any(credible(self.problem, m.fit) for m in shown):
                 return shown
             aside += [(e.name, e.where) for m in masks for e in m.effects[len(model.effects) :]]
         return []
@@ -248,11 +262,20 @@ class Selector:
         return offers
 
     def prune(self, model: Model, first: Model) -> Model:
-        """Return the model without causes that do not pay any more."""
+        """Return the model without causes that do not pay any more.
+
+        What several of them explain together must not be lost by dropping one after the other.
+        """
         current = model
         while current.effects:
             smaller = [self.model(without(current.effects, k)) for k in range(len(current.effects))]
-            idle = [m for m in smaller if not self.pays(m, current, first)]
+            idle = [
+                m
+                for m in smaller
+                if not self.pays(m, current, first) and not self.pays(m, model, first)
+            ]
+            if credible(self.problem, current.fit):
+                idle = [m for m in idle if credible(self.problem, m.fit)]
             if not idle:
                 return current
             current = min(idle, key=lambda m: m.error)
