@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from csv import reader
 from pathlib import Path
@@ -14,7 +15,6 @@ from wbc.measurement.arrow_columns import batch_columns
 from wbc.measurement.table import Chunk, Table
 
 _BLOCK_BYTES = 1 << 23
-_TRUE_FALSE = (["true", "True", "TRUE"], ["false", "False", "FALSE"])
 
 
 class CsvTable(Table):
@@ -76,4 +76,16 @@ class CsvTable(Table):
         except pa.ArrowException as cause:
             if "Empty CSV" in str(cause):
                 return
-            raise LogError(f"cannot read '{self.path}' as CSV: {cause}.") from cause
+            told = _decimal_commas(str(cause)) or f"{cause}."
+            raise LogError(f"cannot read '{self.path}' as CSV: {told}") from cause
+
+
+def _decimal_commas(cause: str) -> str:
+    """Return what to say if a cell that is no number is one with a decimal comma, else ''."""
+    number = re.search(r"invalid value '([-+]?\d*,\d+(?:[eE][-+]?\d+)?)'", cause)
+    if number is None:
+        return ""
+    return (
+        f"it has decimal commas ('{number[1]}'). Write numbers with decimal points; commas, "
+        "semicolons and tabs only between columns."
+    )
