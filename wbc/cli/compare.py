@@ -57,6 +57,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
         f"error of the model: {comparison.error:.2f} noise floors"
         f" (floor from {comparison.floor.source})",
     )
+    for warning in comparison.warnings:
+        shown.print(warning)
     content = comparison.to_json()
     if options.against:
         given = f"{options.robot} (lossless)" if options.lossless else options.robot

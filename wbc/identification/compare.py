@@ -49,6 +49,7 @@ def compare_problem(problem: Problem) -> Comparison:
         floor=problem.floor,
         where=tuple(breakdowns(records, residuals)),
         series=series,
+        warnings=problem.warnings,
     )
 
 

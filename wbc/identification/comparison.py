@@ -78,6 +78,7 @@ class Comparison:
         where: residual over speed, load, power, position, ..., strongest dependence first.
         series: the residual over time, one per log.
         horizon: of the rollout [s].
+        warnings: about the logs.
     """
 
     robot: Robot
@@ -87,6 +88,7 @@ class Comparison:
     where: tuple[Breakdown, ...]
     series: tuple[Series, ...]
     horizon: float = HORIZON
+    warnings: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""
@@ -124,4 +126,5 @@ class Comparison:
                 for b in self.where
             ],
             "logs": [s.name for s in self.series],
+            "warnings": list(self.warnings),
         }

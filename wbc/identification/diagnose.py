@@ -21,6 +21,7 @@ from wbc.identification.problem import Problem
 from wbc.identification.ranking import rank_models
 from wbc.identification.remainder import describe_remainder
 from wbc.identification.selection import Selector
+from wbc.identification.stacks import looks_like_a_stack
 from wbc.identification.verdict import judge, next_experiment, unexplained
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
@@ -33,6 +34,10 @@ _SILENT = (
     "{}: the torque that its drive reports is small, close to its noise, and does not follow what "
     "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
     "judged, or its torque constant, unit or column is wrong."
+)
+_SERIES = (
+    "What was found explains these logs, but as a series does: several of the causes take away "
+    "less than a tenth of the error each. Something outside the list is more likely."
 )
 
 
@@ -58,7 +63,11 @@ def diagnose(
     different, warnings = without_copies(logs)
     problem = Problem.from_logs(robot, different)
     still = still_joints(problem.records)
-    warnings += [*map(_SILENT.format, problem.silent), *map(_STILL.format, still)]
+    warnings += [
+        *problem.warnings,
+        *map(_SILENT.format, problem.silent),
+        *map(_STILL.format, still),
+    ]
     nothing_moves = len(still) == robot.transmission.size
     # A robot at rest shows one torque per joint, which anything explains.
     wanted = EFFECTS.values() if candidates is None else candidates
@@ -69,6 +78,9 @@ def diagnose(
     if not unexplained(problem, before, final):
         final, alternatives = settle(selector, final, path[0])
     verdict = judge(problem, before, final, alternatives)
+    series = verdict in ("named", "ambiguous") and looks_like_a_stack(selector, final)
+    verdict = "unknown" if series else verdict
+    left = describe_remainder(problem, final.fit) if verdict == "unknown" else ""
     findings = describe_findings(problem, final, alternatives)
     return Diagnosis(
         verdict=verdict,
@@ -81,7 +93,7 @@ def diagnose(
             floor_source=problem.floor.source,
         ),
         steps=_steps(selector, final, path),
-        remainder=describe_remainder(problem, final.fit) if verdict == "unknown" else "",
+        remainder=f"{_SERIES} {left}".strip() if series else left,
         robot=final.fit.robot,
         warnings=tuple(warnings),
         ranking=rank_models(selector, final, path[0]),

@@ -17,7 +17,7 @@ from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
 from wbc.identification.silent_drives import reported_torque, silent_drives
-from wbc.measurement import Log
+from wbc.measurement import Log, cut_at_gaps
 from wbc.robot import Effect, Robot
 
 _STANDARD_ERRORS = 2.0
@@ -39,6 +39,7 @@ class Problem:
         floor: noise floor per output.
         folds: (rows,) held out together.
         blocks: (rows,) resampled together.
+        warnings: about the logs.
     """
 
     robot: Robot
@@ -47,11 +48,13 @@ class Problem:
     floor: NoiseFloor
     folds: IntArray
     blocks: IntArray
+    warnings: tuple[str, ...] = ()
 
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> Problem:
-        """Prepare logs; see `prepare` for the errors raised."""
-        prepared = prepare(robot, logs)
+        """Prepare logs, cut where samples are missing; see `prepare` for the errors raised."""
+        pieces, warnings = cut_at_gaps(logs)
+        prepared = prepare(robot, pieces)
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         parts = [condensed_residual(robot, [record]) for record in records]
         floor = noise_floor(records, parts, drawn)
@@ -65,6 +68,7 @@ class Problem:
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
             blocks=bootstrap_blocks(records),
+            warnings=tuple(warnings),
         )
 
     @property

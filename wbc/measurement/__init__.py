@@ -6,6 +6,7 @@ from wbc.measurement.column_map import ColumnMap, parse_column_map, read_column_
 from wbc.measurement.column_rule import ColumnRule
 from wbc.measurement.finding import Finding
 from wbc.measurement.fused_motion import FusedMotion, fuse_motion
+from wbc.measurement.gaps import cut_at_gaps
 from wbc.measurement.load import MAX_ROWS, load_log, load_logs
 from wbc.measurement.local_noise import residual_noise
 from wbc.measurement.local_polynomial import local_polynomial_operator
@@ -42,6 +43,7 @@ __all__ = [
     "align_velocity",
     "check_log",
     "check_logs",
+    "cut_at_gaps",
     "filtered_derivatives",
     "find_duplicates",
     "find_repeats",

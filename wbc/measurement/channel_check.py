@@ -6,8 +6,9 @@ from math import log2, pi
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.measurement.finding import Finding
+from wbc.measurement.gaps import gaps
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
 from wbc.measurement.value_runs import jumps, plateau, resolution
@@ -22,6 +23,7 @@ _MEASURED = ("position", "velocity", "rotor_position", *_ACTUATION, "joint_torqu
 def check_channels(log: Log) -> list[Finding]:
     """Return findings about every measured channel of the joints."""
     findings: list[Finding] = []
+    holes = gaps(log.time)
     for name, values in log.columns.items():
         parts = split_column(name)
         if parts is None or parts[1] not in _MEASURED:
@@ -32,7 +34,7 @@ def check_channels(log: Log) -> list[Finding]:
         if parts[1] in _ACTUATION:
             findings += _saturation(log, parts[0], name)
         if parts[1] in ("position", "rotor_position"):
-            findings += _wraps(name, values)
+            findings += _wraps(name, values, holes)
         findings += _coarse(name, values)
     return findings
 
@@ -75,8 +77,11 @@ def _saturation(log: Log, joint: str, name: str) -> list[Finding]:
     ]
 
 
-def _wraps(name: str, values: FloatArray) -> list[Finding]:
+def _wraps(name: str, values: FloatArray, holes: IntArray) -> list[Finding]:
     rows, sizes = jumps(values)
+    # Where samples are missing a joint that moves on jumps without any wrap.
+    sampled = ~np.isin(rows, holes)
+    rows, sizes = rows[sampled], sizes[sampled]
     if not rows.size or np.ptp(np.abs(sizes)) > 0.1 * np.abs(sizes).mean():
         return []
     size = float(np.abs(sizes).mean())

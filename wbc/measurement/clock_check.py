@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.measurement.finding import Finding
+from wbc.measurement.gaps import CUT_FROM, GAP_STEPS, gaps
 from wbc.measurement.log import Log
 
-_GAP_STEPS = 5.0
 _JITTER = 0.5
 _FEW_ROWS = 100
 
@@ -17,20 +17,21 @@ def check_clock(log: Log) -> list[Finding]:
     findings: list[Finding] = []
     steps = np.diff(log.time)
     median = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP_STEPS * median)
-    if gaps.size:
-        first = int(gaps[0])
+    holes = gaps(log.time)
+    if holes.size:
+        first = int(holes[0])
         findings.append(
             Finding(
                 "warning",
                 "gap",
                 "time",
-                f"{gaps.size} gaps longer than {_GAP_STEPS:g} samples; the first at "
+                f"{holes.size} gaps longer than {GAP_STEPS:g} samples; the first at "
                 f"{log.time[first]:.4f} s, the longest {1e3 * steps.max():.1f} ms.",
-                "Cut the log there (log.between), derivatives across a gap mean nothing.",
+                "Derivatives across a gap mean nothing: compare and diagnose cut the log where "
+                f"more than {1e3 * CUT_FROM:g} ms are missing.",
             )
         )
-    jitter = float(np.std(steps[steps <= _GAP_STEPS * median]) / median)
+    jitter = float(np.std(steps[steps <= GAP_STEPS * median]) / median)
     if jitter > _JITTER:
         findings.append(
             Finding(

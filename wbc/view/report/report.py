@@ -97,9 +97,9 @@ def report_page(
         "floor_source": comparison.floor.source,
         "notes": list(robot.notes),
         "provenance": provenance(logs, command, None if diagnosis is None else seed),
-        "logs": [Path(log.source.label).name for log in logs],
+        "logs": [Path(series.name).name for series in comparison.series],
     }
-    context |= _diagnosis_part(diagnosis) | {"formulas": formula_part(discovery)}
+    context |= _diagnosis_part(diagnosis, comparison) | {"formulas": formula_part(discovery)}
     context["playback"] = _embedded(_playback(robot, logs[0], comparison))
     fitted = robot if diagnosis is None else diagnosis.robot
     plots = residual_plots(residuals_in(problem, fitted))
@@ -114,9 +114,10 @@ def report_page(
     return environment.get_template("report.html.j2").render(plotly=get_plotlyjs(), **context)
 
 
-def _diagnosis_part(diagnosis: Diagnosis | None) -> dict[str, Any]:
+def _diagnosis_part(diagnosis: Diagnosis | None, comparison: Comparison) -> dict[str, Any]:
     if diagnosis is None:
-        return {key: [] for key in ("steps", "cards", "ranking", "warnings")} | {
+        return {key: [] for key in ("steps", "cards", "ranking")} | {
+            "warnings": list(comparison.warnings),
             "remainder": "",
             "next_experiment": "",
         }
