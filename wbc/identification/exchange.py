@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from wbc.identification.atoms import Shelf
 from wbc.identification.credibility import credible, shape_at_bound, showing
+from wbc.identification.merging import merged
 from wbc.identification.model import Model, least_complexity
 from wbc.identification.selection import REFINED, SIMPLER, Selector, without
 from wbc.identification.swinging import deflects
@@ -39,6 +40,8 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
         # Losses too small to count one by one would add up from exchange to exchange.
         kept = [m for m in rivals if not selector.pays(m, model, first)]
         better = _better(selector, kept, current, first)
+        if better is None and left:
+            better = merged(selector, current, first)
         if better is None:
             break
         pruned = selector.prune(better, first)
