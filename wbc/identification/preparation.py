@@ -12,6 +12,7 @@ from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
 from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
 from wbc.identification.channels import Channels, read_channels
+from wbc.identification.impacts import away_from_impacts
 from wbc.identification.record import Record
 from wbc.identification.smoothing import (
     derivative,
@@ -101,7 +102,10 @@ def _record(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidt
         motion=thinned,
         torque=frozen(torque[thin]),
         forces=forces,
-        weight=frozen(_weight(robot, thinned, noise, band)),
+        weight=frozen(
+            _weight(robot, thinned, noise, band)
+            * away_from_impacts(robot, channels, band)[thin, None]
+        ),
         rate=rate / every,
         bandwidth=band,
         noise=noise,

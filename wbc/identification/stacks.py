@@ -1,0 +1,46 @@
+"""Whether several causes together look like a basis in which another one was written down."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.identification.model import Model
+from wbc.identification.selection import Selector
+from wbc.identification.swinging import deflects
+from wbc.robot import Effect
+
+_LITTLE = 0.1  # share of the error that a cause must take away to count
+_MOST_LITTLE = 1
+
+
+def looks_like_a_stack(selector: Selector, model: Model) -> bool:
+    """Whether more than one of the causes takes away less than a tenth of the error beside others.
+
+    What is outside the list can be approached by ever more of what is in it, each of which gains
+    little: a term of a series, not a cause. Judged in the order in which they gain most; one effect
+    in several gears is one story. Links that swing are not judged.
+
+    Args:
+        selector: with the problem.
+        model: found by the search.
+    """
+    groups = _stories(selector, model)
+    if len(groups) <= _MOST_LITTLE + 1 or any(deflects(effect) for effect in model.effects):
+        return False
+    present, little = selector.model(()), 0
+    while groups:
+        larger = {name: selector.model((*present.effects, *new)) for name, new in groups.items()}
+        best = min(larger, key=lambda name: larger[name].error)
+        little += np.sqrt(larger[best].error) > (1.0 - _LITTLE) * np.sqrt(present.error)
+        present = larger[best]
+        del groups[best]
+    return bool(little > _MOST_LITTLE)
+
+
+def _stories(selector: Selector, model: Model) -> dict[tuple[str, str], list[Effect]]:
+    joints = selector.problem.robot.transmission.joints
+    groups: dict[tuple[str, str], list[Effect]] = {}
+    for effect in model.effects:
+        place = "" if effect.where in joints else effect.where
+        groups.setdefault((effect.name, place), []).append(effect)
+    return groups
