@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.joint_effect import JointEffect
 from wbc.effects.soft_search import best_springs
-from wbc.robot import Evidence, Parameter, Robot, Screen
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+
+_CREEPS = 0.5  # [s], damping over stiffness
 
 
 @final
@@ -44,6 +47,10 @@ class JointCompliance(JointEffect):
         """Return the stiffnesses that explain the unexplained torque best."""
         best = best_springs(evidence.responses(where), count=2)
         return tuple(Screen.fixed({"stiffness": k, "damping": c}) for k, c in best)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether the gear gives and comes back: one that creeps writes down any slow drift."""
+        return self.damping < _CREEPS * self.stiffness
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot whose gear is that soft."""

@@ -60,11 +60,12 @@ def find_causes(
     explained = fine if problem.floor.repeats else rough
     best = direct, path, final
     for origin in dict.fromkeys((first, final)) if swinging.candidates else ():
-        several = origin is first and len(final.effects) >= _SEVERAL
-        if best[2].error < explained and not several:
+        known = best[2].error < explained
+        if known and (origin is not first or len(final.effects) < _SEVERAL):
             break
         swung = _swung(swinging, origin, first, explained)
-        if not swung:
+        # Where causes that act at once explain everything, only what does it alone replaces them.
+        if not swung or (known and swung[-1].error >= explained):
             continue
         begun = [first, *swung] if origin is first else [*path, *swung]
         longer, found = early or _finish(direct, begun, first)

@@ -137,8 +137,8 @@ class Selector:
             several = len(current.effects) > len(model.effects) + 1
             if several and self._taken(model, current, first):
                 kept = self.prune(current, first)
-                new = len(kept.effects) > len(model.effects)
-                return kept if new and self._taken(model, kept, first) else None
+                if len(kept.effects) > len(model.effects) and self._taken(model, kept, first):
+                    return kept
         return None
 
     def best_addition(self, model: Model, first: Model, most: float = np.inf) -> Model | None:
