@@ -7,6 +7,7 @@ import pytest
 
 from sims.excitation import record_with
 from wbc.effects import CoulombFriction, load_robot
+from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
 from wbc.measurement import Log, LogSource
 
@@ -45,3 +46,54 @@ def test_honest_logs_are_compared_without_a_word(runs: list[Log]) -> None:
     jittery = Log(runs[0].time + uneven, runs[0].columns)
     for logs in (runs, [jittery], [_without(runs[0], 2.0, 2.009)]):
         assert compare(LEG, logs).warnings == ()
+
+
+def _scaled(log: Log, old: str, new: str, factor: float, joints: tuple[str, ...]) -> Log:
+    columns = dict(log.columns)
+    for joint in joints:
+        columns[f"{joint}.{new}"] = factor * columns.pop(f"{joint}.{old}")
+    return Log(log.time, columns, log.source)
+
+
+BOTH = ("hip", "knee")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "factor", "says"),
+    [
+        ("rotor_torque", "rotor_torque", 20.0, ["after the reduction", 'side = "motor"', "is 20"]),
+        ("rotor_torque", "motor_torque", 1.0, ["before the reduction", 'side = "rotor"', "0.05"]),
+        ("rotor_torque", "motor_torque", 400.0, ["once too often", "side"]),
+    ],
+)
+def test_torques_of_the_other_side_of_the_gear_are_refused(
+    runs: list[Log], old: str, new: str, factor: float, says: list[str]
+) -> None:
+    right = 1.0 if new == old else 20.0
+    logs = [_scaled(log, old, new, f, BOTH) for log, f in zip(runs, (right, factor), strict=True)]
+    with pytest.raises(IdentificationError) as caught:
+        compare(LEG, logs)
+    for word in ["run1.csv: ", f"hip.{new} and knee.{new}", "gear ratio is 20", "--columns", *says]:
+        assert word in str(caught.value)
+
+
+def test_one_column_of_the_other_side_is_refused_too(runs: list[Log]) -> None:
+    wrong = [_scaled(log, "rotor_torque", "rotor_torque", 20.0, ("knee",)) for log in runs]
+    with pytest.raises(IdentificationError, match=r"reported for knee is 20 times"):
+        diagnose(LEG, wrong)
+
+
+@pytest.mark.parametrize("factor", [-2.5, -0.4, 0.15, 0.4, 2.5, 7.0])
+def test_wrong_torque_constants_are_no_wrong_side(runs: list[Log], factor: float) -> None:
+    weak = [_scaled(log, "rotor_torque", "rotor_torque", factor, BOTH) for log in runs]
+    assert bool(compare(LEG, weak).warnings) == (factor < 0.0)
+
+
+def test_a_reversed_torque_is_named(runs: list[Log]) -> None:
+    wrong = [_scaled(log, "rotor_torque", "rotor_torque", -1.0, ("knee",)) for log in runs]
+    (warning,) = compare(LEG, wrong).warnings
+    assert warning.startswith("the sign of knee.rotor_torque is reversed? ")
+    assert "sign = -1" in warning
+    (warning,) = compare(LEG, [runs[0], wrong[1]]).warnings
+    assert warning.startswith("the sign of knee.rotor_torque is reversed in run1.csv? ")
+    assert warning in diagnose(LEG, [runs[0], wrong[1]], []).warnings

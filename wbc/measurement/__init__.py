@@ -19,7 +19,7 @@ from wbc.measurement.row_choice import RowChoice
 from wbc.measurement.save import save_log
 from wbc.measurement.source import LogSource
 from wbc.measurement.time_rule import TimeRule
-from wbc.measurement.torque import rotor_torques
+from wbc.measurement.torque import rotor_torques, torque_quantity
 from wbc.measurement.unit_check import require_plausible_units
 from wbc.measurement.velocity_fit import VelocityFit, fit_velocity
 from wbc.measurement.weak_form import WeakOperator, weak_operator
@@ -61,5 +61,6 @@ __all__ = [
     "residual_noise",
     "rotor_torques",
     "save_log",
+    "torque_quantity",
     "weak_operator",
 ]

@@ -9,6 +9,8 @@ from wbc.errors import LogError
 from wbc.measurement.log import Log
 from wbc.transmission import Transmission
 
+_QUANTITIES = ("rotor_torque", "motor_torque", "current")
+
 
 def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
     """Return tau_phi (N, m) [N m] of the driven joints, in the order of the transmission.
@@ -20,22 +22,32 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
     """
     torques = np.empty((len(log), transmission.size))
     for k, joint in enumerate(transmission.joints):
-        if log.has(f"{joint}.rotor_torque"):
-            torques[:, k] = log.column(f"{joint}.rotor_torque")
-        elif log.has(f"{joint}.motor_torque"):
-            torques[:, k] = log.column(f"{joint}.motor_torque") / transmission.gear_ratio[k]
-        elif log.has(f"{joint}.current"):
-            torques[:, k] = log.column(f"{joint}.current") * _torque_constant(transmission, k)
-        else:
-            ways = ", ".join(f"{joint}.{w}" for w in ("rotor_torque", "motor_torque", "current"))
-            ignored = ", ".join(log.source.ignored)
-            hint = f" Not read, for want of a known name: {ignored}." if ignored else ""
-            raise LogError(
-                f"{log.source.label}: no torque of joint '{joint}': one of {ways} is needed. "
-                f"There are: {', '.join(log.names)}.{hint}"
-            )
+        quantity = torque_quantity(log, joint)
+        torques[:, k] = log.column(f"{joint}.{quantity}")
+        if quantity == "motor_torque":
+            torques[:, k] /= transmission.gear_ratio[k]
+        elif quantity == "current":
+            torques[:, k] *= _torque_constant(transmission, k)
     torques.setflags(write=False)
     return torques
+
+
+def torque_quantity(log: Log, joint: str) -> str:
+    """Return which quantity the torque of a joint is read from, see `rotor_torques`.
+
+    Raises:
+        LogError: the joint has none of the three.
+    """
+    for quantity in _QUANTITIES:
+        if log.has(f"{joint}.{quantity}"):
+            return quantity
+    ways = ", ".join(f"{joint}.{quantity}" for quantity in _QUANTITIES)
+    ignored = ", ".join(log.source.ignored)
+    hint = f" Not read, for want of a known name: {ignored}." if ignored else ""
+    raise LogError(
+        f"{log.source.label}: no torque of joint '{joint}': one of {ways} is needed. "
+        f"There are: {', '.join(log.names)}.{hint}"
+    )
 
 
 def _torque_constant(transmission: Transmission, row: int) -> float:
