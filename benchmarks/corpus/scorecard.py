@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.corpus.verdicts import Judged, first_right, intervals, invented, judge_result
+from benchmarks.corpus.verdicts import (
+    Judged,
+    first_right,
+    intervals,
+    invented,
+    judge_result,
+    settled,
+)
 
 # Found by search over a grid, or angles that mean the same once per turn.
 _SHAPES = {
@@ -87,8 +94,11 @@ def _share(name: str, hits: Iterable[bool], target: str = "") -> Figure:
 
 
 def _resolved(judged: Judged) -> bool:
-    """Whether the runs asked for leave only names that are right on all runs together."""
+    """Whether the runs asked for leave only names that are right on all runs together.
+
+    The cause itself, or what stands for it with no more parameters, must be among them.
+    """
     followed = judged.result.get("followed")
     if followed is None:
         return False
-    return judge_result(followed).covered and first_right(followed)
+    return judge_result(followed).covered and settled(followed)

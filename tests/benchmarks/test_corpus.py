@@ -48,6 +48,18 @@ def test_a_wrong_zero_of_the_first_joint_is_a_tilted_gravity() -> None:
     assert "gravity_direction" not in cause.stand_ins
 
 
+def test_a_shifted_centre_of_mass_is_a_wrong_zero_with_more_parameters() -> None:
+    """In case 331 neither direction of the shift does alone."""
+    cause = truth_of(draw_case(331)).causes[0]
+    assert (cause.effect, cause.stand_ins, cause.equals) == (
+        "position_offset",
+        (),
+        ("center_of_mass",),
+    )
+    cause = truth_of(case_of(Flaw("payload_mass", "tip", {"mass": 0.2}))).causes[0]
+    assert cause.equals == ()
+
+
 def test_what_is_too_small_need_not_be_named() -> None:
     large, small = (
         truth_of(case_of(Flaw("viscous_friction", "j1", {"coefficient": c}))).causes[0]
@@ -88,6 +100,19 @@ def test_an_answer_is_held_against_its_truth() -> None:
     figures = {figure.name: figure for figure in score([right, wrong])}
     assert figures["truth in the named set"][1:3] == (50.0, 2)
     assert figures["90 % intervals cover"][1:3] == (100.0, 1)
+
+
+def test_an_exact_equal_is_no_failure_of_the_next_experiment() -> None:
+    both = answer("ambiguous", ("load_friction", "j1", ("viscous_friction",)))
+    only = answer("named", ("viscous_friction", "j1", ()))
+    shares = []
+    for equals in ((), ("viscous_friction",)):
+        followed = [json.loads(json.dumps(r)) for r in (both, only)]
+        for result in followed:
+            result["causes"][0]["equals"] = list(equals)
+        figures = {f.name: f for f in score([{**both, "followed": f} for f in followed])}
+        shares.append(figures["next experiment resolves"][1])
+    assert shares == [0.0, 50.0]  # the cause itself must stay among the names
 
 
 def test_a_few_cases_are_told_and_kept(tmp_path: Path) -> None:
