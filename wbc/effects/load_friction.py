@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, final
 
 import numpy as np
@@ -36,6 +38,14 @@ class LoadFriction(JointEffect):
     experiment: ClassVar[str] = (
         "Lift and lower several known weights slowly: the difference between lifting and "
         "lowering torque grows with the weight."
+    )
+    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "transmission_efficiency": (
+                "Load friction c is the pair of efficiencies 1 - c and 1 / (1 + c): where the two "
+                "fitted efficiencies lie there, no run tells them apart, and nothing depends on it."
+            )
+        }
     )
 
     def change(self, robot: Robot) -> Robot:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 
 import numpy as np
 
@@ -68,6 +69,15 @@ def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves
                 f"To tell {finding.effect.name} from {', '.join(finding.alternatives)} at "
                 f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
             )
+            texts += _what_no_run_tells(finding)
     if texts:
-        return " ".join(texts)
+        return " ".join(dict.fromkeys(texts))
     return " ".join(dict.fromkeys(f"{f.effect.experiment}" for f in findings))
+
+
+def _what_no_run_tells(finding: Finding) -> list[str]:
+    """Return a sentence for every two of the rivals that no experiment on a robot separates."""
+    names = [finding.effect.name, *finding.alternatives]
+    rivals = [EFFECTS[name] for name in names if name in EFFECTS]
+    pairs = permutations(rivals, 2)
+    return [one.inseparable[other.name] for one, other in pairs if other.name in one.inseparable]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -51,6 +52,8 @@ class Effect(ABC):
 
     Attributes:
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
+        inseparable: name of another effect -> from where on no run of a robot tells the two apart,
+            and what does instead, in words.
     """
 
     where: str
@@ -59,6 +62,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     explanation: ClassVar[str]
     experiment: ClassVar[str]
+    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __post_init__(self) -> None:
         """Check every parameter against its bounds."""
