@@ -97,3 +97,28 @@ def test_a_reversed_torque_is_named(runs: list[Log]) -> None:
     (warning,) = compare(LEG, [runs[0], wrong[1]]).warnings
     assert warning.startswith("the sign of knee.rotor_torque is reversed in run1.csv? ")
     assert warning in diagnose(LEG, [runs[0], wrong[1]], []).warnings
+
+
+def _exchanged(log: Log, *quantities: str) -> Log:
+    """Return a log with columns of hip and knee exchanged."""
+    names = [(f"{a}.{q}", f"{b}.{q}") for q in quantities for a, b in (BOTH, BOTH[::-1])]
+    return log.with_columns({name: log.column(other) for name, other in names})
+
+
+@pytest.mark.parametrize(
+    ("what", "quantities"),
+    [
+        ("positions", ("position", "velocity")),
+        ("torques", ("rotor_torque",)),
+        ("positions and torques", ("position", "velocity", "rotor_torque")),
+    ],
+)
+def test_columns_of_two_joints_that_are_exchanged_are_named(
+    runs: list[Log], what: str, quantities: tuple[str, ...]
+) -> None:
+    wrong = [_exchanged(log, *quantities) for log in runs]
+    (warning,) = compare(LEG, wrong).warnings
+    assert warning.startswith(f"the {what} of hip and knee are exchanged? If so, ")
+    assert "(correlation 1.00 and 1.00 instead of 0." in warning
+    (warning,) = compare(LEG, [runs[0], wrong[1]]).warnings
+    assert warning.startswith(f"the {what} of hip and knee are exchanged in run1.csv? ")

@@ -18,6 +18,7 @@ from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
 from wbc.identification.silent_drives import reported_torque, silent_drives
+from wbc.identification.swapped_joints import swapped_joints
 from wbc.identification.wrong_columns import require_right_side, reversed_torques
 from wbc.measurement import Log, cut_at_gaps
 from wbc.robot import Effect, Robot
@@ -62,6 +63,7 @@ class Problem:
         agreements = [agreement(r, part) for r, part in zip(records, parts, strict=True)]
         require_right_side(robot, pieces, agreements)
         warnings += reversed_torques(robot, pieces, agreements)
+        warnings += swapped_joints(records, agreements)
         floor = noise_floor(records, parts, drawn)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
