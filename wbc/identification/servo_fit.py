@@ -51,17 +51,9 @@ class ServoFit:
 
     def error(self, runs: Sequence[ServoRun], step: float) -> FloatArray:
         """Return the mean absolute position error (L,) [rad] in rollouts of `runs`."""
-        return np.asarray(servo_errors([self], runs, step)[0])
-
-
-def servo_errors(fits: Sequence[ServoFit], runs: Sequence[ServoRun], step: float) -> FloatArray:
-    """Return the mean absolute position error (F, L) [rad] of `fits` in rollouts of `runs`."""
-    positions = servo_rollout([(fit.robot, fit.drive) for fit in fits], runs, step)
-    columns = [
-        np.mean(np.abs(positions[: run.position.size, :, k] - run.position[:, None]), axis=0)
-        for k, run in enumerate(runs)
-    ]
-    return np.stack(columns, axis=1)
+        positions = servo_rollout([(self.robot, self.drive)], runs, step)[:, 0]
+        missed = [positions[: run.position.size, k] - run.position for k, run in enumerate(runs)]
+        return np.array([np.mean(np.abs(one)) for one in missed])
 
 
 def fit_servo(
@@ -121,7 +113,6 @@ def fit_servos(
     scale = np.maximum(np.abs(centre), 0.02 * (high - low))
     firsts = [np.array([start.get(name, spans[name].start) for name in names]) for start in starts]
     row_of = np.concatenate([np.full(len(r.position[::_EVERY]), k) for k, r in enumerate(runs)])
-
     seen = np.array([np.isin(range(len(runs)), subset) for subset in subsets for _ in firsts])
 
     def residuals(points: FloatArray, tasks: Sequence[int]) -> FloatArray:
