@@ -9,6 +9,7 @@ from sims.excitation import record_with
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
+from wbc.identification.log_warnings import moving_bases
 from wbc.measurement import Log, LogSource
 
 LEG = load_robot("planar_leg_fixed").lossless()
@@ -122,3 +123,20 @@ def test_columns_of_two_joints_that_are_exchanged_are_named(
     assert "(correlation 1.00 and 1.00 instead of 0." in warning
     (warning,) = compare(LEG, [runs[0], wrong[1]]).warnings
     assert warning.startswith(f"the {what} of hip and knee are exchanged in run1.csv? ")
+
+
+@pytest.mark.parametrize("column", ["base.position.z", "base.orientation.y", "base_z.position"])
+def test_a_base_that_moves_is_told_to_a_robot_that_believes_it_fixed(
+    runs: list[Log], column: str
+) -> None:
+    time = runs[0].time
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(time.size)
+    held = [log.with_columns({column: 0.5 + noise}) for log in runs]
+    assert compare(LEG, held).warnings == ()
+    free = held[1].with_columns({column: 0.5 + noise + 0.01 * np.sin(3.0 * time)})
+    (warning,) = compare(LEG, [held[0], free]).warnings
+    assert warning.startswith(
+        f"run1.csv: the base moves ({column.removesuffix('.position')} by 0.02"
+    )
+    assert "'planar_leg_fixed' is fixed" in warning
+    assert moving_bases(load_robot("planar_leg"), [free]) == []

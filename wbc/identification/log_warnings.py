@@ -11,8 +11,10 @@ from wbc.identification.fit import Fit
 from wbc.identification.folds import ROWS_PER_SAMPLE
 from wbc.identification.record import Record
 from wbc.measurement import Log, find_duplicates
+from wbc.robot import Robot
 
 _MOVES = 4.0  # times the noise of the smoothed speed
+_BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
 _STRAY = 8.0  # standard deviations between the logs' own values
 _STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
 
@@ -42,6 +44,45 @@ def still_joints(records: Sequence[Record]) -> tuple[str, ...]:
         noise = record.noise.speed_deviation(record.bandwidth.kinematics)[robot.actuated]
         moving |= speed > _MOVES * noise
     return tuple(n for n, yes in zip(robot.transmission.joints, moving, strict=True) if not yes)
+
+
+def moving_bases(robot: Robot, logs: Sequence[Log]) -> list[str]:
+    """Return a warning if the base moves in logs of a robot whose base is believed to be fixed.
+
+    What a log calls `base`, or a joint whose name begins so, is its base.
+    """
+    if robot.floating_size:
+        return []
+    found: dict[str, list[float]] = {}
+    labels = []
+    for log in logs:
+        moves = _base_moves(robot, log)
+        labels += [log.source.label] if moves else []
+        for owner, distance in moves.items():
+            found.setdefault(owner, []).append(distance)
+    if not found:
+        return []
+    listed = ", ".join(f"{owner} by {max(distances):.2g}" for owner, distances in found.items())
+    return [
+        f"{', '.join(labels)}: the base moves ({listed} m or rad), and that of '{robot.name}' is "
+        "fixed: what its motion asks of the joints is taken for something else. Give the robot "
+        "with its free base (`wbc list robots`), or hold the base while recording."
+    ]
+
+
+def _base_moves(robot: Robot, log: Log) -> dict[str, float]:
+    """Return how far [m, rad] the coordinates of the base move that the robot does not have."""
+    moves: dict[str, float] = {}
+    for name, values in log.columns.items():
+        owner, _, quantity = name.partition(".")
+        coordinate = name if owner == "base" else owner
+        known = coordinate in robot.joints or not owner.startswith("base")
+        if known or quantity.partition(".")[0] not in ("position", "orientation"):
+            continue
+        distance = float(np.ptp(np.quantile(values, [0.05, 0.95])))
+        if distance > _BASE_MOVES:
+            moves[coordinate] = distance
+    return moves
 
 
 def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:

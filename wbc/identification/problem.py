@@ -14,6 +14,7 @@ from wbc.identification.fit import Fit, refine
 from wbc.identification.floor import NoiseFloor, drawn_noise, noise_floor, with_even_noise
 from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
 from wbc.identification.kept_columns import KeptColumns
+from wbc.identification.log_warnings import moving_bases
 from wbc.identification.preparation import prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
@@ -57,6 +58,7 @@ class Problem:
     def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> Problem:
         """Prepare logs, cut where samples are missing; see `prepare` for the errors raised."""
         pieces, warnings = cut_at_gaps(logs)
+        warnings += moving_bases(robot, logs)
         prepared = prepare(robot, pieces)
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         parts = [condensed_residual(robot, [record]) for record in records]
