@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.identification.diagnosis import Estimate, Finding
 from wbc.identification.fit import Fit
+from wbc.identification.force_sensors import force_sensor_doubts
 from wbc.identification.intervals import bootstrap_steps, interval_bounds
 from wbc.identification.log_warnings import disagreements
 from wbc.identification.model import Model
@@ -32,6 +33,7 @@ def describe_findings(
     bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
     related = _correlations(problem, fit)
     stray = disagreements(problem.records, fit)
+    sensors = force_sensor_doubts(problem, fit)
     findings = []
     for k, effect in enumerate(model.effects):
         estimates: dict[str, Estimate] = {}
@@ -49,7 +51,7 @@ def describe_findings(
             elif high - low > 2.0 * _VAGUE * abs(value):
                 span = f"{low:.3g} to {_with_unit(high, parameter.unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
-        warnings += [*related[k], *stray[k]]
+        warnings += [*related[k], *stray[k], *sensors[k]]
         findings.append(Finding(effect, estimates, tuple(alternatives[k]), tuple(warnings)))
     return tuple(findings)
 
