@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -140,3 +142,15 @@ def test_a_base_that_moves_is_told_to_a_robot_that_believes_it_fixed(
     )
     assert "'planar_leg_fixed' is fixed" in warning
     assert moving_bases(load_robot("planar_leg"), [free]) == []
+
+
+def test_motor_torques_are_exchanged_across_gears_that_differ(runs: list[Log]) -> None:
+    gears = replace(LEG.transmission, gear_ratio=np.array([20.0, -10.0]))
+    robot = replace(LEG, transmission=gears)
+    wrong = []
+    for log in runs:
+        torques = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in BOTH}
+        names = [f"{joint}.{q}" for joint in BOTH for q in ("position", "velocity")]
+        wrong.append(_exchanged(log.select(names).with_columns(torques), "motor_torque"))
+    (warning,) = compare(robot, wrong).warnings
+    assert warning.startswith("the torques of hip and knee are exchanged? If so, ")

@@ -52,16 +52,21 @@ def swapped_joints(records: Sequence[Record], agreements: Sequence[Agreement]) -
 
 def _exchanged(record: Record, pair: tuple[int, int]) -> Iterator[tuple[str, Agreement]]:
     """Yield what is exchanged between two joints, and how reports follow needs then."""
-    torque = _swapped(record.torque, pair)
+    ratio = record.robot.transmission.gear_ratio[list(pair)]
     for where in ("", "positions"):
         moved = record if not where else record.along(_motion_swapped(record, pair))
         residual = condensed_residual(record.robot, [moved])
         if where:
             yield where, agreement(moved, residual)
-        crossed = replace(moved, torque=torque)
         needed = reported_torque(moved) - residual
         what = "positions and torques" if where else "torques"
-        yield what, agreement(crossed, reported_torque(crossed) - needed)
+        # Columns of rotor torques were exchanged, or of motor torques (N times those).
+        for side in {1.0, float(ratio[1] / ratio[0])}:
+            torque = _swapped(record.torque, pair)
+            scaled = np.ones(torque.shape[1])
+            scaled[list(pair)] = side, 1.0 / side
+            crossed = replace(moved, torque=torque * scaled)
+            yield what, agreement(crossed, reported_torque(crossed) - needed)
 
 
 def _explains(other: Agreement, given: Agreement, pair: tuple[int, int]) -> bool:

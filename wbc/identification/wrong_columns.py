@@ -18,8 +18,9 @@ _VERY_NEAR = 0.15  # the same where other joints of the log report what is neede
 _VERY_CLEAR = 0.97  # correlation, likewise
 _SIGN = 2.5  # times by which a reversed report may be too large or too small
 
-_AFTER, _BEFORE = "{} hold torques after the reduction", "{} hold torques before the reduction"
-_TWICE = "{} were converted by the gear ratio once too often"
+_AFTER = "the log gives torque after the reduction as {}"
+_BEFORE = "the log gives torque before the reduction as {}"
+_TWICE = "the gear ratio was applied once too often to {}"
 _CONSTANT = "the torque constants belong to the other side of the gear"
 _MAP = '{} in a column map (--columns MAP.toml): "{}" = {{ from = ..., side = "{}" }}'
 _RENAME = "Call them {}, or say so"
@@ -84,7 +85,7 @@ def _side_error(
     joints = [gears.joints[k] for k in rows]
     quantity = torque_quantity(log, joints[0])
     columns = [f"{joint}.{torque_quantity(log, joint)}" for joint in joints]
-    ratios = _listed(f"{gears.gear_ratio[k]:g}" for k in rows)
+    ratios = _listed(f"{abs(gears.gear_ratio[k]):g}" for k in rows)
     gains = _listed(f"{abs(agreement.gain[k]):.3g}" for k in rows)
     if quantity == "current":
         cause, remedy = _CONSTANT, _STATE
@@ -123,6 +124,8 @@ def _sign_warning(
 
 
 def _listed(texts: Iterable[str]) -> str:
-    """Return different texts in order, 'a, b and c'."""
-    *first, last = dict.fromkeys(texts)
+    """Return 'a, b and c', or 'a' where all texts are the same."""
+    *first, last = list(texts)
+    if all(text == last for text in first):
+        return last
     return f"{', '.join(first)} and {last}" if first else last
