@@ -29,6 +29,10 @@ BAD = [
     ("compare twice.csv LEG", "more than one column"),
     ("compare degrees.csv LEG", "in degrees?"),
     ("compare other.csv LEG", "Did you mean"),
+    ("compare commas.csv LEG", "decimal commas"),
+    ("compare motor.csv LEG", "Call them hip.motor_torque and knee.motor_torque"),
+    ("diagnose motor.csv LEG", 'side = "motor"'),
+    ("compare torn.csv LEG", "samples are missing in 10 places"),
     ("compare good.csv floating.csv LEG", "not logs of the same robot"),
     ("check header.csv LEG", "no rows"),
     # robots, effects, maps
@@ -96,6 +100,12 @@ def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFacto
     write("other.csv", [lines[0].replace("hip", "shoulder").replace("knee", "elbow"), *lines[1:]])
     write("typo.toml", ["[columns]", '"hip.postion" = "x"'])
     write("wrong.toml", ["x = 1"])
+    commas = [line.replace(",", ";").replace(".", ",") for line in lines[1:]]
+    write("commas.csv", [lines[0].replace(",", ";"), *commas])
+    write("torn.csv", [line for k, line in enumerate(lines) if k % 150 < 100])
+    torques = {f"{joint}.rotor_torque" for joint in ("hip", "knee")}
+    after = {name: 20.0 * log.column(name) for name in torques}
+    save_log(log.with_columns(after), folder / "motor.csv")
     turned = {"hip.position": np.degrees(log.column("hip.position"))}
     save_log(log.with_columns(turned), folder / "degrees.csv")
     save_log(log.with_columns({"base_x.position": log.time}), folder / "floating.csv")
