@@ -59,9 +59,9 @@ class StribeckFriction(JointEffect):
         return tuple(screen(float(speed)) for speed in speeds)
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint passed the Stribeck speed: below it this is Coulomb friction."""
+        """Whether the joint passed twice the Stribeck speed: below it this is Coulomb friction."""
         fastest = max(np.abs(self.joint_velocity(robot, motion)).max() for motion in motions)
-        return bool(self.speed < fastest)
+        return bool(2.0 * self.speed < fastest)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import chain, combinations, islice
 
 from wbc.identification.atoms import Shelf
-from wbc.identification.credibility import credible
+from wbc.identification.credibility import credible, showing
 from wbc.identification.model import Model, least_complexity
 from wbc.identification.selection import SIMPLER, Selector
 from wbc.identification.swinging import deflects
@@ -61,4 +61,5 @@ def _does_as_well(selector: Selector, rival: Model, model: Model, first: Model) 
         and not selector.pays(rival, model, first)
         and not selector.problem.leaning(rival.squares, model.squares)
         and credible(selector.problem, rival.fit)
+        and len(showing(selector.problem, rival.fit)) == len(rival.effects)
     )

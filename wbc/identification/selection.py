@@ -23,6 +23,7 @@ _SYSTEMATIC_SIMULATED = 0.02  # the same for links simulated behind play or soft
 _MOST_CAUSES = 8
 _FEW_BLOCKS = 12  # in which a cause may gain much and still not be significant
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
+_COMPARABLE = 0.5  # of the gain of what is not believed, that what takes its place must have
 _MASKS = 2  # times that such causes are put aside
 _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
@@ -166,14 +167,18 @@ class Selector:
         it is put aside.
         """
         aside: list[tuple[str, str]] = []
+        least = 0.0
         for _ in range(_MASKS + 1):
             fitted = self.additions(model, REFINED, aside, most=most)
             shown = [self.shown(m, model) for m in fitted]
             shown = [m for m in shown if len(m.effects) > len(model.effects)]
+            shown = [m for m in shown if model.error - m.error >= least]
             masks = [m for m in fitted if m.error < _MASKING * model.error]
             if not masks or any(credible(self.problem, m.fit) for m in shown):
                 return shown
             aside += [(e.name, e.where) for m in masks for e in m.effects[len(model.effects) :]]
+            # What shows by impossible numbers is not hidden by what explains far less.
+            least = max([least, *(_COMPARABLE * (model.error - m.error) for m in shown)])
         return []
 
     def _taken(self, small: Model, large: Model, first: Model) -> bool:

@@ -17,7 +17,9 @@ _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 # A link that bounces in its play is chaotic: no simulation follows it for long.
 _UNEXPLAINED_SHARE_SIMULATED = 0.1
-_UNEXPLAINED_SHARE = 0.08  # ... and as a share of the first excess
+_UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
+_UNEXPLAINED_MOST = 25.0  # ... and in floors, beyond ...
+_DISTORTED = 0.01  # ... the share of the first excess that filters and derivatives distort
 _UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
 
 
@@ -27,7 +29,8 @@ def unexplained(problem: Problem, before: float, final: Model) -> bool:
     first = np.sqrt(max(before - 1.0, 0.0))
     bouncing = any(deflects(e) for e in final.effects)
     share = _UNEXPLAINED_SHARE_SIMULATED if bouncing else _UNEXPLAINED_SHARE
-    most = min(share * first, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
+    largest = _UNEXPLAINED_MOST + _DISTORTED * first
+    most = min(share * first, largest, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
     return bool(left > max(_UNEXPLAINED_FLOOR, most))
 
 
