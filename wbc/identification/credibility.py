@@ -84,8 +84,11 @@ def shape_at_bound(fit: Fit) -> bool:
 def _pushes_out(problem: Problem, fit: Fit) -> bool:
     """Whether noise cannot be why a number of what was added last lies at the end of its range.
 
-    What was there before may have become idle by it, and be dropped.
+    What was there before may have become idle by it, and be dropped. While more than noise is left,
+    what is still missing may push.
     """
+    if np.mean(problem.held_out(fit)) > ONLY_NOISE:
+        return False
     newest = fit.effects[-1].name if fit.effects else ""
     ends = {
         row: 1.0 if value == parameter.high else -1.0

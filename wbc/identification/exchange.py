@@ -14,6 +14,7 @@ from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
 _EXCHANGES = 3
+_LOST = 1.2  # mean square over that of the search's model, above which an exchange loses a cause
 _SAME = 0.005  # share of what a cause explains, that a rival of the same shape may miss
 
 
@@ -45,7 +46,10 @@ def settle(selector: Selector, model: Model, first: Model) -> tuple[Model, list[
         if better is None:
             break
         pruned = selector.prune(better, first)
-        current = better if selector.pays(pruned, model, first) else pruned
+        # A tenth of the error (rms), lost by way of an equal, was found by chance.
+        if selector.pays(pruned, model, first) and pruned.error > _LOST * model.error:
+            break
+        current = pruned
     names = [
         _names(
             [m for m in _credible(selector, group) if _stands(selector, m, current, k, first)],
