@@ -7,19 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.credibility import credible, showing
 from wbc.identification.drive_order import in_best_order, placed_first
+from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
 from wbc.identification.model import Model
-from wbc.identification.problem import ONLY_NOISE, Problem
+from wbc.identification.problem import ONLY_NOISE
 from wbc.identification.screening import Nearby, Swinging, screen
 from wbc.identification.search import Subset
 from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
-_LEAST_GAIN = 0.05  # in units of the floor's mean square
-_SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
-_SYSTEMATIC_SIMULATED = 0.02  # the same for links simulated behind play or soft gears
 _MOST_CAUSES = 8
 _FEW_BLOCKS = 12  # in which a cause may gain much and still not be significant
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
@@ -29,7 +26,6 @@ _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
 _TIED = 0.05  # of the gain, by which the errors of equals may differ
 SIMPLER = 0.05  # complexities closer than this are the same
-_LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
@@ -37,7 +33,7 @@ _SCREEN_NOISE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Selector:
+class Selector(Judge):
     """Greedy forward selection with refits, elimination and exchange.
 
     Attributes:
@@ -46,7 +42,6 @@ class Selector:
         report: called with a line of text as the work proceeds.
     """
 
-    problem: Problem
     candidates: tuple[type[Effect], ...]
     report: Callable[[str], None] = lambda line: None
     _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
@@ -65,28 +60,6 @@ class Selector:
             self._known[key] = Model(fit, self.problem.held_out(fit))
         return self._known[key]
 
-    def pays(self, small: Model, large: Model, first: Model) -> bool:
-        """Whether `large` is better than `small` by more than chance and distortion.
-
-        What filters and derivatives distort is a share of each output's first error; only what
-        an output gains beyond that counts.
-        """
-        if not self.problem.significant(small.squares, large.squares):
-            return False
-        return self._gained(small.squares - large.squares, small, first)
-
-    def _gained(self, gain: FloatArray, small: Model, first: Model) -> bool:
-        """Whether a gain (rows, outputs) over `small` is more than what is distorted."""
-        simulated = any(deflects(e) for e in small.effects)
-        share = _SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
-        distorted = share**2 * np.mean(first.squares, axis=0)
-        return bool(np.mean(np.maximum(np.mean(gain, axis=0) - distorted, 0.0)) > _LEAST_GAIN)
-
-    def _hopeful(self, model: Model, first: Model) -> bool:
-        """Whether explaining all that is left would pay, beside a simulation all but the noise."""
-        noise = 1.0 if any(deflects(e) for e in model.effects) else 0.0
-        return self._gained(model.squares - noise, model, first)
-
     def run(self, start: Sequence[Model] = ()) -> list[Model]:
         """Return the models from no cause to the chosen ones, each one cause larger.
 
@@ -95,7 +68,7 @@ class Selector:
         """
         path = list(start) or [self.model(())]
         first = path[0]
-        while len(path) <= _MOST_CAUSES and self._hopeful(path[-1], first):
+        while len(path) <= _MOST_CAUSES and self.hopeful(path[-1], first):
             last = path[-1]
             best = self.best_addition(last, first) or self.before_a_drive(last, first)
             best = best or self.on_credit(last, first)
@@ -113,7 +86,7 @@ class Selector:
         Screens see causes only as the last to act.
         """
         offers = placed_first(model, self.candidates, self.problem.robot)
-        taken = [m for m in map(self.model, offers) if self._taken(model, m, first)]
+        taken = [m for m in map(self.model, offers) if self.worthwhile(model, m, first)]
         shown = [m for m in taken if len(showing(self.problem, m.fit)) == len(m.effects)]
         return min(shown, key=lambda m: m.error, default=None)
 
@@ -136,9 +109,9 @@ class Selector:
                 return None
             current = min(larger, key=lambda m: m.error)
             several = len(current.effects) > len(model.effects) + 1
-            if several and self._taken(model, current, first):
+            if several and self.worthwhile(model, current, first):
                 kept = self.prune(current, first)
-                if len(kept.effects) > len(model.effects) and self._taken(model, kept, first):
+                if len(kept.effects) > len(model.effects) and self.worthwhile(model, kept, first):
                     return kept
         return None
 
@@ -148,7 +121,7 @@ class Selector:
         Nothing is fitted whose screened error is above `most`; `first` is without causes.
         """
         trials = self._trials(model, most)
-        taken = [m for m in trials if self._taken(model, m, first)]
+        taken = [m for m in trials if self.worthwhile(model, m, first)]
         if not taken:
             return None
         lowest = min(taken, key=lambda m: m.error)
@@ -169,7 +142,8 @@ class Selector:
         aside: list[tuple[str, str]] = []
         least = 0.0
         for _ in range(_MASKS + 1):
-            fitted = self.additions(model, REFINED, aside, most=most)
+            offers = self.promising(model, REFINED, aside, most=most)
+            fitted = [self.model(effects) for effects in offers]
             shown = [self.shown(m, model) for m in fitted]
             shown = [m for m in shown if len(m.effects) > len(model.effects)]
             shown = [m for m in shown if model.error - m.error >= least]
@@ -181,14 +155,6 @@ class Selector:
             least = max([least, *(_COMPARABLE * (model.error - m.error) for m in shown)])
         return []
 
-    def _taken(self, small: Model, large: Model, first: Model) -> bool:
-        return (
-            self.pays(small, large, first)
-            and self.problem.beyond_noise(small.squares, large.squares)
-            and small.error - large.error > _LEAST_SHARE * max(small.error - 1.0, 0.0)
-            and credible(self.problem, large.fit)
-        )
-
     def shown(self, model: Model, smaller: Model) -> Model:
         """Return `model` without those of the causes added to `smaller` that do not show."""
         seen = showing(self.problem, model.fit)
@@ -199,19 +165,6 @@ class Selector:
         """Return the place of the last cause in the list of candidates, for ties."""
         names = [effect.name for effect in self.candidates]
         return names.index(model.effects[-1].name)
-
-    def additions(
-        self,
-        model: Model,
-        count: int,
-        exclude: Sequence[tuple[str, str]] = (),
-        enough: float = 0.0,
-        most: float = np.inf,
-        near: Nearby | None = None,
-    ) -> list[Model]:
-        """Return the `count` most promising models with one cause more; see `promising`."""
-        found = self.promising(model, count, exclude, enough, most, near)
-        return [self.model(effects) for effects in found]
 
     def promising(
         self,
@@ -230,7 +183,7 @@ class Selector:
         if not self.candidates:
             return []
         excess, first = model.error - 1.0, self.model(()).error - 1.0
-        much = excess > _SYSTEMATIC_SIMULATED**2 * first
+        much = excess > SYSTEMATIC_SIMULATED**2 * first
         search, atoms = screen(
             self.problem,
             model.fit,
