@@ -87,8 +87,6 @@ def _pushes_out(problem: Problem, fit: Fit) -> bool:
     What was there before may have become idle by it, and be dropped. While more than noise is left,
     what is still missing may push.
     """
-    if np.mean(problem.held_out(fit)) > ONLY_NOISE:
-        return False
     newest = fit.effects[-1].name if fit.effects else ""
     ends = {
         row: 1.0 if value == parameter.high else -1.0
@@ -97,7 +95,7 @@ def _pushes_out(problem: Problem, fit: Fit) -> bool:
         and fit.effects[k].name == newest
         and (value := fit.effects[k].values[parameter.name]) in (parameter.low, parameter.high)
     }
-    if not ends:
+    if not ends or np.mean(problem.held_out(fit)) > ONLY_NOISE:
         return False
     steps = bootstrap_steps(fit, problem.blocks)
     return any(np.percentile(side * steps[:, row], 1.0) > 0.0 for row, side in ends.items())

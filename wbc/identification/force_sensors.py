@@ -46,8 +46,8 @@ def force_sensor_doubts(problem: Problem, fit: Fit) -> list[list[str]]:
         null = fit.effects[k].null_values(problem.robot, fit.effects[k].where)
         away = [
             (fit.effects[k].values[p.name] - null[p.name]) / p.scale
-            for row, (_, p) in enumerate(fit.parameters)
-            if row in own
+            for owner, p in fit.parameters
+            if owner == k
         ]
         signature = _beside(
             others, fit.jacobian[..., own].reshape(fit.residual.size, len(own)) @ np.array(away)
@@ -82,8 +82,8 @@ def _column(
 ) -> FloatArray:
     """Return (rows outputs,) what a sensor that shows one unit more of a change adds."""
     wrong = [_with_force(record, name, change) for record in problem.records]
-    moved = condensed_residual(fit.robot, wrong) - condensed_residual(fit.robot, problem.records)
-    return np.asarray((moved @ problem.whitening).ravel() / _FAULT)
+    moved = condensed_residual(fit.robot, wrong) @ problem.whitening - fit.residual
+    return np.asarray(moved.ravel() / _FAULT)
 
 
 def _with_force(record: Record, name: str, change: Callable[[FloatArray], FloatArray]) -> Record:
