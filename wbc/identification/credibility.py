@@ -81,11 +81,10 @@ def shape_at_bound(fit: Fit) -> bool:
     return any(value in (p.low, p.high) for value, p in found)
 
 
-def _pushes_out(problem: Problem, fit: Fit) -> bool:
+def pushes_out(problem: Problem, fit: Fit) -> bool:
     """Whether noise cannot be why a number of what was added last lies at the end of its range.
 
-    What was there before may have become idle by it, and be dropped. While more than noise is left,
-    what is still missing may push.
+    What was there before may have become idle by it, and be dropped.
     """
     newest = fit.effects[-1].name if fit.effects else ""
     ends = {
@@ -95,7 +94,7 @@ def _pushes_out(problem: Problem, fit: Fit) -> bool:
         and fit.effects[k].name == newest
         and (value := fit.effects[k].values[parameter.name]) in (parameter.low, parameter.high)
     }
-    if not ends or np.mean(problem.held_out(fit)) > ONLY_NOISE:
+    if not ends:
         return False
     steps = bootstrap_steps(fit, problem.blocks)
     return any(np.percentile(side * steps[:, row], 1.0) > 0.0 for row, side in ends.items())
@@ -113,7 +112,8 @@ def credible(problem: Problem, fit: Fit) -> bool:
         null = effect.null_values(problem.robot, effect.where)[parameter.name]
         if not parameter.shape and value in (parameter.low, parameter.high) and value != null:
             return False
-    if _pushes_out(problem, fit):
+    # While more than noise is left, what is still missing may push.
+    if np.mean(problem.held_out(fit)) <= ONLY_NOISE and pushes_out(problem, fit):
         return False
     motions = [record.motion for record in problem.records]
     if not all(effect.recognisable(fit.robot, motions) for effect in fit.effects):

@@ -22,7 +22,8 @@ from wbc.identification.ranking import rank_models
 from wbc.identification.remainder import describe_remainder
 from wbc.identification.selection import Selector
 from wbc.identification.stacks import looks_like_a_stack
-from wbc.identification.verdict import judge, next_experiment, unexplained
+from wbc.identification.unexplained import unexplained
+from wbc.identification.verdict import judge, next_experiment
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 

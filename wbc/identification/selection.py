@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.identification.credibility import credible, showing
+from wbc.identification.credibility import credible, pushes_out, showing
 from wbc.identification.drive_order import in_best_order, placed_first
 from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
 from wbc.identification.model import Model
@@ -15,6 +16,7 @@ from wbc.identification.problem import ONLY_NOISE
 from wbc.identification.screening import Nearby, Swinging, screen
 from wbc.identification.search import Subset
 from wbc.identification.swinging import deflects
+from wbc.identification.unexplained import unexplained
 from wbc.robot import Effect
 
 _MOST_CAUSES = 8
@@ -22,6 +24,8 @@ _FEW_BLOCKS = 12  # in which a cause may gain much and still not be significant
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 _COMPARABLE = 0.5  # of the gain of what is not believed, that what takes its place must have
 _MASKS = 2  # times that such causes are put aside
+_LITTLE = 0.1  # of the error (rms), that a step of a series takes away at most ...
+_SERIES = 2  # ... so many times in a row, with much left
 _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
 _TIED = 0.05  # of the gain, by which the errors of equals may differ
@@ -63,12 +67,16 @@ class Selector(Judge):
     def run(self, start: Sequence[Model] = ()) -> list[Model]:
         """Return the models from no cause to the chosen ones, each one cause larger.
 
+        The search ends where it begins to write down a series, without the terms of that.
+
         Args:
             start: a path to continue.
         """
         path = list(start) or [self.model(())]
         first = path[0]
         while len(path) <= _MOST_CAUSES and self.hopeful(path[-1], first):
+            if self._ends_in_a_series(path):
+                return path[:-_SERIES]
             last = path[-1]
             best = self.best_addition(last, first) or self.before_a_drive(last, first)
             best = best or self.on_credit(last, first)
@@ -79,6 +87,15 @@ class Selector(Judge):
                 self.report(f"{effect.name} at {effect.where}")
             path.append(in_best_order(best, self.model))
         return path
+
+    def _ends_in_a_series(self, path: Sequence[Model]) -> bool:
+        """Whether the last steps gained little and much is left: they write down something else."""
+        last = path[-_SERIES - 1 :]
+        little = all(
+            after.error > (1.0 - _LITTLE) ** 2 * before.error
+            for before, after in itertools.pairwise(last)
+        )
+        return len(last) > _SERIES and little and unexplained(self.problem, path[0].error, path[-1])
 
     def before_a_drive(self, model: Model, first: Model) -> Model | None:
         """Return the best model with one cause more that acts before another in a drive, or None.
@@ -124,6 +141,7 @@ class Selector(Judge):
         taken = [m for m in trials if self.worthwhile(model, m, first)]
         if not taken:
             return None
+        taken = self._believed_first(taken, model)
         lowest = min(taken, key=lambda m: m.error)
         close = [m for m in taken if not self.pays(m, lowest, first)]
         best = min(close, key=lambda m: (round(m.complexity, 6), m.numbers, self._rank(m)))
@@ -132,6 +150,13 @@ class Selector(Judge):
         rivals = [m for m in trials if m.error < clearly and credible(self.problem, m.fit)]
         equals = [m for m in rivals if m.complexity < best.complexity + SIMPLER]
         return min(equals, key=lambda m: m.error, default=best)
+
+    def _believed_first(self, larger: Sequence[Model], model: Model) -> Sequence[Model]:
+        """Return the models whose new numbers stay inside their range, if they gain comparably."""
+        gain = model.error - min(m.error for m in larger)
+        near = [m for m in larger if model.error - m.error > _COMPARABLE * gain]
+        inside = [m for m in near if not pushes_out(self.problem, m.fit)]
+        return inside or larger
 
     def _trials(self, model: Model, most: float = np.inf) -> list[Model]:
         """Return the most promising models with more causes, all of which show.
