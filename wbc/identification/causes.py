@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from wbc.identification.credibility import pushing
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
 from wbc.identification.selection import SIMPLER, Selector
 from wbc.identification.swinging import deflects
+from wbc.identification.unexplained import unexplained
 from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried
@@ -39,7 +41,7 @@ def find_causes(
         classes: effects that may be used.
         report: called with a line of text as the work proceeds.
     """
-    everything = Selector(problem, tuple(classes), report)
+    everything = Selector(problem, tuple(classes), report=report)
     direct = replace(everything, candidates=tuple(c for c in classes if not deflects(c)))
     swinging = replace(everything, candidates=tuple(c for c in classes if deflects(c)))
     first = everything.model(())
@@ -55,6 +57,7 @@ def find_causes(
                 return everything, *early
     path = direct.run([first] if start is None else [first, start])
     final = direct.prune(path[-1], first)
+    path, final = _without_pushing(direct, path, final)
     fine = _EXPLAINED + _FILTERED**2 * first.error
     # Simulated links are themselves off by a share; a lower bound calls for nothing finer.
     explained = fine if problem.floor.repeats else rough
@@ -74,6 +77,21 @@ def find_causes(
             best = everything, longer, found
             explained = rough
     return best
+
+
+def _without_pushing(direct: Selector, path: list[Model], final: Model) -> _Search:
+    """Return the search, or where much is left a better one without what pushes out of its range.
+
+    A gear that loses only while driven backward can hide friction and offset that explain all.
+    """
+    first, problem = path[0], direct.problem
+    beyond = pushing(problem, final.fit)
+    if not beyond or not unexplained(problem, first.error, final):
+        return path, final
+    effects = [final.effects[k] for k in beyond]
+    again = replace(direct, aside=frozenset((e.name, e.where) for e in effects))
+    longer, found = _finish(again, [first], first)
+    return (longer, found) if direct.pays(final, found, first) else (path, final)
 
 
 def _finish(direct: Selector, path: list[Model], first: Model) -> _Search:

@@ -81,23 +81,31 @@ def shape_at_bound(fit: Fit) -> bool:
     return any(value in (p.low, p.high) for value, p in found)
 
 
-def pushes_out(problem: Problem, fit: Fit) -> bool:
-    """Whether noise cannot be why a number of what was added last lies at the end of its range.
+def pushing(problem: Problem, fit: Fit) -> set[int]:
+    """Return the numbers of the effects of which noise cannot be why they lie where a range ends.
 
-    What was there before may have become idle by it, and be dropped.
+    A number at the end of its range is no explanation where the logs ask for more of it.
     """
-    newest = fit.effects[-1].name if fit.effects else ""
     ends = {
         row: 1.0 if value == parameter.high else -1.0
         for row, (k, parameter) in enumerate(fit.parameters)
         if not parameter.shape
-        and fit.effects[k].name == newest
         and (value := fit.effects[k].values[parameter.name]) in (parameter.low, parameter.high)
     }
     if not ends:
-        return False
+        return set()
     steps = bootstrap_steps(fit, problem.blocks)
-    return any(np.percentile(side * steps[:, row], 1.0) > 0.0 for row, side in ends.items())
+    beyond = (row for row, side in ends.items() if np.percentile(side * steps[:, row], 1.0) > 0.0)
+    return {fit.parameters[row][0] for row in beyond}
+
+
+def pushes_out(problem: Problem, fit: Fit) -> bool:
+    """Whether what was added last pushes out of its range.
+
+    What was there before may have become idle by it, and be dropped.
+    """
+    newest = fit.effects[-1].name if fit.effects else ""
+    return any(fit.effects[k].name == newest for k in pushing(problem, fit))
 
 
 def credible(problem: Problem, fit: Fit) -> bool:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from wbc.identification.credibility import credible, pushes_out, showing
 from wbc.identification.drive_order import in_best_order, placed_first
-from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE
-from wbc.identification.screening import Nearby, Swinging, screen
-from wbc.identification.search import Subset
+from wbc.identification.proposals import Proposer
 from wbc.identification.swinging import deflects
 from wbc.identification.unexplained import unexplained
 from wbc.robot import Effect
@@ -30,39 +28,20 @@ _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
 _TIED = 0.05  # of the gain, by which the errors of equals may differ
 SIMPLER = 0.05  # complexities closer than this are the same
-_PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
-_ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
-_SCREEN_ERROR = 0.03
-_SCREEN_NOISE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Selector(Judge):
+class Selector(Proposer):
     """Greedy forward selection with refits, elimination and exchange.
 
     Attributes:
         problem: the logs.
         candidates: effect classes that may be used.
+        aside: (name, where) of causes that are not considered.
         report: called with a line of text as the work proceeds.
     """
 
-    candidates: tuple[type[Effect], ...]
     report: Callable[[str], None] = lambda line: None
-    _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
-    _simulated: dict[tuple[Effect, ...], Swinging] = field(default_factory=dict)
-
-    @property
-    def fitted(self) -> tuple[Model, ...]:
-        """Every model fitted so far."""
-        return tuple(self._known.values())
-
-    def model(self, effects: Sequence[Effect]) -> Model:
-        """Return the fitted model with these causes."""
-        key = tuple(effects)
-        if key not in self._known:
-            fit = self.problem.fit(effects)
-            self._known[key] = Model(fit, self.problem.held_out(fit))
-        return self._known[key]
 
     def run(self, start: Sequence[Model] = ()) -> list[Model]:
         """Return the models from no cause to the chosen ones, each one cause larger.
@@ -137,8 +116,13 @@ class Selector(Judge):
 
         Nothing is fitted whose screened error is above `most`; `first` is without causes.
         """
-        trials = self._trials(model, most)
-        taken = [m for m in trials if self.worthwhile(model, m, first)]
+        aside: list[tuple[str, str]] = []
+        for _ in range(_MASKS + 1):
+            trials = self._trials(model, most, aside)
+            taken = [m for m in trials if self.worthwhile(model, m, first)]
+            if taken or not (masks := _masking(trials, model)):
+                break
+            aside += masks
         if not taken:
             return None
         taken = self._believed_first(taken, model)
@@ -151,20 +135,22 @@ class Selector(Judge):
         equals = [m for m in rivals if m.complexity < best.complexity + SIMPLER]
         return min(equals, key=lambda m: m.error, default=best)
 
-    def _believed_first(self, larger: Sequence[Model], model: Model) -> Sequence[Model]:
+    def _believed_first(self, larger: list[Model], model: Model) -> list[Model]:
         """Return the models whose new numbers stay inside their range, if they gain comparably."""
         gain = model.error - min(m.error for m in larger)
         near = [m for m in larger if model.error - m.error > _COMPARABLE * gain]
         inside = [m for m in near if not pushes_out(self.problem, m.fit)]
         return inside or larger
 
-    def _trials(self, model: Model, most: float = np.inf) -> list[Model]:
+    def _trials(
+        self, model: Model, most: float = np.inf, exclude: Sequence[tuple[str, str]] = ()
+    ) -> list[Model]:
         """Return the most promising models with more causes, all of which show.
 
         What explains most and does not show, or by impossible numbers, hides what explains less:
         it is put aside.
         """
-        aside: list[tuple[str, str]] = []
+        aside = list(exclude)
         least = 0.0
         for _ in range(_MASKS + 1):
             offers = self.promising(model, REFINED, aside, most=most)
@@ -172,10 +158,10 @@ class Selector(Judge):
             shown = [self.shown(m, model) for m in fitted]
             shown = [m for m in shown if len(m.effects) > len(model.effects)]
             shown = [m for m in shown if model.error - m.error >= least]
-            masks = [m for m in fitted if m.error < _MASKING * model.error]
+            masks = _masking(fitted, model)
             if not masks or any(credible(self.problem, m.fit) for m in shown):
                 return shown
-            aside += [(e.name, e.where) for m in masks for e in m.effects[len(model.effects) :]]
+            aside += masks
             # What shows by impossible numbers is not hidden by what explains far less.
             least = max([least, *(_COMPARABLE * (model.error - m.error) for m in shown)])
         return []
@@ -190,59 +176,6 @@ class Selector(Judge):
         """Return the place of the last cause in the list of candidates, for ties."""
         names = [effect.name for effect in self.candidates]
         return names.index(model.effects[-1].name)
-
-    def promising(
-        self,
-        model: Model,
-        count: int,
-        exclude: Sequence[tuple[str, str]] = (),
-        enough: float = 0.0,
-        most: float = np.inf,
-        near: Nearby | None = None,
-    ) -> list[tuple[Effect, ...]]:
-        """Return the effects of a model with those that are most promising beside them, unfitted.
-
-        Those whose screened error is clearly above both the best one and `enough`, or above `most`,
-        are left out. With `near` the screen's columns are those of a robot close by.
-        """
-        if not self.candidates:
-            return []
-        excess, first = model.error - 1.0, self.model(()).error - 1.0
-        much = excess > SYSTEMATIC_SIMULATED**2 * first
-        search, atoms = screen(
-            self.problem,
-            model.fit,
-            [c for c in self.candidates if much or not deflects(c)],
-            {(e.name, e.where) for e in model.effects} | set(exclude),
-            self._simulated.setdefault(model.effects, {}),
-            near,
-        )
-        start = Subset((), search.error(()))
-        found = search.grow([start])
-        found = [subset for subset in found if subset.error < most]
-        if not found:
-            return []
-        # The screen is linear: leave room for what the refit may still gain over it.
-        doubt = _SCREEN_ERROR * (start.error - found[0].error) + _SCREEN_NOISE
-        worst = max(found[0].error, enough) + doubt
-        # Beside the best group of places stands the best single one.
-        single = next((s for s in found if len(s.atoms) == 1), found[0])
-        offers: list[tuple[Effect, ...]] = []
-        seen: set[tuple[tuple[str, str], ...]] = set()
-        for subset in found:
-            added = [atoms[k] for k in subset.atoms]
-            key = tuple(sorted(atom.key for atom in added))
-            # How a link swings is screened roughly: the fit gains much over it.
-            swings = any(deflects(atom.effect) for atom in added)
-            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or found[0].error))
-            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
-            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
-                continue
-            pairs = zip(added, search.coefficients(subset.atoms), strict=True)
-            effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
-            seen.add(key)
-            offers.append((*model.effects, *(e for e in effects if e is not None)))
-        return offers
 
     def prune(self, model: Model, first: Model) -> Model:
         """Return the model without causes that do not pay any more.
@@ -263,6 +196,12 @@ class Selector(Judge):
                 return current
             current = min(idle, key=lambda m: m.error)
         return current
+
+
+def _masking(larger: Sequence[Model], model: Model) -> list[tuple[str, str]]:
+    """Return (name, where) of what explains so much more than `model` that it may hide others."""
+    masks = (m for m in larger if m.error < _MASKING * model.error)
+    return [(e.name, e.where) for m in masks for e in m.effects[len(model.effects) :]]
 
 
 def without(effects: Sequence[Effect], k: int) -> tuple[Effect, ...]:

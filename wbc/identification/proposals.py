@@ -1,0 +1,102 @@
+"""Which causes may be missing beside a model: screened linearly, not yet fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
+from wbc.identification.model import Model
+from wbc.identification.screening import Nearby, Swinging, screen
+from wbc.identification.search import Subset
+from wbc.identification.swinging import deflects
+from wbc.robot import Effect
+
+_PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
+_ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
+_SCREEN_ERROR = 0.03
+_SCREEN_NOISE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Proposer(Judge):
+    """Proposes causes for models, and keeps every model fitted.
+
+    Attributes:
+        problem: the logs.
+        candidates: effect classes that may be used.
+        aside: (name, where) of causes that are not considered.
+    """
+
+    candidates: tuple[type[Effect], ...]
+    aside: frozenset[tuple[str, str]] = frozenset()
+    _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
+    _simulated: dict[tuple[Effect, ...], Swinging] = field(default_factory=dict)
+
+    @property
+    def fitted(self) -> tuple[Model, ...]:
+        """Every model fitted so far."""
+        return tuple(self._known.values())
+
+    def model(self, effects: Sequence[Effect]) -> Model:
+        """Return the fitted model with these causes."""
+        key = tuple(effects)
+        if key not in self._known:
+            fit = self.problem.fit(effects)
+            self._known[key] = Model(fit, self.problem.held_out(fit))
+        return self._known[key]
+
+    def promising(
+        self,
+        model: Model,
+        count: int,
+        exclude: Sequence[tuple[str, str]] = (),
+        enough: float = 0.0,
+        most: float = np.inf,
+        near: Nearby | None = None,
+    ) -> list[tuple[Effect, ...]]:
+        """Return the effects of a model with those that are most promising beside them, unfitted.
+
+        Those whose screened error is clearly above both the best one and `enough`, or above `most`,
+        are left out. With `near` the screen's columns are those of a robot close by.
+        """
+        if not self.candidates:
+            return []
+        excess, first = model.error - 1.0, self.model(()).error - 1.0
+        much = excess > SYSTEMATIC_SIMULATED**2 * first
+        search, atoms = screen(
+            self.problem,
+            model.fit,
+            [c for c in self.candidates if much or not deflects(c)],
+            {(e.name, e.where) for e in model.effects} | set(exclude) | self.aside,
+            self._simulated.setdefault(model.effects, {}),
+            near,
+        )
+        start = Subset((), search.error(()))
+        found = search.grow([start])
+        found = [subset for subset in found if subset.error < most]
+        if not found:
+            return []
+        # The screen is linear: leave room for what the refit may still gain over it.
+        doubt = _SCREEN_ERROR * (start.error - found[0].error) + _SCREEN_NOISE
+        worst = max(found[0].error, enough) + doubt
+        # Beside the best group of places stands the best single one.
+        single = next((s for s in found if len(s.atoms) == 1), found[0])
+        offers: list[tuple[Effect, ...]] = []
+        seen: set[tuple[tuple[str, str], ...]] = set()
+        for subset in found:
+            added = [atoms[k] for k in subset.atoms]
+            key = tuple(sorted(atom.key for atom in added))
+            # How a link swings is screened roughly: the fit gains much over it.
+            swings = any(deflects(atom.effect) for atom in added)
+            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or found[0].error))
+            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
+            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
+                continue
+            pairs = zip(added, search.coefficients(subset.atoms), strict=True)
+            effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
+            seen.add(key)
+            offers.append((*model.effects, *(e for e in effects if e is not None)))
+        return offers
