@@ -208,7 +208,9 @@ def _of_bodies(random: np.random.Generator, effect: str, where: str, typical: Ty
         roll, pitch = float(np.cos(angle)), float(np.sin(angle))
         roll, pitch = (round(x, 12) for x in (roll, pitch))
         return Recipe(lambda u: {"roll": u * roll, "pitch": u * pitch}, 0.2)
-    return Recipe(lambda u: {"coefficient": u}, 0.4 / max(typical.power, 1e-3))
+    # From a share of 1/4 on the supply cannot give the power that the motion needs.
+    largest = 0.24 / max(typical.power, 1e-3)
+    return Recipe(lambda u: {"coefficient": min(u, largest)}, 0.4 / max(typical.power, 1e-3))
 
 
 def flaws_of_size(
