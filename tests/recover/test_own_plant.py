@@ -51,12 +51,20 @@ UNKNOWN = {
     "hysteresis": {"hysteresis": (0.5, 0.0)},
     "friction that grows with position": {"position_friction": (0.0, 0.8)},
 }
+# Friction that is gone at 0.3 rad/s; speeds go up to 4 rad/s.
+NEAR_REST = {
+    "friction near rest": ({"stribeck": (0.0, 0.1), "stribeck_speed": 0.15}, set()),
+    "Coulomb friction, and at the other joint near rest": (
+        {"coulomb": (1.0, 0.0), "stribeck": (0.0, 0.1), "stribeck_speed": 0.15},
+        {("coulomb_friction", "hip")},
+    ),
+}
 RUNS = 2
 
 
 @pytest.fixture(scope="module")
 def diagnoses() -> dict[str, Diagnosis]:
-    flaws = {name: flaw for name, (flaw, _) in CASES.items()} | UNKNOWN
+    flaws = {name: flaw for name, (flaw, _) in (CASES | NEAR_REST).items()} | UNKNOWN
     lanes = [
         Lane(flaw, excitation=30 + run, noise=10 * k + run)
         for k, flaw in enumerate(flaws.values())
@@ -85,6 +93,18 @@ def test_what_was_hidden_is_found_where_it_was_hidden(
     for place, values in truth.items():
         for parameter, value in values.items():
             assert found[place][parameter] == pytest.approx(value, rel=0.03)
+
+
+@pytest.mark.parametrize("name", NEAR_REST)
+def test_friction_that_is_gone_at_usual_speeds_is_found(
+    diagnoses: dict[str, Diagnosis], name: str
+) -> None:
+    diagnosis, others = diagnoses[name], NEAR_REST[name][1]
+    assert diagnosis.verdict == "named"
+    found = {(effect.name, effect.where): effect.values for effect in diagnosis.effects}
+    assert found.keys() == others | {("stribeck_friction", "knee")}
+    assert found["stribeck_friction", "knee"]["level"] == pytest.approx(0.1, rel=0.4)
+    assert found["stribeck_friction", "knee"]["speed"] == pytest.approx(0.15, rel=0.3)
 
 
 @pytest.mark.parametrize("name", UNKNOWN)

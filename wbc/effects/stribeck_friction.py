@@ -29,6 +29,7 @@ class StribeckFriction(JointEffect):
     speed: float
 
     name: ClassVar[str] = "stribeck_friction"
+    near_rest: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
         Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),

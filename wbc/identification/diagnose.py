@@ -8,12 +8,13 @@ import numpy as np
 
 from wbc.effects import EFFECTS
 from wbc.identification.causes import find_causes
+from wbc.identification.closer_look import look_closer
+from wbc.identification.conclusion import conclude
 from wbc.identification.diagnosis import (
     Diagnosis,
     ErrorLevel,
     Step,
 )
-from wbc.identification.exchange import settle
 from wbc.identification.findings import describe_findings
 from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.model import Model
@@ -21,9 +22,7 @@ from wbc.identification.problem import Problem
 from wbc.identification.ranking import rank_models
 from wbc.identification.remainder import describe_remainder
 from wbc.identification.selection import Selector
-from wbc.identification.stacks import looks_like_a_stack
-from wbc.identification.unexplained import unexplained
-from wbc.identification.verdict import judge, next_experiment
+from wbc.identification.verdict import next_experiment
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -64,40 +63,34 @@ def diagnose(
     different, warnings = without_copies(logs)
     problem = Problem.from_logs(robot, different)
     still = still_joints(problem.records)
+    nothing_moves = len(still) == robot.transmission.size
     warnings += [
         *problem.warnings,
         *map(_SILENT.format, problem.silent),
         *map(_STILL.format, still),
     ]
-    nothing_moves = len(still) == robot.transmission.size
     # A robot at rest shows one torque per joint, which anything explains.
     wanted = EFFECTS.values() if candidates is None else candidates
     classes = () if nothing_moves else tuple(wanted)
-    selector, path, final = find_causes(problem, classes, progress)
-    before = path[0].error
-    alternatives: Sequence[tuple[str, ...]] = [() for _ in final.effects]
-    if not unexplained(problem, before, final):
-        final, alternatives = settle(selector, final, path[0])
-    verdict = judge(problem, before, final, alternatives)
-    series = verdict in ("named", "ambiguous") and looks_like_a_stack(selector, final)
-    verdict = "unknown" if series else verdict
-    left = describe_remainder(problem, final.fit) if verdict == "unknown" else ""
-    findings = describe_findings(problem, final, alternatives)
+    found = look_closer(conclude(*find_causes(problem, classes, progress)), robot, different)
+    verdict, final, first = found.verdict, found.final, found.path[0]
+    left = describe_remainder(found.problem, final.fit) if verdict == "unknown" else ""
+    findings = describe_findings(found.problem, final, found.alternatives)
     return Diagnosis(
         verdict=verdict,
         findings=findings,
         next_experiment=next_experiment(verdict, findings, nothing_moves),
         error=ErrorLevel(
-            before=float(np.sqrt(before)),
+            before=float(np.sqrt(first.error)),
             after=float(np.sqrt(final.error)),
             floor=1.0,
             floor_source=problem.floor.source,
         ),
-        steps=_steps(selector, final, path),
-        remainder=f"{_SERIES} {left}".strip() if series else left,
+        steps=_steps(found.selector, final, found.path),
+        remainder=f"{_SERIES} {left}".strip() if found.series else left,
         robot=final.fit.robot,
         warnings=tuple(warnings),
-        ranking=rank_models(selector, final, path[0]),
+        ranking=rank_models(found.selector, final, first),
     )
 
 

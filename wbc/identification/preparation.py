@@ -29,11 +29,18 @@ from wbc.robot import Motion, Robot
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
 _SHARED_NOISE = 0.5
 _UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
-_REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
+REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
 
 
-def prepare(robot: Robot, logs: Sequence[Log]) -> tuple[Record, ...]:
+def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tuple[Record, ...]:
     """Return one record per log, all in the same band.
+
+    Args:
+        robot: that the logs are held against.
+        logs: at least one.
+        reversal: how long around a change of direction a joint counts for nothing, in periods of
+            the kinematic band. A narrow one shows what acts at low speed only, and the moments at
+            which large dry friction is smoothed wrongly.
 
     Raises:
         IdentificationError: no log, or a log that lacks what the robot needs.
@@ -47,7 +54,7 @@ def prepare(robot: Robot, logs: Sequence[Log]) -> tuple[Record, ...]:
     rate = min(channel.rate for channel in channels)
     band = choose_bandwidth(noises, inertia, robot.actuated, rate)
     return tuple(
-        _with_noise_shared(_record(robot, channel, noise, band))
+        _with_noise_shared(_record(robot, channel, noise, band, reversal))
         for channel, noise in zip(channels, noises, strict=True)
     )
 
@@ -79,7 +86,9 @@ def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:
     return np.asarray(np.mean(found, axis=0) + robot.transmission.reflected_inertia)
 
 
-def _record(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth) -> Record:
+def _record(
+    robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth, reversal: float
+) -> Record:
     rate, cutoff = channels.rate, band.kinematics
     motion = _smooth_motion(robot, channels, noise, band)
     torque = low_pass(channels.torque, cutoff, rate)
@@ -103,7 +112,7 @@ def _record(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidt
         torque=frozen(torque[thin]),
         forces=forces,
         weight=frozen(
-            _weight(robot, thinned, noise, band)
+            _weight(robot, thinned, noise, band, reversal)
             * away_from_impacts(robot, channels, band)[thin, None]
         ),
         rate=rate / every,
@@ -150,7 +159,9 @@ def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: B
     return Motion(position, velocity, acceleration)
 
 
-def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -> FloatArray:
+def _weight(
+    robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth, reversal: float
+) -> FloatArray:
     """Return (N, m + b): how far the direction of motion behind each output can be trusted.
 
     Around a reversal the smoothed velocity is wrong about the moment and hides standstill, so
@@ -163,7 +174,7 @@ def _weight(robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth) -
     period = 1.0 / band.kinematics
     typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
     noise_speed = noise.speed_deviation(band.kinematics)[rows]
-    threshold = _REVERSAL * period * typical * 0.8 + 4.0 * noise_speed
+    threshold = reversal * period * typical * 0.8 + 4.0 * noise_speed
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
     trusted = gate(speed, threshold)
     # A mesh turns with every joint that its motor moves: all of them must have a direction.

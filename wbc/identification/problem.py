@@ -15,7 +15,7 @@ from wbc.identification.floor import NoiseFloor, drawn_noise, noise_floor, with_
 from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
 from wbc.identification.kept_columns import KeptColumns
 from wbc.identification.log_warnings import moving_bases
-from wbc.identification.preparation import prepare
+from wbc.identification.preparation import REVERSAL, prepare
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual
 from wbc.identification.silent_drives import reported_torque, silent_drives
@@ -27,6 +27,8 @@ from wbc.robot import Effect, Robot
 _STANDARD_ERRORS = 2.0
 _LIKELIHOOD_RATIO = 12.0
 ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
+_NEARLY_NOISE = 2.0  # ... and up to which it may be, where ...
+_MOST = 4.0  # ... a cause has made it so many times smaller
 _SAMPLES_PER_BLOCK = 4.0  # independent ones: a block lasts four periods of the band or longer
 _CHI_SQUARE = 25.0
 _CHI_SQUARE_LEANING = 6.6
@@ -55,11 +57,11 @@ class Problem:
     warnings: tuple[str, ...] = ()
 
     @classmethod
-    def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> Problem:
-        """Prepare logs, cut where samples are missing; see `prepare` for the errors raised."""
+    def from_logs(cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> Problem:
+        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors."""
         pieces, warnings = cut_at_gaps(logs)
         warnings += moving_bases(robot, logs)
-        prepared = prepare(robot, pieces)
+        prepared = prepare(robot, pieces, reversal)
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         parts = [condensed_residual(robot, [record]) for record in records]
         agreements = [agreement(r, part) for r, part in zip(records, parts, strict=True)]
@@ -129,11 +131,14 @@ class Problem:
         standard errors (the first hears the few blocks in which most happens, the second gives
         each block a voice), or, for what happens rarely but violently, the likelihood ratio
         of as many independent observations as there are blocks; and, where nothing but noise is
-        left, its known size (a short log has few blocks, but many samples).
+        left, or little more of very much, its known size (a short log has few blocks, but many
+        samples).
         """
         one, other = self._blockwise(worse), self._blockwise(better)
-        ratio = one.size * float(np.log(np.mean(one) / np.mean(other)))
-        known = np.mean(better) < ONLY_NOISE and self._known_gain(worse, better) > _CHI_SQUARE
+        before, after = float(np.mean(one)), float(np.mean(other))
+        ratio = one.size * float(np.log(before / after))
+        noise = after < ONLY_NOISE or (after < _NEARLY_NOISE and before > _MOST * after)
+        known = noise and self._known_gain(worse, better) > _CHI_SQUARE * max(after, 1.0)
         return bool(
             known
             or _standard_errors(one - other) > _STANDARD_ERRORS

@@ -54,6 +54,7 @@ class Effect(ABC):
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
+        near_rest: whether the effect is gone where the joint moves at its usual speed.
     """
 
     where: str
@@ -63,6 +64,7 @@ class Effect(ABC):
     explanation: ClassVar[str]
     experiment: ClassVar[str]
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    near_rest: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check every parameter against its bounds."""

@@ -1,0 +1,61 @@
+"""What a search on logs amounts to: causes, what could stand for them, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from wbc.identification.diagnosis import Verdict
+from wbc.identification.exchange import settle
+from wbc.identification.model import Model
+from wbc.identification.problem import Problem
+from wbc.identification.selection import Selector
+from wbc.identification.stacks import looks_like_a_stack
+from wbc.identification.unexplained import unexplained
+from wbc.identification.verdict import judge
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """The end of a search.
+
+    Attributes:
+        problem: the logs.
+        selector: with every model fitted.
+        path: from no cause on.
+        final: the model chosen.
+        alternatives: for each of its effects, what it cannot be told from.
+        series: whether the causes look like terms in which something else was written down.
+    """
+
+    problem: Problem
+    selector: Selector
+    path: Sequence[Model]
+    final: Model
+    alternatives: Sequence[tuple[str, ...]]
+    series: bool
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict; a series explains nothing."""
+        before = self.path[0].error
+        return (
+            "unknown" if self.series else judge(self.problem, before, self.final, self.alternatives)
+        )
+
+
+def conclude(selector: Selector, path: Sequence[Model], final: Model) -> Conclusion:
+    """Return the conclusion after exchanges of causes, where enough is explained to ask for them.
+
+    Args:
+        selector: of the search.
+        path: from no cause on.
+        final: what was found.
+    """
+    problem, first = selector.problem, path[0]
+    if unexplained(problem, first.error, final):
+        return Conclusion(problem, selector, path, final, [() for _ in final.effects], False)
+    settled, alternatives = settle(selector, final, first)
+    explained = not unexplained(problem, first.error, settled)
+    series = explained and looks_like_a_stack(selector, settled)
+    return Conclusion(problem, selector, path, settled, alternatives, series)
