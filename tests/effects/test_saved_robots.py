@@ -11,6 +11,7 @@ import pytest
 
 from wbc.effects import (
     CoulombFriction,
+    JointCompliance,
     PayloadMass,
     TorqueRipple,
     TransmissionEfficiency,
@@ -114,6 +115,19 @@ def test_mistakes_are_named(
     path = tmp_path / "fitted.toml"
     path.write_text(FITTED.replace(old, new, 1))
     with pytest.raises(error, match=re.escape(message)):
+        load_robot(path)
+
+
+def test_the_side_of_friction_beside_a_soft_gear_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "fitted.toml"
+    for side in ("motor", "link", "either"):
+        gear = JointCompliance("knee", 400.0, 1.0).with_friction_at(side)
+        robot = load_robot("planar_leg").with_effects(gear, CoulombFriction("knee", 0.3))
+        save_robot(robot, path)
+        assert load_robot(path).effects == robot.effects
+    save_robot(robot.with_effect(gear.with_friction_at("motor")), path)
+    path.write_text(path.read_text().replace('"motor"', '"gear"'))
+    with pytest.raises(RobotError, match="'gear' is none of link, motor, either"):
         load_robot(path)
 
 

@@ -1,12 +1,22 @@
-"""Two soft gears in one leg, against an ODE solver that shares no code with the library."""
+"""Soft gears in one leg, against an ODE solver that shares no code with the library."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.effects import JointCompliance, PayloadMass, load_robot
+from wbc.effects import (
+    CoulombFriction,
+    JointCompliance,
+    PayloadMass,
+    QuadraticDrag,
+    ViscousFriction,
+    load_robot,
+)
+from wbc.identification import diagnose
 from wbc.identification.problem import Problem
 from wbc.measurement import Log
 from wbc.robot import Effect
@@ -42,7 +52,32 @@ def _links(q: np.ndarray, v: np.ndarray, foot: float) -> tuple[np.ndarray, np.nd
     return mass, bias
 
 
-def _log(stiffness: np.ndarray, damping: np.ndarray, foot: float, seed: int) -> Log:
+@dataclass(frozen=True)
+class Rubbing:
+    """Friction of hip and knee: dry [N m], viscous [N m s/rad], drag [N m s^2/rad^2]."""
+
+    dry: tuple[float, float] = (0.0, 0.0)
+    viscous: tuple[float, float] = (0.0, 0.0)
+    drag: tuple[float, float] = (0.0, 0.0)
+
+    def torque(self, speed: np.ndarray) -> np.ndarray:
+        """Return the torque (..., 2) that opposes speeds (..., 2)."""
+        square = np.abs(speed) * speed
+        dry = np.multiply(self.dry, np.tanh(speed / 3e-4))
+        return np.asarray(dry + np.multiply(self.viscous, speed) + np.multiply(self.drag, square))
+
+
+NOTHING = Rubbing()
+
+
+def _log(
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    foot: float,
+    seed: int,
+    at_link: Rubbing = NOTHING,
+    at_motor: Rubbing = NOTHING,
+) -> Log:
     random = np.random.default_rng(seed)
     phase = random.uniform(0.0, 2.0 * np.pi, FREQUENCY.shape)
 
@@ -52,15 +87,16 @@ def _log(stiffness: np.ndarray, damping: np.ndarray, foot: float, seed: int) -> 
 
     def rate(t: float, state: np.ndarray) -> np.ndarray:
         mass, bias = _links(state[:2], state[2:], foot)
-        return np.concatenate([state[2:], np.linalg.solve(mass, held(t, state) - bias)])
+        push = held(t, state) - bias - at_link.torque(state[2:])
+        return np.concatenate([state[2:], np.linalg.solve(mass, push)])
 
     begin = _motors(0.0, phase)[:2, :, 0]
     start = np.concatenate([begin[0] - (0.02, 0.01), begin[1]])
     span = (0.0, float(TIME[-1]))
-    path = solve_ivp(rate, span, start, t_eval=TIME, rtol=1e-7, atol=1e-9, max_step=5e-3).y
+    path = solve_ivp(rate, span, start, "LSODA", TIME, rtol=1e-7, atol=1e-9, max_step=5e-3).y
     passed = np.array([held(t, state) for t, state in zip(TIME, path.T, strict=True)])
     position, velocity, acceleration = (part.T for part in _motors(TIME, phase))
-    torque = (passed + REFLECTED * acceleration) / RATIO
+    torque = (passed + REFLECTED * acceleration + at_motor.torque(velocity)) / RATIO
     columns = {}
     for j, joint in enumerate(("hip", "knee")):
         noise = random.standard_normal((3, TIME.size))
@@ -102,3 +138,58 @@ def test_two_soft_gears_are_told_apart(
         assert effect.values["damping"] == pytest.approx(c, rel=0.1)
     for effect in fit.effects[2:]:
         assert effect.values["mass"] == pytest.approx(foot, rel=0.02)
+
+
+SOFT_KNEE = np.array([1e6, 400.0]), np.array([800.0, 1.0])
+
+
+@pytest.mark.parametrize("side", ["link", "motor"])
+def test_dry_friction_behind_and_before_a_soft_gear_is_named_with_it(side: str) -> None:
+    rubs = Rubbing(dry=(0.0, 0.6))
+    sides = (rubs, NOTHING) if side == "link" else (NOTHING, rubs)
+    logs = [_log(*SOFT_KNEE, 0.0, seed, *sides) for seed in (3, 4, 5)]
+    found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    effects = {f.effect.name: f for f in found.findings}
+    assert found.verdict == "named"
+    assert set(effects) == {"joint_compliance", "coulomb_friction"}
+    assert all(f.effect.where == "knee" for f in found.findings)
+    level = effects["coulomb_friction"].parameters["level"]
+    stiffness = effects["joint_compliance"].parameters["stiffness"]
+    assert level.value == pytest.approx(0.6, rel=0.02)
+    assert stiffness.value == pytest.approx(400.0, rel=0.02)
+    said = any("rubs at the motor" in text for text in effects["joint_compliance"].warnings)
+    assert said == (side == "motor")
+
+
+@pytest.mark.parametrize(
+    ("rubs", "begun"),
+    [
+        (Rubbing(viscous=(0.0, 0.3)), ViscousFriction("knee", 0.25)),
+        (Rubbing(drag=(0.0, 0.2)), QuadraticDrag("knee", 0.15)),
+        (Rubbing(dry=(0.0, 0.3)), CoulombFriction("knee", 0.2)),
+    ],
+    ids=["viscous", "drag", "dry"],
+)
+def test_friction_of_a_soft_link_follows_the_links_speed(rubs: Rubbing, begun: Effect) -> None:
+    logs = [_log(*SOFT_KNEE, 0.0, seed, rubs) for seed in (3, 4)]
+    problem = Problem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
+    fit = problem.fit((JointCompliance("knee", 430.0, 1.3), begun))
+    assert fit.error < 1.3
+    gear, friction = fit.effects
+    assert gear.values["stiffness"] == pytest.approx(400.0, rel=0.01)
+    wanted = max(rubs.dry[1], rubs.viscous[1], rubs.drag[1])
+    assert next(iter(friction.values.values())) == pytest.approx(wanted, rel=0.02)
+
+
+def test_friction_of_two_soft_links_follows_both() -> None:
+    stiffness, damping = np.array([800.0, 300.0]), np.array([5.0, 1.5])
+    rubs = Rubbing(dry=(0.8, 0.4))
+    logs = [_log(stiffness, damping, 0.0, seed, rubs) for seed in (3, 4)]
+    problem = Problem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
+    soft = JointCompliance("hip", 740.0, 4.0), JointCompliance("knee", 320.0, 2.0)
+    fit = problem.fit((*soft, CoulombFriction("hip", 0.6), CoulombFriction("knee", 0.5)))
+    assert fit.error < 1.5
+    levels = [effect.values["level"] for effect in fit.effects[2:]]
+    assert levels == pytest.approx([0.8, 0.4], rel=0.03)
+    found = [effect.values["stiffness"] for effect in fit.effects[:2]]
+    assert found == pytest.approx([800.0, 300.0], rel=0.02)

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import JointEffect
 from wbc.effects.loose_link import Contact, loose_deflection
 from wbc.effects.loose_search import best_contacts
+from wbc.effects.yielding_gear import YieldingGear, by_side
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
 
 
 @final
 @dataclass(frozen=True)
-class Backlash(JointEffect):
+class Backlash(YieldingGear):
     """The link is free to move within `width` of its motor and bounces on stiff flanks.
 
     Positions are those of the motor: the link's own are hidden, and its inertia leaves and
@@ -48,10 +48,13 @@ class Backlash(JointEffect):
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
         """Return the plays and flanks that explain the unexplained torque best."""
-        best = best_contacts(evidence.responses(where), count=2)
         return tuple(
-            Screen.fixed({"width": c.play, "stiffness": c.stiffness, "damping": c.damping})
-            for c in best
+            Screen.fixed(
+                {"width": c.play, "stiffness": c.stiffness, "damping": c.damping},
+                friction_side=side,
+            )
+            for side, responses in by_side(evidence, where)
+            for c in best_contacts(responses, count=2)
         )
 
     def change(self, robot: Robot) -> Robot:
@@ -66,5 +69,5 @@ class Backlash(JointEffect):
         return robot.with_transmission(gears)
 
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
-        """Return the link's motion relative to the motor, (N, 3)."""
+        """Return the link's motion relative to the motor, (N, 3), and its dry friction if any."""
         return loose_deflection(response, Contact(self.stiffness, self.damping, self.width))

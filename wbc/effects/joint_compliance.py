@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-from wbc.effects.joint_effect import JointEffect
 from wbc.effects.soft_search import best_springs
+from wbc.effects.yielding_gear import YieldingGear, by_side
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 _CREEPS = 0.5  # [s], damping over stiffness
@@ -15,7 +15,7 @@ _CREEPS = 0.5  # [s], damping over stiffness
 
 @final
 @dataclass(frozen=True)
-class JointCompliance(JointEffect):
+class JointCompliance(YieldingGear):
     """A spring and a damper between motor and link.
 
     Positions are those of the motor; the link lags by load / stiffness and may swing.
@@ -45,8 +45,11 @@ class JointCompliance(JointEffect):
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
         """Return the stiffnesses that explain the unexplained torque best."""
-        best = best_springs(evidence.responses(where), count=2)
-        return tuple(Screen.fixed({"stiffness": k, "damping": c}) for k, c in best)
+        return tuple(
+            Screen.fixed({"stiffness": k, "damping": c}, friction_side=side)
+            for side, responses in by_side(evidence, where)
+            for k, c in best_springs(responses, count=2)
+        )
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the gear gives and comes back: one that creeps writes down any slow drift."""

@@ -18,15 +18,17 @@ _OutRow = types.Array(types.float64, 1, "C")
 
 @compiled(
     Nothing,
-    *(Vector, Vector, Vector, Vector),
+    *(Vector, Vector, Vector, Vector, Vector, Vector),
     *(Number, Count, Number, Number, Number, Number, Number, Number),
-    *(_OutRow, _OutRow),
+    *(_OutRow, _OutRow, _OutRow),
 )
 def follow_loose(
     load: FloatArray,
     inertia: FloatArray,
     drag: FloatArray,
     pull: FloatArray,
+    speed: FloatArray,
+    level: FloatArray,
     step: float,
     parts: int,
     late: float,
@@ -37,19 +39,23 @@ def follow_loose(
     v: float,
     positions: FloatArray,
     rates: FloatArray,
+    frictions: FloatArray,
 ) -> None:
     """Write the deflection and its rate (N,) of a link with play, from one start.
 
-    On a flank and between, a step of the theta rule is linear in rate, deflection and load.
+    On a flank and between, a step of the theta rule is linear in rate, deflection and load. Dry
+    friction is what would stop the link by the step's end, within its level.
 
     Args:
         load, inertia, drag, pull: what drives the link (N,).
+        speed, level: of the motor, and of the link's dry friction (N,).
         step: distance of the samples [s].
         parts: steps per sample.
         late: theta, the weight of a step's end.
         stiffness, damping, half: of the flanks, and half of the play.
         d, v: the start.
         positions, rates: (N,) to write.
+        frictions: (N,) to write, the mean of each interval; the last one stays.
     """
     h = step / parts
     early = 1.0 - late
@@ -57,6 +63,8 @@ def follow_loose(
         positions[i], rates[i] = d, v
         if i == load.size - 1:
             return
+        frictions[i] = 0.0
+        rubs = level[i] > 0.0 or level[i + 1] > 0.0
         slope = (load[i + 1] - load[i]) / parts
         free = 1.0 / (inertia[i] + h * late * (drag[i] + h * late * pull[i]))
         b, p = drag[i] + damping, pull[i] + stiffness
@@ -72,13 +80,21 @@ def follow_loose(
             else:
                 by_rate = inertia[i] - h * early * (drag[i] + h * late * pull[i])
                 new = (by_rate * v - h * (pull[i] * d + torque)) * free
+            if rubs:
+                share = (part + 1.0) / parts
+                most = (1.0 - share) * level[i] + share * level[i + 1]
+                given = h * (held if abs(middle) > half else free)
+                link = new + (1.0 - share) * speed[i] + share * speed[i + 1]
+                dry = min(max(link / given, -most), most)
+                new -= given * dry
+                frictions[i] += dry / parts
             d += h * (early * v + late * new)
             v = new
 
 
 @compiled(
     Nothing,
-    *(Vector, Vector, Vector, Vector),
+    *(Vector, Vector, Vector, Vector, Vector, Vector),
     *(Number, Count, Vector, Vector, Vector, Vector),
     *(_Cube, _OutCube),
 )
@@ -87,6 +103,8 @@ def rank_loose(
     inertia: FloatArray,
     drag: FloatArray,
     pull: FloatArray,
+    speed: FloatArray,
+    level: FloatArray,
     step: float,
     parts: int,
     late: FloatArray,
@@ -99,24 +117,25 @@ def rank_loose(
     """Write the additional torque (N, P, S) of P contacts (P,) from S starts each.
 
     Args:
-        load, inertia, drag, pull: what drives the link (N,).
+        load, inertia, drag, pull, speed, level: what drives the link (N,), see `follow_loose`.
         step: distance of the samples [s].
         parts: steps per sample.
-        late, stiffness, damping, half: of the contacts (P,), see `follow_loose`.
+        late, stiffness, damping, half: of the contacts (P,).
         starts: (P, S, 2) deflections and rates.
         torques: (N, P, S) to write; the last row stays.
     """
-    positions, rates = np.empty(load.size), np.empty(load.size)
+    positions, rates, dry = np.empty(load.size), np.empty(load.size), np.empty(load.size)
     for i in range(starts.shape[0]):
         for j in range(starts.shape[1]):
             follow_loose(
-                load, inertia, drag, pull, step, parts,
+                load, inertia, drag, pull, speed, level, step, parts,
                 late[i], stiffness[i], damping[i], half[i], starts[i, j, 0], starts[i, j, 1],
-                positions, rates,
+                positions, rates, dry,
             )  # fmt: skip
             for k in range(load.size - 1):
                 torque = inertia[k] * (rates[k + 1] - rates[k]) / step
-                torques[k, i, j] = torque + drag[k] * rates[k] + pull[k] * positions[k]
+                torque += drag[k] * rates[k] + pull[k] * positions[k]
+                torques[k, i, j] = torque + dry[k]
 
 
 @compiled(Nothing, _Cube, _Cube, _Cube, Matrix, Number, Count, _OutCube)

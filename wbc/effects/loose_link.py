@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.robot import LinkResponse
+from wbc.robot import LinkFriction, LinkResponse
 
 FINEST = 5e-4  # [s], at least
 _TURN = 0.25  # [rad] of the swing on a flank that one step may cover
@@ -42,17 +42,21 @@ def loose_deflection(response: LinkResponse, contact: Contact) -> FloatArray:
     """Return the deflection of the link (N, 3): position, rate, second derivative.
 
     inertia d_dd + drag d_d + pull d + load = -k dz(d) - c d_d while in contact, with the dead zone
-    dz of the play. Where in its play the link began, and how fast, is in no channel: it is chosen
-    by what the first moments of the log leaves unexplained.
+    dz of the play, less the link's dry friction, which then is a fourth column. Where in its play
+    the link began, and how fast, is in no channel: it is chosen by what the first moments of the
+    log leaves unexplained.
 
     Args:
         response: of the link along a log.
         contact: the flanks.
     """
     link = _Link.of(response)
-    d, v = link.follow(contact, [_beginning(response, link, contact)], FINEST)[0]
+    d, v, dry = link.follow(contact, [_beginning(response, link, contact)], FINEST)[0]
     # Averaged over the two neighbouring intervals, so that it belongs to the sample's own time.
-    return np.stack([d, v, np.gradient(v, response.step)], axis=1)
+    columns = [d, v, np.gradient(v, response.step)]
+    if response.friction is not None:
+        columns.append(np.convolve(dry, (0.5, 0.5))[: len(dry)])
+    return np.stack(columns, axis=1)
 
 
 def _beginning(response: LinkResponse, link: _Link, contact: Contact) -> tuple[float, float]:
@@ -78,48 +82,55 @@ class _Link:
     inertia: FloatArray
     drag: FloatArray
     pull: FloatArray
+    speed: FloatArray
+    level: FloatArray
+    counted: FloatArray
     step: float
 
     @classmethod
     def of(cls, response: LinkResponse) -> _Link:
-        row = response.row
+        row, nothing = response.row, np.zeros(len(response.load))
+        rubs = response.friction or LinkFriction(nothing, nothing, nothing)
         return cls(
             response.load[:, row],
             response.inertia[:, row],
             response.damping[:, row],
             response.stiffness[:, row],
+            rubs.velocity,
+            rubs.level,
+            rubs.counted,
             response.step,
         )
 
     def part(self, count: int) -> _Link:
         """Return the first `count` samples."""
-        first = slice(0, count)
-        return _Link(
-            self.load[first], self.inertia[first], self.drag[first], self.pull[first], self.step
-        )
+        names = (f.name for f in fields(self) if f.name != "step")
+        return replace(self, **{name: getattr(self, name)[:count] for name in names})
 
-    def torque(self, d: FloatArray, v: FloatArray) -> FloatArray:
+    def torque(self, d: FloatArray, v: FloatArray, dry: FloatArray) -> FloatArray:
         """Return the joint's additional torque (N,), accelerations taken over each interval."""
         result = np.zeros(len(d))
         result[:-1] = self.inertia[:-1] * np.diff(v) / self.step
         result[:-1] += self.drag[:-1] * v[:-1] + self.pull[:-1] * d[:-1]
+        result[:-1] += dry[:-1] - self.counted[:-1]
         return result
 
     def follow(
         self, contact: Contact, starts: Sequence[tuple[float, float]], finest: float
-    ) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the deflection and its rate (N,) each, from every start."""
+    ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return the deflection, its rate and the dry friction (N,) each, from every start."""
         from wbc.effects.link_steps import follow_loose
 
         least = float(self.inertia.min())
         parts = steps_per_sample(self.step, contact.stiffness, least, finest)
         late = float(weight_of_the_end(np.array(contact.stiffness), least, self.step / parts))
         flanks = contact.stiffness, contact.damping, 0.5 * contact.play
-        link = self.load, self.inertia, self.drag, self.pull, self.step, parts, late
+        link = self.load, self.inertia, self.drag, self.pull, self.speed, self.level
         paths = []
         for start in starts:
-            paths.append((np.empty(len(self.load)), np.empty(len(self.load))))
-            follow_loose(*link, *flanks, *start, *paths[-1])
+            d, v, dry = np.zeros((3, len(self.load)))
+            follow_loose(*link, self.step, parts, late, *flanks, *start, d, v, dry)
+            paths.append((d, v, dry))
         return paths
 
 

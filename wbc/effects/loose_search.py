@@ -102,6 +102,9 @@ class _Columns:
     inertia: FloatArray
     drag: FloatArray
     pull: FloatArray
+    speed: FloatArray
+    level: FloatArray
+    counted: FloatArray
 
     @classmethod
     def of(cls, responses: Sequence[LinkResponse], parts: Sequence[slice]) -> _Columns:
@@ -109,7 +112,15 @@ class _Columns:
             pairs = zip(responses, parts, strict=True)
             return np.stack([getattr(r, name)[part, r.row] for r, part in pairs], axis=1)
 
-        return cls(column("load"), column("inertia"), column("damping"), column("stiffness"))
+        def rubbing(name: str) -> FloatArray:
+            columns = [
+                np.zeros(len(r.load)) if r.friction is None else getattr(r.friction, name)
+                for r in responses
+            ]
+            return np.stack([c[part] for c, part in zip(columns, parts, strict=True)], axis=1)
+
+        links = [column(name) for name in ("load", "inertia", "damping", "stiffness")]
+        return cls(*links, *(rubbing(name) for name in ("velocity", "level", "counted")))
 
     def torque(
         self,
@@ -128,11 +139,13 @@ class _Columns:
         result = np.zeros((len(self.load), *d.shape))
         for k in range(self.load.shape[1]):
             link = self.load[:, k], self.inertia[:, k], self.drag[:, k], self.pull[:, k]
+            rubs = self.speed[:, k], self.level[:, k]
             starts = np.stack([d[..., k], v[..., k]], axis=-1)
             torques = np.zeros((len(self.load), *d.shape[:2]))
             flank = late, stiffness, damping, 0.5 * play
-            rank_loose(*link, step, parts, *flank, starts, torques)
-            result[..., k] = torques
+            rank_loose(*link, *rubs, step, parts, *flank, starts, torques)
+            result[..., k] = torques - self.counted[:, k, None, None]
+            result[-1, ..., k] = 0.0
         return result
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import tomli_w
 
 from wbc.effects.catalogue import effect_class
+from wbc.effects.yielding_gear import SIDES, YieldingGear
 from wbc.errors import RobotError, unknown_name
 from wbc.files import write_text
 from wbc.robot import Effect, Robot, RobotDescription, build_robot, read_description
@@ -61,7 +62,7 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
         name: _value(number, units.get(name), f"{path}: {kind.name} at '{where}': {name}")
         for name, number in entry.get("parameters", {}).items()
     }
-    effect = kind.at(where, values)
+    effect = _on_its_side(kind.at(where, values), entry, path)
     for parameter in effect.parameters:
         number = entry.get("parameters", {}).get(parameter.name)
         stated = number.get("unit", parameter.unit) if isinstance(number, Mapping) else None
@@ -71,6 +72,17 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
                 f"[{parameter.unit}] is expected."
             )
     return effect
+
+
+def _on_its_side(effect: Effect, entry: Mapping[str, Any], path: Path) -> Effect:
+    """Return a gear with the side on which its joint's friction was found to rub."""
+    side = entry.get("friction_side")
+    if side is None or not isinstance(effect, YieldingGear):
+        return effect
+    if side not in SIDES:
+        choices = ", ".join(SIDES)
+        raise RobotError(f"{path}: {effect.name}: friction_side '{side}' is none of {choices}.")
+    return effect.with_friction_at(side)
 
 
 def _value(number: Any, unit: str | None, place: str) -> float:
@@ -120,7 +132,10 @@ def save_robot(
             if span is not None:
                 number["low"], number["high"] = float(span[0]), float(span[1])
             parameters[parameter.name] = number
-        effects.append({"effect": effect.name, "where": effect.where, "parameters": parameters})
+        entry: dict[str, Any] = {"effect": effect.name, "where": effect.where}
+        if isinstance(effect, YieldingGear) and effect.friction_side != "either":
+            entry["friction_side"] = effect.friction_side
+        effects.append({**entry, "parameters": parameters})
     table: dict[str, Any] = {"robot": robot.source.name, "lossless": robot.source.lossless}
     if provenance:
         table["provenance"] = dict(provenance)

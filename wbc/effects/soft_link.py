@@ -31,16 +31,26 @@ def soft_deflections(
         responses: of the n links along one log, under the same load.
         springs: of their gears.
     """
-    parts = max(1, round(responses[0].step / _STEP))
-    paths = _solutions(responses, springs, parts)
-    start = _start(responses, springs, paths)
+    paths = _solutions(responses, springs)
+    start = chosen_start(responses, springs, paths)
     return [path[..., 0] + path[..., 1:] @ start for path in paths]
 
 
-def _start(
+def soft_start(responses: Sequence[LinkResponse], springs: Sequence[Spring]) -> FloatArray:
+    """Return the deflections and then the rates (2 n,) with which the log began."""
+    return chosen_start(responses, springs, _solutions(responses, springs))
+
+
+def chosen_start(
     responses: Sequence[LinkResponse], springs: Sequence[Spring], paths: Sequence[FloatArray]
 ) -> FloatArray:
-    """Return how much of the free swings (2 n,) leaves least unexplained at the n joints."""
+    """Return how much of the free swings (2 n,) leaves least unexplained at the n joints.
+
+    Args:
+        responses: of the n links along one log.
+        springs: of their gears.
+        paths: of each gear, (N, 3, 1 + 2 n): deflections without and of every free swing.
+    """
     # A swing that turns by more than a radian per sample is in no channel.
     seen = [_turn(r, spring) < _SEEN for r, spring in zip(responses, springs, strict=True)] * 2
     wanted, columns = [], []
@@ -61,21 +71,31 @@ def _turn(response: LinkResponse, spring: Spring) -> float:
     return response.step * float(np.sqrt(max(spring[0], 0.0) / inertia))
 
 
-def _solutions(
-    responses: Sequence[LinkResponse], springs: Sequence[Spring], parts: int
-) -> list[FloatArray]:
-    """Return per gear the deflections (N, 3, 1 + 2 n): from rest, then from unit starts."""
+def steps_per_sample(step: float) -> int:
+    """Return into how many steps a sample [s] is cut."""
+    return max(1, round(step / _STEP))
+
+
+def coupled(
+    responses: Sequence[LinkResponse], springs: Sequence[Spring]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return inertia, drag and pull (N, n, n), springs included: what row i feels of joint j."""
     rows = [response.row for response in responses]
 
     def samples(name: str) -> FloatArray:
-        """Return (N, n, n): what row i feels of joint j."""
         return np.stack([getattr(r, name)[:, rows] for r in responses], axis=-1)
 
-    inertia = samples("inertia")
     drag = samples("damping") + np.diag([damping for _, damping in springs])
     pull = samples("stiffness") + np.diag([stiffness for stiffness, _ in springs])
+    return samples("inertia"), drag, pull
+
+
+def _solutions(responses: Sequence[LinkResponse], springs: Sequence[Spring]) -> list[FloatArray]:
+    """Return per gear the deflections (N, 3, 1 + 2 n): from rest, then from unit starts."""
+    rows, step = [response.row for response in responses], responses[0].step
+    inertia, drag, pull = coupled(responses, springs)
     load = responses[0].load[:, rows]
-    d, v = swings(inertia, drag, pull, load, responses[0].step, parts)
+    d, v = swings(inertia, drag, pull, load, step, steps_per_sample(step))
     needed = drag @ v + pull @ d
     needed[..., 0] += load
     a = -np.linalg.solve(inertia, needed)

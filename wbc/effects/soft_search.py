@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.effects.rubbing_link import held
 from wbc.effects.soft_link import Spring, swings
 from wbc.robot import LinkResponse
 
@@ -72,9 +73,16 @@ def _torques(response: LinkResponse, pairs: Sequence[Spring]) -> FloatArray:
         getattr(response, name)[:, [row], None] for name in ("inertia", "damping", "stiffness")
     )
     load = response.load[:, [row]]
+    rubs = response.friction
     torque = np.empty((len(load), 3, len(pairs)))
     for p, (stiffness, damping) in enumerate(pairs):
-        d, v = swings(inertia, drag + damping, pull + stiffness, load, response.step, 1)
+        link = inertia, drag + damping, pull + stiffness, load
+        if rubs is None:
+            d, v = swings(*link, response.step, 1)
+        else:
+            d, v = held(*link, rubs, response.step)
         torque[:, :, p] = -stiffness * d[:, 0] - damping * v[:, 0]
     torque[:, 0] -= load
+    if rubs is not None:
+        torque[:, 0] -= rubs.counted[:, None]
     return torque

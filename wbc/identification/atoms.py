@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import EffectError, RobotError, TransmissionError
 from wbc.identification.record import Record
-from wbc.identification.residual import link_response, raw_residual, swinging_torque
+from wbc.identification.residual import (
+    link_response,
+    raw_residual,
+    rubbing_responses,
+    swinging_torque,
+)
 from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Evidence, Robot, Screen
 
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
-ShelfKey = tuple[type[Effect], str, tuple[tuple[tuple[str, float], ...], ...]]
+_Units = tuple[tuple[tuple[str, float], ...], ...]
+ShelfKey = tuple[type[Effect], str, _Units, tuple[tuple[str, str], ...]]
 Shelf = dict[ShelfKey, FloatArray]
-"""Columns (rows, outputs, r) by effect, place and units."""
+"""Columns (rows, outputs, r) by effect, place, units and options."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,7 @@ class Atom:
     def build(self, robot: Robot, coefficients: FloatArray) -> Effect | None:
         """Return the effect with these coefficients, or None if `robot` cannot have it."""
         try:
-            effect = self.effect.at(self.where, self.screen.combine(coefficients))
+            effect = _made(self.effect, self.where, self.screen, self.screen.combine(coefficients))
             effect.change(robot)
         except (EffectError, TransmissionError, RobotError):
             return None
@@ -67,6 +73,7 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         unexplained=tuple(unexplained),
         reported=tuple(record.torque for record in records),
         responses=lambda joint: tuple(link_response(robot, record, joint) for record in records),
+        rubbing=lambda joint: rubbing_responses(robot, records, joint),
     )
 
 
@@ -110,13 +117,20 @@ def make_atoms(
 
 
 def _key(effect: type[Effect], where: str, screen: Screen) -> ShelfKey:
-    return effect, where, tuple(tuple(sorted(unit.items())) for unit in screen.units)
+    units = tuple(tuple(sorted(unit.items())) for unit in screen.units)
+    return effect, where, units, tuple(sorted(screen.options.items()))
+
+
+def _made(effect: type[Effect], where: str, screen: Screen, values: Mapping[str, float]) -> Effect:
+    made = effect.at(where, values)
+    return replace(made, **screen.options) if screen.options else made
 
 
 def _changed(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> list[Robot] | None:
     """Return the robot with every unit of a screen, None if it cannot have one of them."""
     try:
-        return [robot.with_effect(effect.at(where, values)) for values in screen.units]
+        made = [_made(effect, where, screen, values) for values in screen.units]
+        return [robot.with_effect(one) for one in made]
     except (EffectError, TransmissionError, RobotError):
         return None
 
@@ -152,4 +166,4 @@ def _only(screen: Screen, used: BoolArray) -> Screen:
         return screen.combine(full)
 
     units = tuple(unit for unit, keep in zip(screen.units, used, strict=True) if keep)
-    return Screen(units, combine)
+    return Screen(units, combine, screen.options)

@@ -15,10 +15,11 @@ from wbc.identification.kept_columns import (
     keeps_motion,
     lossy_gears,
 )
+from wbc.identification.link_friction import rubbing_at_link
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual, noise_sizes, swinging_torque
 from wbc.identification.swinging import deflects
-from wbc.robot import Effect, Parameter, Robot
+from wbc.robot import Effect, Motion, Parameter, Robot
 
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
 
@@ -85,7 +86,7 @@ def derivatives(
     """
     columns = []
     for row, (k, parameter) in enumerate(slots):
-        if known is not None and _swings(robot, at, k):
+        if known is not None and _swings(robot, at, k, records[0].motion):
             columns.append(known[:, :, row])
             continue
         column = None if kept is None else _kept(at, k, parameter, kept)
@@ -120,8 +121,8 @@ def _derivative(
     robot: Robot, at: Evaluation, k: int, parameter: Parameter, records: Sequence[Record]
 ) -> FloatArray:
     """Return the change (rows, m + b) of the residual per scale of a parameter of effect `k`."""
-    # What is neither part of a soft gear nor of a link hardly changes how links swing.
-    held = None if _swings(robot, at, k) else at.swinging
+    # What is no part of a soft gear nor of a link, nor rubs there, hardly changes how links swing.
+    held = None if _swings(robot, at, k, records[0].motion) else at.swinging
     for size in (STEP, -STEP):
         try:
             changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
@@ -140,12 +141,15 @@ def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> R
     return replace(at.robot, effects=(*robot.effects, *changed))
 
 
-def _swings(robot: Robot, at: Evaluation, k: int) -> bool:
+def _swings(robot: Robot, at: Evaluation, k: int, motion: Motion) -> bool:
     """Whether the parameters of an effect change how links swing behind their gears."""
-    if deflects(at.effects[k]):
+    own = at.effects[k]
+    if deflects(own):
         return True
-    behind_gears = any(deflects(effect) for effect in at.effects)
-    return behind_gears and at.effects[k].change(robot).model is not robot.model
+    behind_gears = [effect.where for effect in at.effects if deflects(effect)]
+    if own.where in behind_gears and own in rubbing_at_link(at.robot, own.where, motion):
+        return True
+    return bool(behind_gears) and own.change(robot).model is not robot.model
 
 
 def with_changes(

@@ -6,17 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.diagnosis import Estimate, Finding
 from wbc.identification.fit import Fit
 from wbc.identification.force_sensors import force_sensor_doubts
 from wbc.identification.intervals import bootstrap_steps, interval_bounds
+from wbc.identification.link_friction import rubbing_effects
 from wbc.identification.log_warnings import disagreements
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
+from wbc.robot import Effect
 
 _CORRELATED = 0.95
 _BLOCKS_PER_PARAMETER = 4  # fewer resampled blocks are correlated by chance
 _VAGUE = 1.0  # half width of an interval, as a share of the value
+_MOTOR_SIDE = (
+    "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
+    "not slow the link. A simulation would have it at the link"
+)
 
 
 def describe_findings(
@@ -51,9 +58,17 @@ def describe_findings(
             elif high - low > 2.0 * _VAGUE * abs(value):
                 span = f"{low:.3g} to {_with_unit(high, parameter.unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
-        warnings += [*related[k], *stray[k], *sensors[k]]
+        warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k], *sensors[k]]
         findings.append(Finding(effect, estimates, tuple(alternatives[k]), tuple(warnings)))
     return tuple(findings)
+
+
+def _motor_side(effect: Effect, problem: Problem, fit: Fit) -> list[str]:
+    """Return a sentence beside a gear that yields and whose friction rubs at the motor."""
+    if not isinstance(effect, YieldingGear) or effect.friction_side != "motor":
+        return []
+    rubbing = rubbing_effects(fit.robot, effect.where, problem.records[0].motion)
+    return [_MOTOR_SIDE.format(" and ".join(other.name for other in rubbing))] if rubbing else []
 
 
 def _correlations(problem: Problem, fit: Fit) -> list[list[str]]:

@@ -20,7 +20,7 @@ from wbc.identification.record import Record
 from wbc.identification.swinging import deflects
 from wbc.robot import Effect, Parameter, Robot
 
-_ITERATIONS = 12
+ITERATIONS = 12
 _CONVERGED = 1e-4
 _CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
 _TRUSTED = 0.25  # error of a promised gain up to which links that swing keep their derivatives
@@ -39,6 +39,7 @@ class Fit:
         jacobian: (rows, outputs, p) change of the whitened residual per unit of each parameter's
             scale.
         parameters: the p fitted parameters as (number of effect, parameter).
+        settled: whether more steps would gain nothing.
     """
 
     robot: Robot
@@ -46,6 +47,7 @@ class Fit:
     residual: FloatArray
     jacobian: FloatArray
     parameters: tuple[tuple[int, Parameter], ...]
+    settled: bool = True
 
     @property
     def values(self) -> FloatArray:
@@ -102,7 +104,7 @@ def refine(
     effects: Sequence[Effect],
     records: Sequence[Record],
     whitening: FloatArray,
-    iterations: int = _ITERATIONS,
+    iterations: int = ITERATIONS,
     kept: KeptColumns | None = None,
 ) -> Fit:
     """Fit all parameters of `effects` added to `robot`.
@@ -121,11 +123,13 @@ def refine(
     jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
     least = _CONVERGED_ROUGH if swings else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
+    ended = not slots
     for _ in range(iterations if slots else 0):
         step = _bounded_step(at.effects, slots, jacobian, at.residual)
         found = _line_search(robot, at, slots, step, records, whitening)
         if found is None:
             if fresh:
+                ended = True
                 break
             jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
             fresh = True
@@ -138,6 +142,7 @@ def refine(
             # Nothing bends on this way: the derivatives hold at its end, too.
             at = moved
             if settled:
+                ended = True
                 break
             continue
         trusted = fresh
@@ -148,9 +153,11 @@ def refine(
         known = jacobian if trusted else None
         jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
         if settled and (trusted or fresh):
+            ended = True
             break
         fresh = not trusted or not swings
-    return Fit(robot.with_effects(*at.effects), at.effects, at.residual, jacobian, slots)
+    whole = robot.with_effects(*at.effects)
+    return Fit(whole, at.effects, at.residual, jacobian, slots, ended)
 
 
 def _norm(values: FloatArray) -> float:

@@ -13,6 +13,7 @@ from wbc.identification.agreement import agreement
 from wbc.identification.fit import Fit, refine
 from wbc.identification.floor import NoiseFloor, drawn_noise, noise_floor, with_even_noise
 from wbc.identification.folds import block_means, bootstrap_blocks, held_out_folds
+from wbc.identification.friction_sides import FrictionSides
 from wbc.identification.kept_columns import KeptColumns
 from wbc.identification.log_warnings import moving_bases
 from wbc.identification.preparation import REVERSAL, prepare
@@ -104,9 +105,18 @@ class Problem:
     def _columns(self) -> KeptColumns:
         return KeptColumns(self.robot, self.records)
 
+    @cached_property
+    def _sides(self) -> FrictionSides:
+        return FrictionSides(self.robot, self.records[0].motion)
+
     def fit(self, effects: Sequence[Effect]) -> Fit:
         """Return the robot with these effects, parameters fitted to all records."""
-        return refine(self.robot, effects, self.records, self.whitening, kept=self._columns)
+
+        def fit(sided: Sequence[Effect], steps: int) -> Fit:
+            logs, floor = self.records, self.whitening
+            return refine(self.robot, sided, logs, floor, steps, kept=self._columns)
+
+        return self._sides.best(effects, fit)
 
     def held_out(self, fit: Fit) -> FloatArray:
         """Return (rows, outputs) held-out squares in units of the floor."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
+from wbc.identification.link_friction import LinkSide
 from wbc.identification.record import Record
 from wbc.identification.swinging import deflects, driven, swing
 from wbc.robot import Effect, LinkResponse, Motion, Robot
@@ -65,6 +66,27 @@ def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
     motion, links, contacts = _loads(robot, record, None)
     left = _on_joints(robot, _unexplained(robot, record, motion, links, contacts))
     return driven(robot, record.along(motion), joint, links - contacts, left)
+
+
+def rubbing_responses(
+    robot: Robot, records: Sequence[Record], joint: str
+) -> tuple[LinkResponse, ...]:
+    """Return the responses of a link at which the friction of `robot` rubs.
+
+    None where there is no friction, or where a gear that yields already has it on its side.
+    """
+    if any(deflects(effect) and effect.where == joint for effect in robot.effects):
+        return ()
+    sides = [LinkSide.of(robot, joint, record.motion) for record in records]
+    responses = []
+    for record, side in zip(records, sides, strict=True):
+        if side is None:
+            return ()
+        response = link_response(robot, record, joint)
+        load = np.array(response.load)
+        load[:, side.row] += side.motor.smooth
+        responses.append(side.on(replace(response, load=load)))
+    return tuple(responses)
 
 
 def _swinging(

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque
-from wbc.effects.soft_link import soft_deflections
+from wbc.effects.rubbing_link import rubbing_deflections, rubbing_start
+from wbc.effects.soft_link import Spring, soft_deflections
+from wbc.identification.link_friction import LinkSide
 from wbc.identification.record import Record
-from wbc.robot import Effect, LinkResponse, Robot
+from wbc.robot import Effect, LinkResponse, Motion, Robot
 
 _LARGEST = 0.4  # [rad] of deflection up to which what is not linear in it is followed
 _ROUNDS = 8
 _SETTLED = 1e-3
+_STARTS = 3  # rounds in which the beginning of a link with dry friction is chosen
 
 Unexplained = Callable[[FloatArray], FloatArray]
 """Additional torque of the links (N, nv) -> what the log then leaves unexplained (N, nv)."""
@@ -42,6 +45,7 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
     # A gear is as soft as it was said last.
     springs = {e.where: spring for e in robot.effects if (spring := e.spring()) is not None}
     loose = [e for e in robot.effects if deflects(e) and e.spring() is None]
+    rubbing = _rubbing(robot, record, {*springs, *(e.where for e in loose)})
     groups: list[Effect | None] = [None] if springs else []
     groups += loose
     torques = [np.zeros_like(load) for _ in groups]
@@ -49,26 +53,77 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
         others = sum((t for i, t in enumerate(torques) if i != k), np.zeros_like(load))
         effect = groups[k]
         if effect is None:
-            torques[k] = _soft(robot, record, springs, load, others, unexplained)
-            continue
-        response = driven(robot, record, effect.where, load + others, unexplained(others))
-        bent = effect.deflection(robot, response)
-        torques[k] = np.zeros_like(load) if bent is None else response.torque(bent)
+            torques[k] = _soft(robot, record, springs, rubbing, load, others, unexplained)
+        else:
+            # Friction behind two gears in series loads one of them.
+            side = None if effect.where in springs else rubbing.get(effect.where)
+            torques[k] = _loose(robot, record, effect, side, load, others, unexplained)
     return sum(torques, np.zeros_like(load))
 
 
+def _rubbing(robot: Robot, record: Record, joints: Iterable[str]) -> dict[str, LinkSide]:
+    """Return the friction that rubs at links, where the links are at their motors."""
+    sides = {joint: LinkSide.of(robot, joint, record.motion) for joint in joints}
+    return {joint: side for joint, side in sides.items() if side is not None}
+
+
+def _loose(
+    robot: Robot,
+    record: Record,
+    effect: Effect,
+    side: LinkSide | None,
+    load: FloatArray,
+    others: FloatArray,
+    unexplained: Unexplained,
+) -> FloatArray:
+    """Return the torque of a link that its gear leaves free to bounce."""
+    joint = effect.where
+    for _ in range(_ROUNDS):
+        known = others + _bends(load, [] if side is None else [side])
+        driving = load + known
+        if side is not None:
+            driving[:, side.row] += side.motor.smooth
+        response = driven(robot, record, joint, driving, unexplained(known), side)
+        bent = effect.deflection(robot, response)
+        if bent is None:
+            return np.zeros_like(load)
+        torque = known - others + response.torque(bent)
+        if side is None:
+            break
+        before = side
+        side = side.at(robot, _moved(robot, record, [joint], [bent]))
+        if not side.differs(before):
+            break
+    return torque
+
+
+def _bends(load: FloatArray, sides: Iterable[LinkSide]) -> FloatArray:
+    """Return what is not linear in smooth friction (N, nv) at the links."""
+    bends = np.zeros_like(load)
+    for side in sides:
+        bends[:, side.row] += side.bend
+    return bends
+
+
 def driven(
-    robot: Robot, record: Record, joint: str, load: FloatArray, left: FloatArray
+    robot: Robot,
+    record: Record,
+    joint: str,
+    load: FloatArray,
+    left: FloatArray,
+    side: LinkSide | None = None,
 ) -> LinkResponse:
     """Return the response of a link under a load (N, nv) that leaves (N, nv) unexplained."""
     response = record.response_of(robot, joint)
-    return replace(response, load=load, unexplained=left[:, response.row])
+    response = replace(response, load=load, unexplained=left[:, response.row])
+    return response if side is None else side.on(response)
 
 
 def _soft(
     robot: Robot,
     record: Record,
-    springs: dict[str, tuple[float, float]],
+    springs: Mapping[str, Spring],
+    rubbing: Mapping[str, LinkSide],
     load: FloatArray,
     others: FloatArray,
     unexplained: Unexplained,
@@ -77,33 +132,56 @@ def _soft(
 
     Linear in the deflections at first; what their size adds (a hip that winds up by 0.03 rad needs
     some 3 % less inertia there) is then a load of its own, from the dynamics where the links are,
-    until the next round promises to change no deflection by more than a share of the largest.
+    until the next round promises to change no deflection by more than a share of the largest. So
+    is what friction at the links adds, and how the log began is chosen anew beside dry friction.
     """
+    joints, pairs = list(springs), list(springs.values())
+    sides = {joint: side for joint, side in rubbing.items() if joint in springs}
     beyond = np.zeros_like(load)
     straight = np.zeros_like(load)
-    bent = [np.zeros((len(load), 3)) for _ in springs]
+    bent = [np.zeros((len(load), 3)) for _ in joints]
     former = 0.0
-    for _ in range(_ROUNDS):
-        known = others + beyond
+    start: FloatArray | None = None
+    for k in range(_ROUNDS):
+        bends = _bends(load, sides.values())
+        known = others + beyond + bends
         left = unexplained(known)
-        responses = [driven(robot, record, joint, load + known, left) for joint in springs]
-        before, bent = bent, soft_deflections(responses, list(springs.values()))
-        straight = sum(
+        driving = load + known
+        for side in sides.values():
+            driving[:, side.row] += side.motor.smooth
+        plain = [driven(robot, record, joint, driving, left) for joint in joints]
+        responses = [
+            sides[joint].on(response) if joint in sides else response
+            for joint, response in zip(joints, plain, strict=True)
+        ]
+        before = bent
+        if any(response.friction is not None for response in responses):
+            start = rubbing_start(responses, pairs) if start is None else start
+            bent, better = rubbing_deflections(responses, pairs, start)
+            start = better if k < _STARTS else start
+        else:
+            bent = soft_deflections(responses, pairs)
+        straight = bends + sum(
             (r.torque(d) for r, d in zip(responses, bent, strict=True)), np.zeros_like(load)
         )
         largest = max(float(np.abs(d[:, 0]).max()) for d in bent)
-        change = max(float(np.abs(d - b)[:, 0].max()) for d, b in zip(bent, before, strict=True))
+        change = max(
+            float(np.abs(d[:, 0] - b[:, 0]).max()) for d, b in zip(bent, before, strict=True)
+        )
         if change**2 < _SETTLED * largest * former or not largest < _LARGEST:
             break
         former = change
-        beyond = _needed(robot, record, list(springs), bent) - load - straight
+        moved = _moved(robot, record, joints, bent)
+        beyond = _needed(robot, record, moved) - load
+        beyond -= sum((r.torque(d) for r, d in zip(plain, bent, strict=True)), np.zeros_like(load))
+        sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
     return np.asarray(straight + beyond)
 
 
-def _needed(
+def _moved(
     robot: Robot, record: Record, joints: Sequence[str], bent: Sequence[FloatArray]
-) -> FloatArray:
-    """Return what the links need (N, nv) where they are, less what the contacts give."""
+) -> Motion:
+    """Return the motion of the links."""
     motion = record.motion
     position, velocity = np.array(motion.position), np.array(motion.velocity)
     acceleration = np.zeros_like(velocity)
@@ -114,5 +192,9 @@ def _needed(
         position[:, robot.position_index(joint)] += deflection[:, 0]
         velocity[:, row] += deflection[:, 1]
         acceleration[:, row] += deflection[:, 2]
-    moved = motion.replace(position=position, velocity=velocity, acceleration=acceleration)
-    return link_torque(robot, moved) - contact_torque(robot, position, record.forces)
+    return motion.replace(position=position, velocity=velocity, acceleration=acceleration)
+
+
+def _needed(robot: Robot, record: Record, moved: Motion) -> FloatArray:
+    """Return what the links need (N, nv) where they are, less what the contacts give."""
+    return link_torque(robot, moved) - contact_torque(robot, moved.position, record.forces)

@@ -222,8 +222,9 @@ class Effect(ABC):
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray | None:
         """Return how far the link behind a gear strays from its motor, (N, 3), along a log.
 
-        Columns are the deflection [rad], its rate and its second derivative. None means that the
-        gear is stiff or a linear `spring`. Only identification asks: a simulator carries the
+        Columns are the deflection [rad], its rate and its second derivative, and, where the
+        response has dry friction, its torque (N, 4) [N m]. None means that the gear is stiff or a
+        linear `spring`. Only identification asks: a simulator carries the
         deflection as state.
         """
         return None

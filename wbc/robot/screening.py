@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.robot.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class LinkFriction:
+    """Dry friction that holds the link behind a gear, along a log.
+
+    Attributes:
+        velocity: (N,) of the motor, at the joint [rad/s]; the link's is larger by d_d.
+        level: (N,) >= 0 of the friction [N m].
+        counted: (N,) friction of a link without deflection, level sgn(velocity) [N m]: what is
+            unexplained has it, the load does not.
+    """
+
+    velocity: FloatArray
+    level: FloatArray
+    counted: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +35,9 @@ class LinkResponse:
 
         inertia d_dd + damping d_d + stiffness d + load = torque the gears pass on
 
-    With several soft gears the left side is the sum over their deflections.
+    With several soft gears the left side is the sum over their deflections. Dry friction of the
+    link adds a torque between -level and level that opposes its speed; a deflection then has a
+    fourth column, that torque.
 
     Attributes:
         step: distance of the samples [s].
@@ -32,6 +50,7 @@ class LinkResponse:
             the deflection may account for. How the link moved when the log began is in no
             channel, and is chosen by it.
         band: filter along the first axis to the frequencies in which the torques are compared.
+        friction: dry friction of the link; None where there is none, or where it rubs at the motor.
     """
 
     step: float
@@ -42,14 +61,21 @@ class LinkResponse:
     stiffness: FloatArray
     unexplained: FloatArray
     band: Callable[[FloatArray], FloatArray]
+    friction: LinkFriction | None = None
 
     def torque(self, deflection: FloatArray) -> FloatArray:
-        """Return the additional torque (N, nv) of a deflection (N, 3): d, its rate, its second."""
-        return np.asarray(
+        """Return the additional torque (N, nv) of a deflection (N, 3): d, its rate, its second.
+
+        Where the link has dry friction, a fourth column is that.
+        """
+        result = np.asarray(
             self.stiffness * deflection[:, [0]]
             + self.damping * deflection[:, [1]]
             + self.inertia * deflection[:, [2]]
         )
+        if self.friction is not None:
+            result[:, self.row] += deflection[:, 3] - self.friction.counted
+        return result
 
     def left(self, torques: FloatArray) -> FloatArray:
         """Return what additional torques (N, ...) at the joint leave unexplained, in the band."""
@@ -57,10 +83,14 @@ class LinkResponse:
         return self.band(self.unexplained.reshape(size) - torques)
 
     def torque_on(self, row: int, deflections: FloatArray) -> FloatArray:
-        """Return what B deflections (N, 3, B) of this gear add to the torque at `row`, (N, B)."""
+        """Return what B deflections (N, 3, B) of this gear add to the torque at `row`, (N, B).
+
+        A fourth column is torque on this joint itself.
+        """
         columns = (self.stiffness, self.damping, self.inertia)
         terms = [c[:, [row]] * deflections[:, k] for k, c in enumerate(columns)]
-        return np.asarray(terms[0] + terms[1] + terms[2])
+        own = row == self.row and deflections.shape[1] > len(columns)
+        return np.asarray(terms[0] + terms[1] + terms[2] + (deflections[:, 3] if own else 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +103,15 @@ class Evidence:
             [N m, N], driven rows at the motor output.
         reported: one (N, m) per log: torque on the rotors that the drives report [N m].
         responses: joint name -> one link response per log.
+        rubbing: the same of links at which the friction of the present model rubs; none where it
+            has no friction at the joint.
     """
 
     motions: tuple[Motion, ...]
     unexplained: tuple[FloatArray, ...]
     reported: tuple[FloatArray, ...]
     responses: Callable[[str], tuple[LinkResponse, ...]]
+    rubbing: Callable[[str], tuple[LinkResponse, ...]] = lambda joint: ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +124,15 @@ class Screen:
     Attributes:
         units: parameter values of the r unit effects.
         combine: (r,) coefficients -> parameter values, possibly outside their bounds.
+        options: attributes of the effect that are no parameters.
     """
 
     units: tuple[Mapping[str, float], ...]
     combine: Callable[[FloatArray], dict[str, float]]
+    options: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def fixed(cls, values: Mapping[str, float]) -> Screen:
+    def fixed(cls, values: Mapping[str, float], **options: str) -> Screen:
         """Return the screen of an effect that is not linear in any parameter.
 
         Its size is part of its shape: a coefficient far from one says that the shape is wrong.
@@ -108,4 +143,4 @@ class Screen:
             fits = 0.4 < float(coefficients[0]) < 2.5
             return chosen if fits else dict.fromkeys(chosen, np.nan)
 
-        return cls((chosen,), combine)
+        return cls((chosen,), combine, options)
