@@ -22,7 +22,9 @@ from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.verdicts import first_right, invented, judge_result
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
-QUICK = (24, 32, 40)  # a tilted arm, a sound one, a body in flight with a torque offset
+# A tilted arm, a sound one, a body in flight with a torque offset, friction and an offset that a
+# loss of the backward power alone hides.
+QUICK = (24, 32, 40, 430)
 
 
 def case_of(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> Case:

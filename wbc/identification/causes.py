@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from wbc.identification.credibility import pushing
+from wbc.identification.credibility import at_the_end
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
 from wbc.identification.selection import SIMPLER, Selector
@@ -57,7 +57,7 @@ def find_causes(
                 return everything, *early
     path = direct.run([first] if start is None else [first, start])
     final = direct.prune(path[-1], first)
-    path, final = _without_pushing(direct, path, final)
+    path, final = _tried_again(direct, path, final)
     fine = _EXPLAINED + _FILTERED**2 * first.error
     # Simulated links are themselves off by a share; a lower bound calls for nothing finer.
     explained = fine if problem.floor.repeats else rough
@@ -79,19 +79,28 @@ def find_causes(
     return best
 
 
-def _without_pushing(direct: Selector, path: list[Model], final: Model) -> _Search:
-    """Return the search, or where much is left a better one without what pushes out of its range.
+def _tried_again(direct: Selector, path: list[Model], final: Model) -> _Search:
+    """Return the search, or where much is left one without some of its causes that explains it.
 
-    A gear that loses only while driven backward can hide friction and offset that explain all.
+    What is added first or lies at the end of its range may hide what explains everything: a gear
+    that loses only while driven backward stood for friction and an offset.
     """
     first, problem = path[0], direct.problem
-    beyond = pushing(problem, final.fit)
-    if not beyond or not unexplained(problem, first.error, final):
+    if not unexplained(problem, first.error, final):
         return path, final
-    effects = [final.effects[k] for k in beyond]
-    again = replace(direct, aside=frozenset((e.name, e.where) for e in effects))
-    longer, found = _finish(again, [first], first)
-    return (longer, found) if direct.pays(final, found, first) else (path, final)
+    for doubted in (_at_an_end(final), path[1].effects if len(path) > 1 else ()):
+        if not doubted:
+            continue
+        aside = frozenset((e.name, e.where) for e in doubted)
+        longer, found = _finish(replace(direct, aside=aside), [first], first)
+        if not unexplained(problem, first.error, found) and direct.pays(final, found, first):
+            return longer, found
+    return path, final
+
+
+def _at_an_end(model: Model) -> tuple[Effect, ...]:
+    ends = {model.fit.parameters[row][0] for row in at_the_end(model.fit)}
+    return tuple(model.effects[k] for k in sorted(ends))
 
 
 def _finish(direct: Selector, path: list[Model], first: Model) -> _Search:

@@ -81,31 +81,34 @@ def shape_at_bound(fit: Fit) -> bool:
     return any(value in (p.low, p.high) for value, p in found)
 
 
-def pushing(problem: Problem, fit: Fit) -> set[int]:
-    """Return the numbers of the effects of which noise cannot be why they lie where a range ends.
+def at_the_end(fit: Fit) -> dict[int, float]:
+    """Return the rows of parameters at the end of their range, 1 at the upper and -1 at the lower.
 
-    A number at the end of its range is no explanation where the logs ask for more of it.
+    Shapes do not count: an effect at the end of its shapes often turns into a simpler one.
     """
-    ends = {
+    values = [fit.effects[k].values[parameter.name] for k, parameter in fit.parameters]
+    return {
         row: 1.0 if value == parameter.high else -1.0
-        for row, (k, parameter) in enumerate(fit.parameters)
-        if not parameter.shape
-        and (value := fit.effects[k].values[parameter.name]) in (parameter.low, parameter.high)
+        for row, ((_, parameter), value) in enumerate(zip(fit.parameters, values, strict=True))
+        if not parameter.shape and value in (parameter.low, parameter.high)
     }
-    if not ends:
-        return set()
-    steps = bootstrap_steps(fit, problem.blocks)
-    beyond = (row for row, side in ends.items() if np.percentile(side * steps[:, row], 1.0) > 0.0)
-    return {fit.parameters[row][0] for row in beyond}
 
 
 def pushes_out(problem: Problem, fit: Fit) -> bool:
-    """Whether what was added last pushes out of its range.
+    """Whether noise cannot be why a number of what was added last lies at the end of its range.
 
     What was there before may have become idle by it, and be dropped.
     """
     newest = fit.effects[-1].name if fit.effects else ""
-    return any(fit.effects[k].name == newest for k in pushing(problem, fit))
+    ends = {
+        row: side
+        for row, side in at_the_end(fit).items()
+        if fit.effects[fit.parameters[row][0]].name == newest
+    }
+    if not ends:
+        return False
+    steps = bootstrap_steps(fit, problem.blocks)
+    return any(np.percentile(side * steps[:, row], 1.0) > 0.0 for row, side in ends.items())
 
 
 def credible(problem: Problem, fit: Fit) -> bool:
