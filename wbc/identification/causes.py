@@ -20,6 +20,7 @@ _FAR = 0.3  # ... links that swing come first, if they leave so little of what t
 _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
+_NEARLY = 1.25  # of an error, that a model inside its ranges may leave and be preferred
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 
 _Search = tuple[list[Model], Model]
@@ -80,22 +81,21 @@ def find_causes(
 
 
 def _tried_again(direct: Selector, path: list[Model], final: Model) -> _Search:
-    """Return the search, or where much is left one without some of its causes that explains it.
+    """Return the search, or where much is left one without some of its causes that does better.
 
-    What is added first or lies at the end of its range may hide what explains everything: a gear
-    that loses only while driven backward stood for friction and an offset.
+    What lies at the end of its range, or else was added first, may hide what explains everything:
+    a gear that loses only while driven backward stood for friction and an offset. Where that does
+    not explain everything either, numbers inside their range are believed more.
     """
     first, problem = path[0], direct.problem
-    if not unexplained(problem, first.error, final):
+    if len(path) < 2 or not unexplained(problem, first.error, final):
         return path, final
-    for doubted in (_at_an_end(final), path[1].effects if len(path) > 1 else ()):
-        if not doubted:
-            continue
-        aside = frozenset((e.name, e.where) for e in doubted)
-        longer, found = _finish(replace(direct, aside=aside), [first], first)
-        if not unexplained(problem, first.error, found) and direct.pays(final, found, first):
-            return longer, found
-    return path, final
+    ends = _at_an_end(final)
+    aside = frozenset((e.name, e.where) for e in ends or path[1].effects)
+    longer, found = _finish(replace(direct, aside=aside), [first], first)
+    explained = not unexplained(problem, first.error, found) and direct.pays(final, found, first)
+    believed = ends and not _at_an_end(found) and found.error < _NEARLY * final.error
+    return (longer, found) if explained or believed else (path, final)
 
 
 def _at_an_end(model: Model) -> tuple[Effect, ...]:
