@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from wbc.identification.diagnosis import Verdict
 from wbc.identification.exchange import settle
 from wbc.identification.model import Model
-from wbc.identification.problem import Problem
+from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.selection import Selector
-from wbc.identification.stacks import looks_like_a_stack
+from wbc.identification.stacks import without_little_terms
 from wbc.identification.unexplained import unexplained
 from wbc.identification.verdict import judge
 
@@ -56,6 +56,12 @@ def conclude(selector: Selector, path: Sequence[Model], final: Model) -> Conclus
     if unexplained(problem, first.error, final):
         return Conclusion(problem, selector, path, final, [() for _ in final.effects], False)
     settled, alternatives = settle(selector, final, first)
-    explained = not unexplained(problem, first.error, settled)
-    series = explained and looks_like_a_stack(selector, settled)
+    if unexplained(problem, first.error, settled):
+        return Conclusion(problem, selector, path, settled, alternatives, False)
+    main = without_little_terms(selector, settled)
+    series = main is not settled
+    # Terms beside causes that leave nothing but noise alone were only fitted to the noise.
+    if series and main.error < ONLY_NOISE:
+        settled, alternatives = settle(selector, main, first)
+        series = without_little_terms(selector, settled) is not settled
     return Conclusion(problem, selector, path, settled, alternatives, series)

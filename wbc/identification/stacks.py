@@ -13,12 +13,13 @@ _LITTLE = 0.1  # share of the error that a cause must take away to count
 _MOST_LITTLE = 1
 
 
-def looks_like_a_stack(selector: Selector, model: Model) -> bool:
-    """Whether more than one of the causes takes away less than a tenth of the error beside others.
+def without_little_terms(selector: Selector, model: Model) -> Model:
+    """Return the model without causes that take away less than a tenth of the error beside others.
 
     What is outside the list can be approached by ever more of what is in it, each of which gains
-    little: a term of a series, not a cause. Judged in the order in which they gain most; one effect
-    in several gears is one story. Links that swing are not judged.
+    little: a term of a series, not a cause. One such cause may be small; where there are more, all
+    of them go. Judged in the order in which they gain most; one effect in several gears is one
+    story. Links that swing are not judged.
 
     Args:
         selector: with the problem.
@@ -26,15 +27,18 @@ def looks_like_a_stack(selector: Selector, model: Model) -> bool:
     """
     groups = _stories(selector, model)
     if len(groups) <= _MOST_LITTLE + 1 or any(deflects(effect) for effect in model.effects):
-        return False
-    present, little = selector.model(()), 0
+        return model
+    present = kept = selector.model(())
+    little = 0
     while groups:
         larger = {name: selector.model((*present.effects, *new)) for name, new in groups.items()}
         best = min(larger, key=lambda name: larger[name].error)
-        little += np.sqrt(larger[best].error) > (1.0 - _LITTLE) * np.sqrt(present.error)
+        small = np.sqrt(larger[best].error) > (1.0 - _LITTLE) * np.sqrt(present.error)
+        little += small
         present = larger[best]
+        kept = kept if small else selector.model((*kept.effects, *groups[best]))
         del groups[best]
-    return bool(little > _MOST_LITTLE)
+    return kept if little > _MOST_LITTLE else model
 
 
 def _stories(selector: Selector, model: Model) -> dict[tuple[str, str], list[Effect]]:
