@@ -91,7 +91,7 @@ def _tried_again(direct: Selector, path: list[Model], final: Model) -> _Search:
     if len(path) < 2 or not unexplained(problem, first.error, final):
         return path, final
     ends = _at_an_end(final)
-    aside = frozenset((e.name, e.where) for e in ends or path[1].effects)
+    aside = frozenset(e.key for e in ends or path[1].effects)
     longer, found = _finish(replace(direct, aside=aside), [first], first)
     explained = not unexplained(problem, first.error, found) and direct.pays(final, found, first)
     believed = ends and not _at_an_end(found) and found.error < _NEARLY * final.error

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from wbc.identification.conclusion import Conclusion, conclude
+from wbc.identification.preparation import REVERSAL
 from wbc.identification.problem import Problem
+from wbc.identification.selection import Selector
 from wbc.identification.swinging import deflects
 from wbc.measurement import Log
 from wbc.robot import Robot
@@ -31,8 +33,8 @@ def look_closer(found: Conclusion, robot: Robot, logs: Sequence[Log]) -> Conclus
     # Where a link that is simulated strikes or swings through, it is simulated worst.
     if not kinds or not explained or any(deflects(e) for e in found.final.effects):
         return found
-    near = Problem.from_logs(robot, logs, _CLOSER)
-    selector = replace(found.selector, problem=near, _known={}, _simulated={})
+    near = Problem.from_logs(robot, logs, _CLOSER * REVERSAL)
+    selector = Selector(near, found.selector.candidates, report=found.selector.report)
     first, start = selector.model(()), selector.model(found.final.effects)
     begun = [first, start] if start is not first else [first]
     # Beside what was found only what the first look could not see is sought.
@@ -41,8 +43,8 @@ def look_closer(found: Conclusion, robot: Robot, logs: Sequence[Log]) -> Conclus
     if len(path) == len(begun):
         return found
     closer = conclude(selector, path, selector.prune(path[-1], first))
-    known = {(e.name, e.where) for e in found.final.effects}
-    seen = {(e.name, e.where) for e in closer.final.effects}
-    slowly = any(e.near_rest for e in closer.final.effects if (e.name, e.where) not in known)
+    known = {e.key for e in found.final.effects}
+    seen = {e.key for e in closer.final.effects}
+    slowly = any(e.near_rest for e in closer.final.effects if e.key not in known)
     better = slowly and known <= seen and closer.verdict in ("named", "ambiguous")
     return closer if better else found

@@ -20,15 +20,13 @@ class Conclusion:
     """The end of a search.
 
     Attributes:
-        problem: the logs.
-        selector: with every model fitted.
+        selector: with the logs and every model fitted.
         path: from no cause on.
         final: the model chosen.
         alternatives: for each of its effects, what it cannot be told from.
         series: whether the causes look like terms in which something else was written down.
     """
 
-    problem: Problem
     selector: Selector
     path: Sequence[Model]
     final: Model
@@ -36,12 +34,16 @@ class Conclusion:
     series: bool
 
     @property
+    def problem(self) -> Problem:
+        """The logs."""
+        return self.selector.problem
+
+    @property
     def verdict(self) -> Verdict:
         """The verdict; a series explains nothing."""
-        before = self.path[0].error
-        return (
-            "unknown" if self.series else judge(self.problem, before, self.final, self.alternatives)
-        )
+        if self.series:
+            return "unknown"
+        return judge(self.problem, self.path[0].error, self.final, self.alternatives)
 
 
 def conclude(selector: Selector, path: Sequence[Model], final: Model) -> Conclusion:
@@ -54,14 +56,14 @@ def conclude(selector: Selector, path: Sequence[Model], final: Model) -> Conclus
     """
     problem, first = selector.problem, path[0]
     if unexplained(problem, first.error, final):
-        return Conclusion(problem, selector, path, final, [() for _ in final.effects], False)
+        return Conclusion(selector, path, final, [() for _ in final.effects], False)
     settled, alternatives = settle(selector, final, first)
     if unexplained(problem, first.error, settled):
-        return Conclusion(problem, selector, path, settled, alternatives, False)
+        return Conclusion(selector, path, settled, alternatives, False)
     main = without_little_terms(selector, settled)
     series = main is not settled
     # Terms beside causes that leave nothing but noise alone were only fitted to the noise.
     if series and main.error < ONLY_NOISE:
         settled, alternatives = settle(selector, main, first)
         series = without_little_terms(selector, settled) is not settled
-    return Conclusion(problem, selector, path, settled, alternatives, series)
+    return Conclusion(selector, path, settled, alternatives, series)

@@ -106,4 +106,4 @@ def _steps(selector: Selector, final: Model, path: Sequence[Model]) -> tuple[Ste
 
 
 def _same(one: Sequence[Effect], other: Sequence[Effect]) -> bool:
-    return [(e.name, e.where) for e in one] == [(e.name, e.where) for e in other]
+    return [e.key for e in one] == [e.key for e in other]

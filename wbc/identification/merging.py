@@ -34,7 +34,7 @@ def merged(selector: Selector, model: Model, first: Model) -> Model | None:
     # One swinging link was sought already where it was found.
     direct = tuple(c for c in selector.candidates if not deflects(c))
     selector = replace(selector, candidates=direct)
-    taken = [(e.name, e.where) for e in model.effects]
+    taken = [e.key for e in model.effects]
     columns: Shelf = {}
     near = model.fit.robot, columns
     found = []

@@ -70,7 +70,7 @@ class Proposer(Judge):
             self.problem,
             model.fit,
             [c for c in self.candidates if much or not deflects(c)],
-            {(e.name, e.where) for e in model.effects} | set(exclude) | self.aside,
+            {e.key for e in model.effects} | set(exclude) | self.aside,
             self._simulated.setdefault(model.effects, {}),
             near,
         )

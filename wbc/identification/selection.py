@@ -61,8 +61,8 @@ class Selector(Proposer):
             best = best or self.on_credit(last, first)
             if best is None:
                 break
-            known = {(e.name, e.where) for e in last.effects}
-            for effect in (e for e in best.effects if (e.name, e.where) not in known):
+            known = {e.key for e in last.effects}
+            for effect in (e for e in best.effects if e.key not in known):
                 self.report(f"{effect.name} at {effect.where}")
             path.append(in_best_order(best, self.model))
         return path
@@ -201,7 +201,7 @@ class Selector(Proposer):
 def _masking(larger: Sequence[Model], model: Model) -> list[tuple[str, str]]:
     """Return (name, where) of what explains so much more than `model` that it may hide others."""
     masks = (m for m in larger if m.error < _MASKING * model.error)
-    return [(e.name, e.where) for m in masks for e in m.effects[len(model.effects) :]]
+    return [e.key for m in masks for e in m.effects[len(model.effects) :]]
 
 
 def without(effects: Sequence[Effect], k: int) -> tuple[Effect, ...]:

@@ -127,6 +127,11 @@ class Effect(ABC):
         return (Screen(units, combine),) if units else ()
 
     @property
+    def key(self) -> tuple[str, str]:
+        """Name and place; a model holds each at most once."""
+        return self.name, self.where
+
+    @property
     def freedom(self) -> int:
         """How many numbers had to be chosen to describe it; fewer are believed more easily."""
         return len(self.parameters)

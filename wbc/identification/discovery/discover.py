@@ -131,9 +131,7 @@ def _pruned(problem: Problem, attempt: Attempt) -> Attempt:
     """Return the attempt without named effects that the formulas have made idle."""
     current = attempt
     for effect in attempt.known if attempt.formulas else ():
-        effects = [
-            e for e in current.fit.effects if (e.name, e.where) != (effect.name, effect.where)
-        ]
+        effects = [e for e in current.fit.effects if e.key != effect.key]
         smaller = Attempt.of(problem, effects, current.formulas)
         if not better_somewhere(problem, smaller, current):
             current = smaller
@@ -159,5 +157,5 @@ def _outcome(start: Attempt, found: Attempt) -> Outcome:
 
 
 def _dropped(known: Sequence[Effect], found: Attempt) -> tuple[tuple[str, str], ...]:
-    kept = {(effect.name, effect.where) for effect in found.known}
-    return tuple((e.name, e.where) for e in known if (e.name, e.where) not in kept)
+    kept = {effect.key for effect in found.known}
+    return tuple(e.key for e in known if e.key not in kept)
