@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -59,6 +61,22 @@ def test_a_soft_link_swings_as_an_ode_solver_says(
     found = soft_deflections([_response(truth)], [(300.0, damping)])[0]
     assert found[:, 0] == pytest.approx(truth[:, 0], abs=0.01 * np.abs(truth[:, 0]).max())
     assert found[:, 1] == pytest.approx(truth[:, 1], abs=0.02 * np.abs(truth[:, 1]).max())
+
+
+def test_a_swing_that_dies_before_the_log_is_judged_began_as_small_as_the_load_winds_up() -> None:
+    spring = (600.0, 15.0)
+    truth = _truth(Contact(*spring, 0.0), (0.0, 0.0))
+    whole = _response(truth)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(TIME.size)
+    judged = (TIME > 0.24).astype(float)  # fifteen time constants of the swing
+    seen = replace(
+        whole,
+        unexplained=whole.unexplained + noise,
+        band=lambda values: values * judged.reshape(-1, *(1,) * (np.ndim(values) - 1)),
+    )
+    found = soft_deflections([seen], [spring])[0]
+    assert np.abs(found[:, 0]).max() < 2.0 * np.abs(LOAD).max() / spring[0]
+    assert found[judged > 0.0, 0] == pytest.approx(truth[judged > 0.0, 0], abs=1e-5)
 
 
 def test_the_spring_behind_a_swing_is_found() -> None:

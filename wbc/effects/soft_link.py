@@ -59,10 +59,39 @@ def chosen_start(
         torques = np.sum([other.torque_on(response.row, path) for other, path in parts], axis=0)
         wanted.append(response.left(torques[:, 0]))
         columns.append(response.band(torques[:, 1:]))
+    typical = np.concatenate(
+        np.transpose([typical_start(r, s) for r, s in zip(responses, springs, strict=True)])
+    )
     start = np.zeros(len(seen))
-    found = np.linalg.lstsq(np.concatenate(columns)[:, seen], np.concatenate(wanted), rcond=1e-6)
-    start[seen] = found[0]
+    found = likely_start(np.concatenate(columns)[:, seen], np.concatenate(wanted), typical[seen])
+    start[seen] = found
     return start
+
+
+def typical_start(response: LinkResponse, spring: Spring) -> tuple[float, float]:
+    """Return the deflection [rad] to which the largest load winds up a gear, and its rate."""
+    pull = max(spring[0], 1e-9)
+    inertia = float(np.mean(response.inertia[:, response.row]))
+    deflection = float(np.max(np.abs(response.load[:, response.row]))) / pull
+    return deflection, deflection * float(np.sqrt(pull / inertia))
+
+
+def likely_start(columns: FloatArray, wanted: FloatArray, typical: FloatArray) -> FloatArray:
+    """Return the start (n,) that leaves least of `wanted`, starts being as large as is typical.
+
+    A swing that dies down before the first sample that is judged is in no channel: a start of any
+    size would write its last trace into the noise.
+
+    Args:
+        columns: (R, n) what unit starts add.
+        wanted: (R,) what no start explains of it is the noise against which starts are weighed.
+        typical: (n,) standard deviations that are expected of starts.
+    """
+    scaled = columns * typical
+    any_size = np.linalg.lstsq(scaled, wanted, rcond=None)[0]
+    scatter = np.mean((wanted - scaled @ any_size) ** 2) + 1e-300
+    matrix = scaled.T @ scaled + scatter * np.eye(typical.size)
+    return np.asarray(typical * np.linalg.solve(matrix, scaled.T @ wanted))
 
 
 def _turn(response: LinkResponse, spring: Spring) -> float:

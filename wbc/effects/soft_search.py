@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.rubbing_link import held
-from wbc.effects.soft_link import Spring, swings
+from wbc.effects.soft_link import Spring, likely_start, swings, typical_start
 from wbc.robot import LinkResponse
 
 _DAMPING_RATIOS = (0.02, 0.1, 0.4)
@@ -55,11 +55,10 @@ def _left(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> FloatAr
         torques = _torques(response, pairs)
         band = response.band(torques.reshape(len(torques), -1)).reshape(-1, *torques.shape[1:])
         wanted = response.left(np.zeros(len(torques)))[:, None] - band[:, 0]
-        free = band[:, 1:] / np.maximum(np.sqrt(np.sum(band[:, 1:] ** 2, axis=0)), 1e-300)
-        gram = np.einsum("nip,njp->pij", free, free) + 1e-9 * np.eye(2)
-        moment = np.einsum("nip,np->pi", free, wanted)
-        start = np.linalg.solve(gram, moment[..., None])[..., 0]
-        total += np.sum((wanted - np.einsum("nip,pi->np", free, start)) ** 2, axis=0)
+        for p, pair in enumerate(pairs):
+            free = band[:, 1:, p]
+            start = likely_start(free, wanted[:, p], np.array(typical_start(response, pair)))
+            total[p] += np.sum((wanted[:, p] - free @ start) ** 2)
     return total
 
 
