@@ -89,9 +89,10 @@ def likely_start(columns: FloatArray, wanted: FloatArray, typical: FloatArray) -
     """
     scaled = columns * typical
     any_size = np.linalg.lstsq(scaled, wanted, rcond=None)[0]
-    scatter = np.mean((wanted - scaled @ any_size) ** 2) + 1e-300
-    matrix = scaled.T @ scaled + scatter * np.eye(typical.size)
-    return np.asarray(typical * np.linalg.solve(matrix, scaled.T @ wanted))
+    scatter = float(np.sqrt(np.mean((wanted - scaled @ any_size) ** 2)))
+    rows = np.concatenate([scaled, scatter * np.eye(typical.size)])
+    aims = np.concatenate([wanted, np.zeros(typical.size)])
+    return np.asarray(typical * np.linalg.lstsq(rows, aims, rcond=None)[0])
 
 
 def _turn(response: LinkResponse, spring: Spring) -> float:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from wbc.identification.credibility import at_the_end
+from wbc.identification.exchange import settle
 from wbc.identification.model import Model
-from wbc.identification.problem import Problem
+from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.selection import SIMPLER, Selector
 from wbc.identification.swinging import deflects
 from wbc.identification.unexplained import unexplained
@@ -56,9 +57,8 @@ def find_causes(
             early = _finish(direct, [first, *swung], first)
             if early[1].error < max(rough, _CLEAR * left):
                 return everything, *early
-    path = direct.run([first] if start is None else [first, start])
-    final = direct.prune(path[-1], first)
-    path, final = _tried_again(direct, path, final)
+    begun = [first] if start is None else [first, start]
+    path, final = _tried_again(direct, *_finish(direct, begun, first))
     fine = _EXPLAINED + _FILTERED**2 * first.error
     # Simulated links are themselves off by a share; a lower bound calls for nothing finer.
     explained = fine if problem.floor.repeats else rough
@@ -104,8 +104,22 @@ def _at_an_end(model: Model) -> tuple[Effect, ...]:
 
 
 def _finish(direct: Selector, path: list[Model], first: Model) -> _Search:
-    """Return a path continued by what acts at once, and what of its end still pays."""
-    longer = direct.run(path)
+    """Return a path continued by what acts at once, and what of its end still pays.
+
+    What is hardly above the noise is sought after an exchange of what is found by then: beside a
+    cause that has more numbers than another which does as well, the noise makes up small causes.
+    """
+    if any(deflects(e) for e in path[-1].effects):
+        longer = direct.run(path)
+        return longer, direct.prune(longer[-1], first)
+    longer = direct.run(path, ONLY_NOISE)
+    final = direct.prune(longer[-1], first)
+    if final.error >= ONLY_NOISE:
+        return longer, final
+    settled, _ = settle(direct, final, first)
+    if settled is not longer[-1]:
+        longer = [first, settled] if settled.effects else [first]
+    longer = direct.run(longer)
     return longer, direct.prune(longer[-1], first)
 
 

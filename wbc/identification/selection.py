@@ -43,17 +43,20 @@ class Selector(Proposer):
 
     report: Callable[[str], None] = lambda line: None
 
-    def run(self, start: Sequence[Model] = ()) -> list[Model]:
+    def run(self, start: Sequence[Model] = (), enough: float = 0.0) -> list[Model]:
         """Return the models from no cause to the chosen ones, each one cause larger.
 
         The search ends where it begins to write down a series, without the terms of that.
 
         Args:
             start: a path to continue.
+            enough: mean square in floors below which nothing more is sought.
         """
         path = list(start) or [self.model(())]
         first = path[0]
         while len(path) <= _MOST_CAUSES and self.hopeful(path[-1], first):
+            if path[-1].error < enough:
+                break
             if self._ends_in_a_series(path):
                 return path[:-_SERIES]
             last = path[-1]
