@@ -183,7 +183,8 @@ class Selector(Proposer):
     def prune(self, model: Model, first: Model) -> Model:
         """Return the model without causes that do not pay any more.
 
-        What several of them explain together must not be lost by dropping one after the other.
+        What several of them explain together must not be lost by dropping one after the other, nor
+        an explanation be given up for what explains too little.
         """
         current = model
         while current.effects:
@@ -195,6 +196,8 @@ class Selector(Proposer):
             ]
             if credible(self.problem, current.fit):
                 idle = [m for m in idle if credible(self.problem, m.fit)]
+            if not unexplained(self.problem, first.error, current):
+                idle = [m for m in idle if not unexplained(self.problem, first.error, m)]
             if not idle:
                 return current
             current = min(idle, key=lambda m: m.error)
