@@ -63,15 +63,18 @@ def find_causes(
     # Simulated links are themselves off by a share; a lower bound calls for nothing finer.
     explained = fine if problem.floor.repeats else rough
     best = direct, path, final
-    for origin in dict.fromkeys((first, final)) if swinging.candidates else ():
+    # What was added after the first cause may imitate the link that swings beside it.
+    for origin in dict.fromkeys((first, final, *path[1:2])) if swinging.candidates else ():
         known = best[2].error < explained
         if known and (origin is not first or len(final.effects) < _SEVERAL):
+            break
+        if origin not in (first, final) and not unexplained(problem, first.error, best[2]):
             break
         swung = _swung(swinging, origin, first, explained)
         # Where causes that act at once explain everything, only what does it alone replaces them.
         if not swung or (known and swung[-1].error >= explained):
             continue
-        begun = [first, *swung] if origin is first else [*path, *swung]
+        begun = [*dict.fromkeys((first, origin)), *swung]
         longer, found = early or _finish(direct, begun, first)
         early = None
         if _better(direct, found, best[2], first):
