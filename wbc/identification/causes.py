@@ -112,12 +112,10 @@ def _finish(direct: Selector, path: list[Model], first: Model) -> _Search:
     What is hardly above the noise is sought after an exchange of what is found by then: beside a
     cause that has more numbers than another which does as well, the noise makes up small causes.
     """
-    if any(deflects(e) for e in path[-1].effects):
-        longer = direct.run(path)
-        return longer, direct.prune(longer[-1], first)
     longer = direct.run(path, ONLY_NOISE)
     final = direct.prune(longer[-1], first)
-    if final.error >= ONLY_NOISE:
+    # A simulation turns noise into swings, which nothing that acts at once may write down.
+    if final.error >= ONLY_NOISE or any(deflects(e) for e in final.effects):
         return longer, final
     settled, _ = settle(direct, final, first)
     if settled is not longer[-1]:
