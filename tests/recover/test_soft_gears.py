@@ -140,6 +140,19 @@ def test_two_soft_gears_are_told_apart(
         assert effect.values["mass"] == pytest.approx(foot, rel=0.02)
 
 
+@pytest.mark.parametrize("springs", [((800.0, 5.0), (300.0, 1.5)), ((600.0, 2.0), (400.0, 1.5))])
+def test_two_soft_gears_are_named_together(springs: tuple[tuple[float, float], ...]) -> None:
+    stiffness, damping = np.array(springs).T
+    logs = [_log(stiffness, damping, 0.0, seed) for seed in (3, 4, 5)]
+    found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    assert found.verdict == "named"
+    assert {f.effect.name for f in found.findings} == {"joint_compliance"}
+    values = {f.effect.where: f.effect.values for f in found.findings}
+    for joint, (k, c) in zip(("hip", "knee"), springs, strict=True):
+        assert values[joint]["stiffness"] == pytest.approx(k, rel=0.003)
+        assert values[joint]["damping"] == pytest.approx(c, rel=0.03)
+
+
 SOFT_KNEE = np.array([1e6, 400.0]), np.array([800.0, 1.0])
 
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wbc.identification.atoms import Atom
 from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
 from wbc.identification.model import Model
 from wbc.identification.screening import Nearby, Swinging, screen
 from wbc.identification.search import Subset
 from wbc.identification.swinging import deflects
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
@@ -77,21 +78,20 @@ class Proposer(Judge):
         start = Subset((), search.error(()))
         found = search.grow([start])
         found = [subset for subset in found if subset.error < most]
-        if not found:
-            return []
-        # The screen is linear: leave room for what the refit may still gain over it.
-        doubt = _SCREEN_ERROR * (start.error - found[0].error) + _SCREEN_NOISE
-        worst = max(found[0].error, enough) + doubt
-        # Beside the best group of places stands the best single one.
-        single = next((s for s in found if len(s.atoms) == 1), found[0])
         offers: list[tuple[Effect, ...]] = []
+        least = found[0].error if found else start.error
+        # The screen is linear: leave room for what the refit may still gain over it.
+        doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
+        worst = max(least, enough) + doubt
+        # Beside the best group of places stands the best single one.
+        single = next((s for s in found if len(s.atoms) == 1), None)
         seen: set[tuple[tuple[str, str], ...]] = set()
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
             key = tuple(sorted(atom.key for atom in added))
             # How a link swings is screened roughly: the fit gains much over it.
             swings = any(deflects(atom.effect) for atom in added)
-            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or found[0].error))
+            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
             enters = subset.error <= rough if swings else subset is single or subset.error <= worst
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
@@ -99,4 +99,18 @@ class Proposer(Judge):
             effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
             seen.add(key)
             offers.append((*model.effects, *(e for e in effects if e is not None)))
+        if any(deflects(e) for e in model.effects):
+            offers += [(*model.effects, e) for e in _swinging_too(model.fit.robot, atoms, seen)]
         return offers
+
+
+def _swinging_too(
+    robot: Robot, atoms: Sequence[Atom], seen: set[tuple[tuple[str, str], ...]]
+) -> list[Effect]:
+    """Return the best of every link that may swing, but those seen.
+
+    Two links that swing shake one another: no sum of columns says how both would move.
+    """
+    best = {atom.key: atom for atom in reversed(atoms) if deflects(atom.effect)}
+    effects = [atom.build(robot, np.ones(1)) for key, atom in best.items() if (key,) not in seen]
+    return [effect for effect in effects if effect is not None]
