@@ -34,9 +34,10 @@ def find_causes(
 
     Effects with a hidden state are simulated, which is slow. They are tried where effects that act
     at once leave something: alone, since a swinging link looks like several other causes at
-    once, and beside what was found; whatever acts at once is then sought anew. Where no
-    cause that acts at once explains half, swinging links come first: if they explain everything
-    or far more than any of those, nothing is sought in their place but what `settle` exchanges.
+    once, beside what was found, and where neither explains the logs beside the first cause;
+    whatever acts at once is then sought anew. Where no cause that acts at once explains half,
+    swinging links come first: if they explain everything or far more than any of those, nothing
+    is sought in their place but what `settle` exchanges.
 
     Args:
         problem: the logs.
