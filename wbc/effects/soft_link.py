@@ -11,7 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.robot import LinkResponse
 
 _STEP = 1e-3  # [s]; the frequency of a swing w comes out wrong by the share (w h)^2 / 12
-_SEEN = 1.0
+_SEEN = 1.0  # [rad] of its period that a swing may turn per sample and still be in a channel
+_SLACK = 1e-9  # [N m/rad] below which a spring holds nothing
 
 Spring = tuple[float, float]
 """Stiffness [N m/rad] and damping [N m s/rad] of a gear."""
@@ -51,29 +52,26 @@ def chosen_start(
         springs: of their gears.
         paths: of each gear, (N, 3, 1 + 2 n): deflections without and of every free swing.
     """
-    # A swing that turns by more than a radian per sample is in no channel.
-    seen = [_turn(r, spring) < _SEEN for r, spring in zip(responses, springs, strict=True)] * 2
+    gears = list(zip(responses, springs, strict=True))
+    seen = [r.step * _swing(r, spring) < _SEEN for r, spring in gears] * 2
     wanted, columns = [], []
     for response in responses:
         parts = zip(responses, paths, strict=True)
         torques = np.sum([other.torque_on(response.row, path) for other, path in parts], axis=0)
         wanted.append(response.left(torques[:, 0]))
         columns.append(response.band(torques[:, 1:]))
-    typical = np.concatenate(
-        np.transpose([typical_start(r, s) for r, s in zip(responses, springs, strict=True)])
-    )
+    typical = np.transpose([typical_start(r, spring) for r, spring in gears]).ravel()
     start = np.zeros(len(seen))
-    found = likely_start(np.concatenate(columns)[:, seen], np.concatenate(wanted), typical[seen])
-    start[seen] = found
+    start[seen] = likely_start(
+        np.concatenate(columns)[:, seen], np.concatenate(wanted), typical[seen]
+    )
     return start
 
 
-def typical_start(response: LinkResponse, spring: Spring) -> tuple[float, float]:
-    """Return the deflection [rad] to which the largest load winds up a gear, and its rate."""
-    pull = max(spring[0], 1e-9)
-    inertia = float(np.mean(response.inertia[:, response.row]))
-    deflection = float(np.max(np.abs(response.load[:, response.row]))) / pull
-    return deflection, deflection * float(np.sqrt(pull / inertia))
+def typical_start(response: LinkResponse, spring: Spring) -> FloatArray:
+    """Return the deflection [rad] to which the largest load winds up a gear, and its rate, (2,)."""
+    largest = float(np.max(np.abs(response.load[:, response.row])))
+    return largest / _pull(spring) * np.array([1.0, _swing(response, spring)])
 
 
 def likely_start(columns: FloatArray, wanted: FloatArray, typical: FloatArray) -> FloatArray:
@@ -95,10 +93,14 @@ def likely_start(columns: FloatArray, wanted: FloatArray, typical: FloatArray) -
     return np.asarray(typical * np.linalg.lstsq(rows, aims, rcond=None)[0])
 
 
-def _turn(response: LinkResponse, spring: Spring) -> float:
-    """Return by how much [rad] of its period a link behind a spring swings per sample."""
+def _swing(response: LinkResponse, spring: Spring) -> float:
+    """Return the angular frequency [rad/s] at which a link swings behind a spring."""
     inertia = float(np.mean(response.inertia[:, response.row]))
-    return response.step * float(np.sqrt(max(spring[0], 0.0) / inertia))
+    return float(np.sqrt(_pull(spring) / inertia))
+
+
+def _pull(spring: Spring) -> float:
+    return max(spring[0], _SLACK)
 
 
 def steps_per_sample(step: float) -> int:

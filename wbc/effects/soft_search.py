@@ -57,7 +57,7 @@ def _left(responses: Sequence[LinkResponse], pairs: Sequence[Spring]) -> FloatAr
         wanted = response.left(np.zeros(len(torques)))[:, None] - band[:, 0]
         for p, pair in enumerate(pairs):
             free = band[:, 1:, p]
-            start = likely_start(free, wanted[:, p], np.array(typical_start(response, pair)))
+            start = likely_start(free, wanted[:, p], typical_start(response, pair))
             total[p] += np.sum((wanted[:, p] - free @ start) ** 2)
     return total
 
