@@ -53,7 +53,7 @@ def chosen_start(
         paths: of each gear, (N, 3, 1 + 2 n): deflections without and of every free swing.
     """
     gears = list(zip(responses, springs, strict=True))
-    seen = [r.step * _swing(r, spring) < _SEEN for r, spring in gears] * 2
+    seen = [r.step * own_frequency(r, spring) < _SEEN for r, spring in gears] * 2
     wanted, columns = [], []
     for response in responses:
         parts = zip(responses, paths, strict=True)
@@ -71,7 +71,7 @@ def chosen_start(
 def typical_start(response: LinkResponse, spring: Spring) -> FloatArray:
     """Return the deflection [rad] to which the largest load winds up a gear, and its rate, (2,)."""
     largest = float(np.max(np.abs(response.load[:, response.row])))
-    return largest / _pull(spring) * np.array([1.0, _swing(response, spring)])
+    return largest / _pull(spring) * np.array([1.0, own_frequency(response, spring)])
 
 
 def likely_start(columns: FloatArray, wanted: FloatArray, typical: FloatArray) -> FloatArray:
@@ -93,7 +93,7 @@ def likely_start(columns: FloatArray, wanted: FloatArray, typical: FloatArray) -
     return np.asarray(typical * np.linalg.lstsq(rows, aims, rcond=None)[0])
 
 
-def _swing(response: LinkResponse, spring: Spring) -> float:
+def own_frequency(response: LinkResponse, spring: Spring) -> float:
     """Return the angular frequency [rad/s] at which a link swings behind a spring."""
     inertia = float(np.mean(response.inertia[:, response.row]))
     return float(np.sqrt(_pull(spring) / inertia))

@@ -13,6 +13,7 @@ from wbc.errors import IdentificationError
 from wbc.identification.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
 from wbc.identification.channels import Channels, read_channels
 from wbc.identification.impacts import away_from_impacts
+from wbc.identification.load_noise import load_bands
 from wbc.identification.record import Record
 from wbc.identification.smoothing import (
     derivative,
@@ -120,6 +121,7 @@ def _record(
         noise=noise,
         reported_share=np.ones(robot.transmission.size),
         certainty=np.ones(robot.transmission.size + robot.floating_size),
+        load_band=np.full(robot.transmission.size, np.inf),
     )
 
 
@@ -127,9 +129,10 @@ def _with_noise_shared(record: Record) -> Record:
     """Return the record with weights shared by outputs that share their noise.
 
     A joint whose noise is mostly that of the base can only be judged together with the base, at
-    the same moments.
+    the same moments. Loads are believed as far as they are more than noise.
     """
     reported, needed = synthetic_noise(record)
+    record = replace(record, load_band=frozen(load_bands(record, needed)))
     cutoff = record.bandwidth.residual
     reported = low_pass(reported, cutoff, record.rate)
     noise = reported + low_pass(needed, cutoff, record.rate)

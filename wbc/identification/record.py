@@ -45,6 +45,7 @@ class Record:
             torque; the rest comes from what the model needs.
         certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
             those that the noise floor is taken from.
+        load_band: (m,) frequency from which on the load of a driven joint is noise [Hz].
     """
 
     name: str
@@ -58,6 +59,7 @@ class Record:
     noise: SensorNoise
     reported_share: FloatArray
     certainty: FloatArray
+    load_band: FloatArray
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
     _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)

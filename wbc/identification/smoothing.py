@@ -16,24 +16,25 @@ _ROUNDING = 1e-9  # of the range of a channel, below which a difference is one o
 _SLOWEST = 10.0  # [Hz]: steps crossed more rarely are still taken for noise of this bandwidth
 
 
-def low_pass(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
+def low_pass(values: FloatArray, cutoff: float, rate: float, order: int = _ORDER) -> FloatArray:
     """Return `values` (N, ...) low-passed forward and backward (no phase shift).
 
     Args:
         values: samples along the first axis.
-        cutoff: [Hz] of each of the two passes of a second-order Butterworth filter.
+        cutoff: [Hz] of each of the two passes of a Butterworth filter.
         rate: [Hz] sampling rate; a cutoff at or above half of it leaves the values unchanged.
+        order: of each pass.
     """
     if cutoff >= 0.5 * rate or len(values) < 4:
         return values
-    sections = _sections(cutoff / (0.5 * rate))
+    sections = _sections(cutoff / (0.5 * rate), order)
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding))
 
 
 @lru_cache(maxsize=64)
-def _sections(relative: float) -> FloatArray:
-    return np.asarray(butter(_ORDER, relative, output="sos"))
+def _sections(relative: float, order: int) -> FloatArray:
+    return np.asarray(butter(order, relative, output="sos"))
 
 
 def white_level(values: FloatArray, rate: float) -> FloatArray:

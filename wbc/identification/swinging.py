@@ -10,8 +10,9 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque
 from wbc.effects.rubbing_link import rubbing_deflections, rubbing_start
-from wbc.effects.soft_link import Spring, soft_deflections
+from wbc.effects.soft_link import Spring, own_frequency, soft_deflections
 from wbc.identification.link_friction import LinkSide
+from wbc.identification.load_noise import without_noise
 from wbc.identification.record import Record
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 
@@ -149,6 +150,9 @@ def _soft(
         driving = load + known
         for side in sides.values():
             driving[:, side.row] += side.motor.smooth
+        for joint, spring in springs.items():
+            frequency = own_frequency(record.response_of(robot, joint), spring)
+            driving = without_noise(record, driving, joint, frequency)
         plain = [driven(robot, record, joint, driving, left) for joint in joints]
         responses = [
             sides[joint].on(response) if joint in sides else response
