@@ -30,7 +30,7 @@ class _Selector:
         error = 10.0
         for name in {effect.name for effect in effects}:
             error *= self.left[name]
-        return SimpleNamespace(effects=tuple(effects), error=error**2)
+        return SimpleNamespace(effects=tuple(effects), error=error**2, swings=False)
 
 
 @pytest.mark.parametrize("little", range(4))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from wbc.identification.credibility import at_the_end
 from wbc.identification.exchange import settle
@@ -20,11 +20,43 @@ _HALF = 0.5  # of the error, left by the best cause that acts at once, from whic
 _FAR = 0.3  # ... links that swing come first, if they leave so little of what that cause leaves
 _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
+_WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 _NEARLY = 1.25  # of an error, that a model inside its ranges may leave and be preferred
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 
 _Search = tuple[list[Model], Model]
+
+
+@dataclass(frozen=True, eq=False)
+class _Kinds:
+    """The search among all causes, among those that act at once, and among links that swing."""
+
+    everything: Selector
+    direct: Selector
+    swinging: Selector
+
+    @classmethod
+    def of(cls, everything: Selector) -> _Kinds:
+        """Return the same search among fewer causes."""
+        swinging = tuple(c for c in everything.candidates if deflects(c))
+        return cls(everything, everything.at_once, replace(everything, candidates=swinging))
+
+    @property
+    def first(self) -> Model:
+        """The model without causes."""
+        return self.everything.model(())
+
+    def swung(self, origin: Model, enough: float) -> list[Model]:
+        """Return models with one swinging link more each, while they pay and much is left."""
+        result = [origin]
+        while result[-1].error >= enough:
+            most = _WORTHWHILE * result[-1].error
+            longer = self.swinging.best_addition(result[-1], self.first, most)
+            if longer is None:
+                break
+            result.append(longer)
+        return result[1:]
 
 
 def find_causes(
@@ -35,51 +67,66 @@ def find_causes(
     Effects with a hidden state are simulated, which is slow. They are tried where effects that act
     at once leave something: alone, since a swinging link looks like several other causes at
     once, beside what was found, and where neither explains the logs beside the first cause;
-    whatever acts at once is then sought anew. Where no cause that acts at once explains half,
-    swinging links come first: if they explain everything or far more than any of those, nothing
-    is sought in their place but what `settle` exchanges.
+    whatever acts at once is then sought anew. Where little was to be explained, they are tried
+    alone in any case, and what is found may be exchanged for them. Where no cause that acts at
+    once explains half, swinging links come first: if they explain everything or far more than any
+    of those, nothing is sought in their place but what `settle` exchanges.
 
     Args:
         problem: the logs.
         classes: effects that may be used.
         report: called with a line of text as the work proceeds.
     """
-    everything = Selector(problem, tuple(classes), report=report)
-    direct = replace(everything, candidates=tuple(c for c in classes if not deflects(c)))
-    swinging = replace(everything, candidates=tuple(c for c in classes if deflects(c)))
-    first = everything.model(())
+    kinds = _Kinds.of(Selector(problem, tuple(classes), report=report))
+    first, direct = kinds.first, kinds.direct
     rough = _EXPLAINED + _SIMULATED**2 * first.error
     start = direct.best_addition(first, first)
     left = first.error if start is None else start.error
     early: _Search | None = None
     if left > _HALF * first.error:
-        swung = _swung(swinging, first, first, rough)
+        swung = kinds.swung(first, rough)
         if swung and swung[-1].error < _FAR * left:
             early = _finish(direct, [first, *swung], first)
             if early[1].error < max(rough, _CLEAR * left):
-                return everything, *early
+                return kinds.everything, *early
     begun = [first] if start is None else [first, start]
-    path, final = _tried_again(direct, *_finish(direct, begun, first))
+    found = _tried_again(direct, *_finish(direct, begun, first))
+    return _beside_swings(kinds, found, early, rough)
+
+
+def _beside_swings(
+    kinds: _Kinds, found: _Search, early: _Search | None, rough: float
+) -> tuple[Selector, list[Model], Model]:
+    """Return the search among causes that act at once, or one with links that swing.
+
+    Args:
+        kinds: of searches.
+        found: without such links.
+        early: from such links alone, where it was made before.
+        rough: mean square that is nothing but noise where links are simulated.
+    """
+    (path, final), first, problem = found, kinds.first, kinds.everything.problem
     fine = _EXPLAINED + _FILTERED**2 * first.error
     # Simulated links are themselves off by a share; a lower bound calls for nothing finer.
     explained = fine if problem.floor.repeats else rough
-    best = direct, path, final
+    one, weak = len(final.effects) < _SEVERAL, first.error < _WEAK
+    best = (kinds.everything if weak else kinds.direct), path, final
     # What was added after the first cause may imitate the link that swings beside it.
-    for origin in dict.fromkeys((first, final, *path[1:2])) if swinging.candidates else ():
+    for origin in dict.fromkeys((first, final, *path[1:2])) if kinds.swinging.candidates else ():
         known = best[2].error < explained
-        if known and (origin is not first or len(final.effects) < _SEVERAL):
+        if known and (origin is not first or (one and not weak)):
             break
         if origin not in (first, final) and not unexplained(problem, first.error, best[2]):
             break
-        swung = _swung(swinging, origin, first, explained)
+        swung = kinds.swung(origin, explained)
         # Where causes that act at once explain everything, only what does it alone replaces them.
         if not swung or (known and swung[-1].error >= explained):
             continue
         begun = [*dict.fromkeys((first, origin)), *swung]
-        longer, found = early or _finish(direct, begun, first)
+        longer, other = early or _finish(kinds.direct, begun, first)
         early = None
-        if _better(direct, found, best[2], first):
-            best = everything, longer, found
+        if _better(kinds.direct, other, best[2], first):
+            best = kinds.everything, longer, other
             explained = rough
     return best
 
@@ -116,24 +163,13 @@ def _finish(direct: Selector, path: list[Model], first: Model) -> _Search:
     longer = direct.run(path, ONLY_NOISE)
     final = direct.prune(longer[-1], first)
     # A simulation turns noise into swings, which nothing that acts at once may write down.
-    if final.error >= ONLY_NOISE or any(deflects(e) for e in final.effects):
+    if final.error >= ONLY_NOISE or final.swings:
         return longer, final
     settled, _ = settle(direct, final, first)
     if settled is not longer[-1]:
         longer = [first, settled] if settled.effects else [first]
     longer = direct.run(longer)
     return longer, direct.prune(longer[-1], first)
-
-
-def _swung(swinging: Selector, origin: Model, first: Model, enough: float) -> list[Model]:
-    """Return models with one swinging link more each, as long as they pay and much is left."""
-    result = [origin]
-    while result[-1].error >= enough:
-        longer = swinging.best_addition(result[-1], first, _WORTHWHILE * result[-1].error)
-        if longer is None:
-            break
-        result.append(longer)
-    return result[1:]
 
 
 def _better(judge: Selector, found: Model, known: Model, first: Model) -> bool:

@@ -9,7 +9,6 @@ from wbc.identification.conclusion import Conclusion, conclude
 from wbc.identification.preparation import REVERSAL
 from wbc.identification.problem import Problem
 from wbc.identification.selection import Selector
-from wbc.identification.swinging import deflects
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -31,7 +30,7 @@ def look_closer(found: Conclusion, robot: Robot, logs: Sequence[Log]) -> Conclus
     kinds = tuple(c for c in found.selector.candidates if c.near_rest)
     explained = found.verdict in ("none", "named", "ambiguous")
     # Where a link that is simulated strikes or swings through, it is simulated worst.
-    if not kinds or not explained or any(deflects(e) for e in found.final.effects):
+    if not kinds or not explained or found.final.swings:
         return found
     near = Problem.from_logs(robot, logs, _CLOSER * REVERSAL)
     selector = Selector(near, found.selector.candidates, report=found.selector.report)

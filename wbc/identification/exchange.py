@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from wbc.identification.atoms import Shelf
 from wbc.identification.credibility import credible, shape_at_bound, showing
@@ -73,10 +72,9 @@ def _all_offers(selector: Selector, model: Model) -> list[list[tuple[Effect, ...
 def _offers(selector: Selector, model: Model, k: int, columns: Shelf) -> list[tuple[Effect, ...]]:
     own = model.effects[k]
     near = None if deflects(own) else (model.fit.robot, columns)
-    if not deflects(own) and any(deflects(e) for e in model.effects):
+    if not deflects(own) and model.swings:
         # One swinging link more was sought already where it was found.
-        direct = tuple(c for c in selector.candidates if not deflects(c))
-        selector = replace(selector, candidates=direct)
+        selector = selector.at_once
     rest = selector.model(without(model.effects, k))
     return selector.promising(rest, REFINED, [(own.name, own.where)], model.error, near=near)
 

@@ -17,7 +17,7 @@ from wbc.identification.derivatives import (
 )
 from wbc.identification.kept_columns import IMPOSSIBLE, KeptColumns
 from wbc.identification.record import Record
-from wbc.identification.swinging import deflects
+from wbc.identification.swinging import some_deflect
 from wbc.robot import Effect, Parameter, Robot
 
 ITERATIONS = 12
@@ -59,13 +59,18 @@ class Fit:
         """Mean square of the whitened residual on the records of the fit."""
         return float(np.mean(self.residual**2))
 
+    @property
+    def swings(self) -> bool:
+        """Whether links were simulated behind their gears."""
+        return some_deflect(self.effects)
+
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself.
 
         The parameters of each fold are one Gauss-Newton step away from those of all records. Where
         the model is too rough for such a step (a bouncing link), the fold's parameters stay.
         """
-        if any(deflects(effect) for effect in self.effects):
+        if self.swings:
             return self._held_out_damped(folds)
         squares = np.empty(self.residual.shape)
         for fold in np.unique(folds):
@@ -118,7 +123,7 @@ def refine(
         kept: derivatives made before of this robot on these records; new ones are put there.
     """
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
-    swings = any(deflects(effect) for effect in effects)
+    swings = some_deflect(effects)
     at = evaluate(robot, effects, records, whitening)
     jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
     least = _CONVERGED_ROUGH if swings else _CONVERGED

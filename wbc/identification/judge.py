@@ -10,7 +10,6 @@ from wbc.arrays import FloatArray
 from wbc.identification.credibility import credible
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
-from wbc.identification.swinging import deflects
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
@@ -41,14 +40,14 @@ class Judge:
 
     def _gained(self, gain: FloatArray, small: Model, first: Model) -> bool:
         """Whether a gain (rows, outputs) over `small` is more than what is distorted."""
-        simulated = any(deflects(e) for e in small.effects)
+        simulated = small.swings
         share = SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
         distorted = share**2 * np.mean(first.squares, axis=0)
         return bool(np.mean(np.maximum(np.mean(gain, axis=0) - distorted, 0.0)) > _LEAST_GAIN)
 
     def hopeful(self, model: Model, first: Model) -> bool:
         """Whether explaining all that is left would pay, beside a simulation all but the noise."""
-        noise = 1.0 if any(deflects(e) for e in model.effects) else 0.0
+        noise = 1.0 if model.swings else 0.0
         return self._gained(model.squares - noise, model, first)
 
     def worthwhile(self, small: Model, large: Model, first: Model) -> bool:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import chain, combinations, islice
 
 from wbc.identification.atoms import Shelf
 from wbc.identification.credibility import credible, showing
 from wbc.identification.model import Model, least_complexity
 from wbc.identification.selection import SIMPLER, Selector
-from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
 _GROUPS = 8  # of causes that are tried, so that a long list costs no more than a short one
@@ -29,11 +27,10 @@ def merged(selector: Selector, model: Model, first: Model) -> Model | None:
         model: none of its causes can be exchanged.
         first: the model without causes.
     """
-    if any(deflects(e) for e in model.effects):
+    if model.swings:
         return None
     # One swinging link was sought already where it was found.
-    direct = tuple(c for c in selector.candidates if not deflects(c))
-    selector = replace(selector, candidates=direct)
+    selector = selector.at_once
     taken = [e.key for e in model.effects]
     columns: Shelf = {}
     near = model.fit.robot, columns

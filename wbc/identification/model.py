@@ -35,6 +35,11 @@ class Model:
         return self.fit.effects
 
     @property
+    def swings(self) -> bool:
+        """Whether links were simulated behind their gears."""
+        return self.fit.swings
+
+    @property
     def numbers(self) -> int:
         """How many parameters were fitted."""
         return len(self.fit.parameters)

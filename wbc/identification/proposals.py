@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -49,6 +50,11 @@ class Proposer(Judge):
             self._known[key] = Model(fit, self.problem.held_out(fit))
         return self._known[key]
 
+    @property
+    def at_once(self) -> Self:
+        """The same among causes that act at once: no link is simulated for them."""
+        return replace(self, candidates=tuple(c for c in self.candidates if not deflects(c)))
+
     def promising(
         self,
         model: Model,
@@ -92,6 +98,7 @@ class Proposer(Judge):
             # How a link swings is screened roughly: the fit gains much over it.
             swings = any(deflects(atom.effect) for atom in added)
             rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
+            rough = max(rough, worst) if enough else rough
             enters = subset.error <= rough if swings else subset is single or subset.error <= worst
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
@@ -99,7 +106,7 @@ class Proposer(Judge):
             effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
             seen.add(key)
             offers.append((*model.effects, *(e for e in effects if e is not None)))
-        if any(deflects(e) for e in model.effects):
+        if model.swings:
             offers += [(*model.effects, e) for e in _swinging_too(model.fit.robot, atoms, seen)]
         return offers
 

@@ -11,7 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
 from wbc.identification.link_friction import LinkSide
 from wbc.identification.record import Record
-from wbc.identification.swinging import deflects, driven, swing
+from wbc.identification.swinging import deflects, driven, some_deflect, swing
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
@@ -39,7 +39,7 @@ def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = Non
 
 def swinging_torque(robot: Robot, record: Record) -> FloatArray | None:
     """Return what links that swing behind their gears need more (N, nv), None if none does."""
-    if not any(deflects(effect) for effect in robot.effects):
+    if not some_deflect(robot.effects):
         return None
     motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
     return _swinging(robot, record, motion, links, contacts)
@@ -54,7 +54,7 @@ def _loads(
         motion = effect.true(robot, motion)
     moved = record.along(motion)
     links, contacts = moved.links_of(robot), moved.contacts
-    if swinging is None and any(deflects(effect) for effect in robot.effects):
+    if swinging is None and some_deflect(robot.effects):
         swinging = _swinging(robot, record, motion, links, contacts)
     if swinging is not None:
         links = links + swinging

@@ -13,7 +13,6 @@ from wbc.identification.drive_order import in_best_order, placed_first
 from wbc.identification.model import Model
 from wbc.identification.problem import ONLY_NOISE
 from wbc.identification.proposals import Proposer
-from wbc.identification.swinging import deflects
 from wbc.identification.unexplained import unexplained
 from wbc.robot import Effect
 
@@ -97,7 +96,7 @@ class Selector(Proposer):
         the simulation is off by looks like many causes.
         """
         few = np.unique(self.problem.blocks).size < _FEW_BLOCKS
-        if not few or any(deflects(e) for e in model.effects):
+        if not few or model.swings:
             return None
         current = model
         for _ in range(_ON_CREDIT):

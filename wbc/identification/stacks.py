@@ -6,7 +6,6 @@ import numpy as np
 
 from wbc.identification.model import Model
 from wbc.identification.selection import Selector
-from wbc.identification.swinging import deflects
 from wbc.robot import Effect
 
 _LITTLE = 0.1  # share of the error that a cause must take away to count
@@ -26,7 +25,7 @@ def without_little_terms(selector: Selector, model: Model) -> Model:
         model: found by the search.
     """
     groups = _stories(selector, model)
-    if len(groups) <= _MOST_LITTLE + 1 or any(deflects(effect) for effect in model.effects):
+    if len(groups) <= _MOST_LITTLE + 1 or model.swings:
         return model
     present = kept = selector.model(())
     little = 0

@@ -31,6 +31,11 @@ def deflects(effect: Effect | type[Effect]) -> bool:
     return kind.deflection is not Effect.deflection or kind.spring is not Effect.spring
 
 
+def some_deflect(effects: Iterable[Effect]) -> bool:
+    """Whether a link behind one of the effects' gears must be simulated."""
+    return any(deflects(effect) for effect in effects)
+
+
 def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
     """Return the torque (N, nv) of links that swing behind their gears.
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
-from wbc.identification.swinging import deflects
 
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
 # A link that bounces in its play is chaotic: no simulation follows it for long.
@@ -21,7 +20,7 @@ def unexplained(problem: Problem, before: float, final: Model) -> bool:
     """Whether so much is left that the cause must lie outside the candidates."""
     left = np.sqrt(max(final.error - 1.0, 0.0))
     first = np.sqrt(max(before - 1.0, 0.0))
-    bouncing = any(deflects(e) for e in final.effects)
+    bouncing = final.swings
     share = _UNEXPLAINED_SHARE_SIMULATED if bouncing else _UNEXPLAINED_SHARE
     largest = _UNEXPLAINED_MOST + _DISTORTED * first
     most = min(share * first, largest, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
