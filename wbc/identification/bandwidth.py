@@ -18,7 +18,7 @@ class SensorNoise:
     """One-sided power densities of the white noise of the sensors [unit^2/Hz].
 
     Attributes:
-        position: (nv,), of single-axis joints; NaN elsewhere.
+        position: (nv,), of single-axis joints and of the base, in its own frame; NaN elsewhere.
         velocity: (nv,).
         torque: (m,), at the motor output side.
         forces: contact name -> (3,).

@@ -12,6 +12,8 @@ from wbc.identification.record import Record
 from wbc.identification.synthetic import synthetic_noise
 
 _SHRINKAGE = 0.03
+_ROWS = 1500  # of drawn noise per log, by which its covariance is known to some 5 % ...
+_DRAWS = 16  # ... but no more draws than this
 _SAME_MOTION = 0.02  # of the range of motion: runs closer than this are repeats of one another
 
 
@@ -67,8 +69,18 @@ class NoiseFloor:
 
 
 def drawn_noise(records: Sequence[Record]) -> list[FloatArray]:
-    """Return what the sensors' white noise does to the residual of each record, (rows, m + b)."""
-    return [record.condense(np.add(*synthetic_noise(record))) for record in records]
+    """Return what the sensors' white noise does to the residual of each record, (rows, m + b).
+
+    A short log in a narrow band has few independent samples: noise drawn once would be as much
+    off as the noise of the log itself, and the inverse of its covariance far more. There it is
+    drawn several times, one below the other.
+    """
+    found = []
+    for record in records:
+        times = int(np.clip(np.ceil(_ROWS / record.rows), 1, _DRAWS))
+        draws = [record.condense(np.add(*synthetic_noise(record, k))) for k in range(times)]
+        found.append(np.concatenate(draws))
+    return found
 
 
 def with_even_noise(

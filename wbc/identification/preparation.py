@@ -27,6 +27,7 @@ from wbc.identification.synthetic import synthetic_noise
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 
+_PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
 _SHARED_NOISE = 0.5
 _UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
@@ -65,6 +66,8 @@ def _noise(robot: Robot, channels: Channels) -> SensorNoise:
     positions = np.full((len(channels.time), model.nv), np.nan)
     for name in robot.single_joints:
         positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
+    if robot.has_free_flyer:
+        positions[:, :6] = _shaken_pose(robot, channels)
     velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
     torque = channels.torque * np.abs(robot.transmission.gear_ratio)
     rate = channels.rate
@@ -75,6 +78,14 @@ def _noise(robot: Robot, channels: Channels) -> SensorNoise:
         torque=white_level(torque, rate),
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},
     )
+
+
+def _shaken_pose(robot: Robot, channels: Channels) -> FloatArray:
+    """Return how far (N, 6) the measured base strays from a smooth path, in its own frame."""
+    smooth = low_pass(channels.position, _PATH * channels.rate, channels.rate)
+    smooth[:, 3:7] /= np.linalg.norm(smooth[:, 3:7], axis=1, keepdims=True)
+    pairs = zip(smooth, channels.position, strict=True)
+    return np.array([pin.difference(robot.model, path, q)[:6] for path, q in pairs])
 
 
 def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:

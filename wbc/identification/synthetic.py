@@ -29,14 +29,18 @@ def _disturbed(
     return torque
 
 
-def synthetic_noise(record: Record) -> tuple[FloatArray, FloatArray]:
+def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArray]:
     """Return drawn noise (N, m + b) of the reported torque, and of what the model needs.
 
     Positions, velocities, torques and forces get white noise of the level found in the log, the
     same filters, and the model's mass matrix and contact Jacobians.
+
+    Args:
+        record: one log.
+        seed: of what is drawn.
     """
     robot, rate, noise = record.robot, record.rate, record.noise
-    random = np.random.default_rng(0)
+    random = np.random.default_rng(seed)
     count = len(record.motion.velocity)
     cutoff = record.bandwidth.kinematics
 
