@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.effects.loose_link import Contact, loose_deflection
+from wbc.effects.flanks import Contact
 from wbc.effects.rubbing_link import rubbing_deflections, rubbing_start
 from wbc.effects.soft_search import best_springs
+from wbc.effects.striking_links import struck_deflections
 from wbc.robot import LinkFriction, LinkResponse
 
 STEP = 0.002
@@ -125,7 +126,7 @@ def test_a_loose_link_with_friction_bounces_less() -> None:
     contact, levels = Contact(800.0, 6.0, 0.02), np.array([0.4])
     start = np.array([-0.01, 0.0])
     truth = _truth([contact], levels, start)
-    found = loose_deflection(_responses(truth, levels)[0], contact)
+    found = struck_deflections([_responses(truth, levels)[0]], [contact])[0]
     assert found[:, 0] == pytest.approx(truth[:, 0, 0], abs=8e-4)
     speed = _motors(TIME)[1][:, 0]
     rubs = levels * np.tanh((speed + truth[:, 1, 0]) / STEEP)

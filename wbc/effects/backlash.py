@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
-from wbc.effects.loose_link import Contact, loose_deflection
+from wbc.effects.flanks import Contact
 from wbc.effects.loose_search import best_contacts
+from wbc.effects.striking_links import struck_deflections
 from wbc.effects.yielding_gear import YieldingGear, by_side
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
 
@@ -68,6 +69,10 @@ class Backlash(YieldingGear):
             gears = gears.with_value(name, self.where, value)
         return robot.with_transmission(gears)
 
+    def contact(self) -> Contact:
+        """Return the flanks of the gear."""
+        return Contact(self.stiffness, self.damping, self.width)
+
     def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
         """Return the link's motion relative to the motor, (N, 3), and its dry friction if any."""
-        return loose_deflection(response, Contact(self.stiffness, self.damping, self.width))
+        return struck_deflections([response], [self.contact()])[0]

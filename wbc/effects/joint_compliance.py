@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
+from wbc.effects.flanks import Contact
 from wbc.effects.soft_search import best_springs
 from wbc.effects.yielding_gear import YieldingGear, by_side
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
@@ -59,6 +60,10 @@ class JointCompliance(YieldingGear):
         """Return the robot whose gear is that soft."""
         gears = robot.transmission.with_value("stiffness", self.where, self.stiffness)
         return robot.with_transmission(gears.with_value("damping", self.where, self.damping))
+
+    def contact(self) -> Contact:
+        """Return the spring as flanks without play."""
+        return Contact(self.stiffness, self.damping, 0.0)
 
     def spring(self) -> tuple[float, float]:
         """Return stiffness and damping."""

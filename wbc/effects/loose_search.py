@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.loose_link import COARSE, Contact, weight_of_the_end
+from wbc.effects.flanks import COARSE, Contact, weight_of_the_end
 from wbc.robot import LinkResponse
 
 _FINE = 1e-3  # [s], of the last ranking

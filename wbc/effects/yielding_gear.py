@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self, get_args
 
+from wbc.effects.flanks import Contact
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, LinkResponse
 
@@ -24,6 +25,10 @@ class YieldingGear(JointEffect, ABC):
     """
 
     friction_side: Side = field(default="either", kw_only=True)
+
+    @abstractmethod
+    def contact(self) -> Contact:
+        """Return the flanks of the gear; without play it is a spring."""
 
     def with_friction_at(self, side: Side) -> Self:
         """Return the same gear with the joint's friction on that side."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from wbc.identification.credibility import at_the_end
 from wbc.identification.exchange import settle
 from wbc.identification.model import Model
+from wbc.identification.pairs import best_pair
 from wbc.identification.problem import ONLY_NOISE, Problem
+from wbc.identification.scatter import scattered
 from wbc.identification.selection import SIMPLER, Selector
-from wbc.identification.swinging import deflects
+from wbc.identification.swinging import deflects, loose, strike_together
 from wbc.identification.unexplained import unexplained
 from wbc.robot import Effect
 
@@ -21,6 +24,10 @@ _FAR = 0.3  # ... links that swing come first, if they leave so little of what t
 _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
+_NOT_ALL = 0.03  # of the error (rms), beyond which a loose gear may not be alone
+_SHAKES = 3  # rounds in which numbers of gears that strike together are sought by chance ...
+_CALMER = 0.8  # ... as long as so little of the error is left
+_PAIRED = 0.8  # of the error, that two gears from a coarse grid must leave at most
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 _NEARLY = 1.25  # of an error, that a model inside its ranges may leave and be preferred
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
@@ -47,16 +54,48 @@ class _Kinds:
         """The model without causes."""
         return self.everything.model(())
 
+    @cached_property
+    def pair(self) -> Model | None:
+        """The two gears that explain most together, at least one of them loose; None if little."""
+        found = best_pair(self.everything.problem, self.swinging.candidates)
+        return self.shaken(found.effects) if found and found.share < _PAIRED else None
+
     def swung(self, origin: Model, enough: float) -> list[Model]:
         """Return models with one swinging link more each, while they pay and much is left."""
         result = [origin]
         while result[-1].error >= enough:
-            most = _WORTHWHILE * result[-1].error
-            longer = self.swinging.best_addition(result[-1], self.first, most)
+            longer = self._swung_once(result[-1])
             if longer is None:
                 break
             result.append(longer)
         return result[1:]
+
+    def _swung_once(self, model: Model) -> Model | None:
+        most = _WORTHWHILE * model.error
+        if not loose(model.effects):
+            longer = self.swinging.best_addition(model, self.first, most)
+            together = longer is not None and strike_together(longer.effects)
+            return self.shaken(longer.effects, longer) if longer and together else longer
+        # A loose gear found alone holds in its numbers what another one does.
+        if len(model.effects) > 1 or self.pair is None or self.pair.error > most:
+            return None
+        return self.pair if self.swinging.worthwhile(model, self.pair, self.first) else None
+
+    def shaken(self, effects: Sequence[Effect], known: Model | None = None) -> Model:
+        """Return the model of gears that strike together, its numbers sought by chance as well.
+
+        Args:
+            effects: from which to begin.
+            known: model with these effects, already fitted.
+        """
+        best = known
+        for seed in range(_SHAKES):
+            begun = effects if best is None else best.effects
+            other = self.everything.model(scattered(self.everything.problem, begun, seed))
+            if best is not None and other.error > _CALMER * best.error:
+                return min((best, other), key=lambda m: m.error)
+            best = other
+        return self.everything.model(effects) if best is None else best
 
 
 def find_causes(
@@ -88,10 +127,10 @@ def find_causes(
         if swung and swung[-1].error < _FAR * left:
             early = _finish(direct, [first, *swung], first)
             if early[1].error < max(rough, _CLEAR * left):
-                return kinds.everything, *early
+                return _with_a_pair(kinds, kinds.everything, *early)
     begun = [first] if start is None else [first, start]
     found = _tried_again(direct, *_finish(direct, begun, first))
-    return _beside_swings(kinds, found, early, rough)
+    return _with_a_pair(kinds, *_beside_swings(kinds, found, early, rough))
 
 
 def _beside_swings(
@@ -129,6 +168,26 @@ def _beside_swings(
             best = kinds.everything, longer, other
             explained = rough
     return best
+
+
+def _with_a_pair(
+    kinds: _Kinds, selector: Selector, path: list[Model], final: Model
+) -> tuple[Selector, list[Model], Model]:
+    """Return the search, or where much is left one that begins with two gears that yield at once.
+
+    Of two loose gears each alone may explain nothing: the links throw one another.
+    """
+    first, problem = kinds.first, selector.problem
+    clear = final.error < _NOT_ALL**2 * first.error or not loose(final.effects)
+    if clear and not unexplained(problem, first.error, final):
+        return selector, path, final
+    both = kinds.pair
+    if both is None or both.error > _HALF * final.error:
+        return selector, path, final
+    longer, found = _finish(kinds.direct, [first, both], first)
+    if not _better(kinds.direct, found, final, first):
+        return selector, path, final
+    return kinds.everything, longer, found
 
 
 def _tried_again(direct: Selector, path: list[Model], final: Model) -> _Search:

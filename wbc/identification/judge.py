@@ -10,12 +10,14 @@ from wbc.arrays import FloatArray
 from wbc.identification.credibility import credible
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
+from wbc.identification.swinging import loose
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
 SYSTEMATIC_SIMULATED = 0.02
 """The same for links simulated behind play or soft gears."""
+_SYSTEMATIC_LOOSE = 0.04  # the same for links that bounce: they soon forget how they began
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,8 @@ class Judge:
         """Whether a gain (rows, outputs) over `small` is more than what is distorted."""
         simulated = small.swings
         share = SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
+        if loose(small.effects):
+            share = _SYSTEMATIC_LOOSE
         distorted = share**2 * np.mean(first.squares, axis=0)
         return bool(np.mean(np.maximum(np.mean(gain, axis=0) - distorted, 0.0)) > _LEAST_GAIN)
 

@@ -212,7 +212,8 @@ class Record:
         )
 
     def _own_band(self, values: FloatArray, column: int) -> FloatArray:
-        weight = self.scale[:, column].reshape(-1, *(1,) * (values.ndim - 1))
+        """Condense `values` (N or only the first of them, ...) as a torque of one driven joint."""
+        weight = self.scale[: len(values), column].reshape(-1, *(1,) * (values.ndim - 1))
         return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
 
     def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:

@@ -11,6 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque
 from wbc.effects.rubbing_link import rubbing_deflections, rubbing_start
 from wbc.effects.soft_link import Spring, own_frequency, soft_deflections
+from wbc.effects.striking_links import struck_deflections
+from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.link_friction import LinkSide
 from wbc.identification.load_noise import without_noise
 from wbc.identification.record import Record
@@ -19,6 +21,8 @@ from wbc.robot import Effect, LinkResponse, Motion, Robot
 _LARGEST = 0.4  # [rad] of deflection up to which what is not linear in it is followed
 _ROUNDS = 8
 _SETTLED = 1e-3
+_STRIKES = 3  # rounds in which links that strike are followed where they are ...
+_STRAIGHT = 0.02  # [rad] ... if they bend farther, or rub
 _STARTS = 3  # rounds in which the beginning of a link with dry friction is chosen
 
 Unexplained = Callable[[FloatArray], FloatArray]
@@ -36,6 +40,18 @@ def some_deflect(effects: Iterable[Effect]) -> bool:
     return any(deflects(effect) for effect in effects)
 
 
+def loose(effects: Iterable[Effect]) -> bool:
+    """Whether a link behind one of the effects' gears bounces."""
+    return any(deflects(effect) and effect.spring() is None for effect in effects)
+
+
+def strike_together(effects: Sequence[Effect]) -> bool:
+    """Whether several links move behind flanks, one gear in front of each."""
+    gears = [effect for effect in effects if isinstance(effect, YieldingGear)]
+    others = any(deflects(e) and not isinstance(e, YieldingGear) for e in effects)
+    return loose(gears) and not others and 1 < len({gear.where for gear in gears}) == len(gears)
+
+
 def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
     """Return the torque (N, nv) of links that swing behind their gears.
 
@@ -48,12 +64,14 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
         unexplained: by which links choose how they moved when the log began.
     """
     load = record.links_of(robot) - record.contacts
+    if strike_together(robot.effects):
+        return _struck(robot, record, load, unexplained)
     # A gear is as soft as it was said last.
     springs = {e.where: spring for e in robot.effects if (spring := e.spring()) is not None}
-    loose = [e for e in robot.effects if deflects(e) and e.spring() is None]
-    rubbing = _rubbing(robot, record, {*springs, *(e.where for e in loose)})
+    bouncing = [e for e in robot.effects if loose([e])]
+    rubbing = _rubbing(robot, record, {*springs, *(e.where for e in bouncing)})
     groups: list[Effect | None] = [None] if springs else []
-    groups += loose
+    groups += bouncing
     torques = [np.zeros_like(load) for _ in groups]
     for k in (*range(len(groups)),) * (2 if len(groups) > 1 else 1):
         others = sum((t for i, t in enumerate(torques) if i != k), np.zeros_like(load))
@@ -65,6 +83,36 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
             side = None if effect.where in springs else rubbing.get(effect.where)
             torques[k] = _loose(robot, record, effect, side, load, others, unexplained)
     return sum(torques, np.zeros_like(load))
+
+
+def _struck(robot: Robot, record: Record, load: FloatArray, unexplained: Unexplained) -> FloatArray:
+    """Return the torque of links that strike their flanks and so throw one another."""
+    gears = [effect for effect in robot.effects if isinstance(effect, YieldingGear)]
+    joints, contacts = [gear.where for gear in gears], [gear.contact() for gear in gears]
+    sides = _rubbing(robot, record, joints)
+    beyond, torque = np.zeros_like(load), np.zeros_like(load)
+    for k in range(_STRIKES):
+        bends = _bends(load, sides.values())
+        known = beyond + bends
+        driving, left = load + known, unexplained(known)
+        for side in sides.values():
+            driving[:, side.row] += side.motor.smooth
+        plain = [driven(robot, record, joint, driving, left) for joint in joints]
+        responses = [
+            sides[joint].on(response) if joint in sides else response
+            for joint, response in zip(joints, plain, strict=True)
+        ]
+        bent = struck_deflections(responses, contacts)
+        torque = known + sum(r.torque(d) for r, d in zip(responses, bent, strict=True))
+        if not sides and max(float(np.abs(d[:, 0]).max()) for d in bent) < _STRAIGHT:
+            break
+        moved, before = _moved(robot, record, joints, bent), sides
+        straight = sum(r.torque(d) for r, d in zip(plain, bent, strict=True))
+        beyond = _needed(robot, record, moved) - load - straight
+        sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
+        if k and not any(side.differs(before[joint]) for joint, side in sides.items()):
+            break
+    return torque
 
 
 def _rubbing(robot: Robot, record: Record, joints: Iterable[str]) -> dict[str, LinkSide]:

@@ -49,7 +49,8 @@ class LinkResponse:
         unexplained: (N,) torque that the log shows and the stiff robot does not explain [N m]: what
             the deflection may account for. How the link moved when the log began is in no
             channel, and is chosen by it.
-        band: filter along the first axis to the frequencies in which the torques are compared.
+        band: filter along the first axis to the frequencies in which the torques are compared; it
+            takes a log, or the beginning of one.
         friction: dry friction of the link; None where there is none, or where it rubs at the motor.
     """
 
