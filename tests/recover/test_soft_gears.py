@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wbc.effects import (
+    Backlash,
     CoulombFriction,
     JointCompliance,
     PayloadMass,
@@ -79,13 +80,16 @@ def _log(
     at_motor: Rubbing = NOTHING,
     noise: tuple[float, float, float] = (2e-5, 3e-3, 2e-3),
     wound: tuple[float, float] = (0.02, 0.01),
+    play: tuple[float, float] = (0.0, 0.0),
 ) -> Log:
     random = np.random.default_rng(seed)
     phase = random.uniform(0.0, 2.0 * np.pi, FREQUENCY.shape)
 
     def held(t: float, state: np.ndarray) -> np.ndarray:
         position, velocity, _ = _motors(t, phase)[..., 0]
-        return stiffness * (position - state[:2]) + damping * (velocity - state[2:])
+        lag = position - state[:2]
+        wind = lag - np.clip(lag, -0.5 * np.array(play), 0.5 * np.array(play))
+        return stiffness * wind + (wind != 0.0) * damping * (velocity - state[2:])
 
     def rate(t: float, state: np.ndarray) -> np.ndarray:
         mass, bias = _links(state[:2], state[2:], foot)
@@ -95,7 +99,16 @@ def _log(
     begin = _motors(0.0, phase)[:2, :, 0]
     start = np.concatenate([begin[0] - wound, begin[1]])
     span = (0.0, float(TIME[-1]))
-    path = solve_ivp(rate, span, start, "LSODA", TIME, rtol=1e-8, atol=1e-10, max_step=5e-3).y
+    path = solve_ivp(
+        rate,
+        span,
+        start,
+        "LSODA",
+        TIME,
+        rtol=1e-8,
+        atol=1e-10,
+        max_step=1e-3 if any(play) else 5e-3,
+    ).y
     passed = np.array([held(t, state) for t, state in zip(TIME, path.T, strict=True)])
     position, velocity, acceleration = (part.T for part in _motors(TIME, phase))
     torque = (passed + REFLECTED * acceleration + at_motor.torque(velocity)) / RATIO
@@ -220,3 +233,43 @@ def test_friction_of_two_soft_links_follows_both() -> None:
     assert levels == pytest.approx([0.8, 0.4], rel=0.03)
     found = [effect.values["stiffness"] for effect in fit.effects[:2]]
     assert found == pytest.approx([800.0, 300.0], rel=0.02)
+
+
+TOGETHER = [
+    (((3000.0, 8.0), (3000.0, 8.0)), (0.015, 0.02)),
+    (((600.0, 2.0), (3000.0, 8.0)), (0.0, 0.015)),
+]
+
+
+def _struck_logs(springs: tuple[tuple[float, float], ...], play: tuple[float, float]) -> list[Log]:
+    stiffness, damping = np.array(springs).T
+    return [_log(stiffness, damping, 0.0, s, wound=(0.004, 0.004), play=play) for s in (5, 6)]
+
+
+@pytest.mark.parametrize(("springs", "play"), TOGETHER)
+def test_links_that_strike_together_are_followed(
+    springs: tuple[tuple[float, float], ...], play: tuple[float, float]
+) -> None:
+    """Links that strike throw one another: in turn they left more than stiff gears (1.8 times)."""
+    problem = Problem.from_logs(
+        load_robot("planar_leg_fixed").lossless(), _struck_logs(springs, play)
+    )
+    begun: list[Effect] = [
+        Backlash(joint, 1.01 * width, k, c) if width else JointCompliance(joint, 1.03 * k, c)
+        for joint, width, (k, c) in zip(("hip", "knee"), play, springs, strict=True)
+    ]
+    fit = problem.fit(begun)
+    assert fit.error < 0.15**2 * problem.fit(()).error
+    for effect, width, (k, _) in zip(fit.effects, play, springs, strict=True):
+        name, true = ("width", width) if width else ("stiffness", k)
+        assert effect.values[name] == pytest.approx(true, rel=0.05)
+
+
+def test_a_soft_and_a_loose_gear_are_both_named() -> None:
+    """Beside the swing of a soft hip a loose knee shows only where both are sought at once."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    found = diagnose(robot, _struck_logs(*TOGETHER[1]))
+    assert found.verdict == "named"
+    named = {(f.effect.where, f.effect.name): f.effect for f in found.findings}
+    assert set(named) == {("hip", "joint_compliance"), ("knee", "backlash")}
+    assert named["hip", "joint_compliance"].values["stiffness"] == pytest.approx(600.0, rel=0.02)

@@ -87,6 +87,8 @@ def _beginning(
     varied = _VARIED * np.eye(best.size).reshape(-1, *size)
     for _ in range(_STEPS):
         slopes = (left(best + varied) - residual[:, None]) / _VARIED
+        if not np.isfinite(slopes).all():
+            break
         step = -np.linalg.lstsq(slopes, residual, rcond=1e-3)[0].reshape(size)
         trials = np.array([best + length * step for length in _LENGTHS])
         before = best
@@ -100,7 +102,7 @@ def _best(
     trials: Sequence[FloatArray] | FloatArray, left: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the trial that leaves least and what it leaves (R,), of (R, B)."""
-    k = int(np.argmin(np.sum(left**2, axis=0)))
+    k = int(np.argmin(np.nan_to_num(np.sum(left**2, axis=0), nan=np.inf)))
     return trials[k], left[:, k]
 
 

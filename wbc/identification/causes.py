@@ -9,9 +9,9 @@ from functools import cached_property
 from wbc.identification.credibility import at_the_end
 from wbc.identification.exchange import settle
 from wbc.identification.model import Model
-from wbc.identification.pairs import best_pair
+from wbc.identification.pairs import best_pairs, loudest
+from wbc.identification.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.problem import ONLY_NOISE, Problem
-from wbc.identification.scatter import scattered
 from wbc.identification.selection import SIMPLER, Selector
 from wbc.identification.swinging import deflects, loose, strike_together
 from wbc.identification.unexplained import unexplained
@@ -25,8 +25,10 @@ _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end the
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _NOT_ALL = 0.03  # of the error (rms), beyond which a loose gear may not be alone
-_SHAKES = 3  # rounds in which numbers of gears that strike together are sought by chance ...
+_ROUNDS = 3  # in which numbers of gears that strike together are tried one by one ...
+_ALIKE = 1.3  # times the least error, up to which the simpler pair is taken
 _CALMER = 0.8  # ... as long as so little of the error is left
+_WAYS = 4  # in which two gears may yield, that are tried before one is fitted
 _PAIRED = 0.8  # of the error, that two gears from a coarse grid must leave at most
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 _NEARLY = 1.25  # of an error, that a model inside its ranges may leave and be preferred
@@ -57,8 +59,17 @@ class _Kinds:
     @cached_property
     def pair(self) -> Model | None:
         """The two gears that explain most together, at least one of them loose; None if little."""
-        found = best_pair(self.everything.problem, self.swinging.candidates)
-        return self.shaken(found.effects) if found and found.share < _PAIRED else None
+        problem = self.everything.problem
+        pairs = best_pairs(problem, self.swinging.candidates)[:_WAYS]
+        begun = [pair.effects for pair in pairs if pair.share < _PAIRED]
+        tried = [pattern_search(problem, effects, FAR, loudest(problem)) for effects in begun]
+        if not tried:
+            return None
+        least = min(left for _, left in tried)
+        # Without play a loose gear is a soft one, with a number more.
+        alike = [effects for effects, left in tried if left < _ALIKE * least]
+        simplest = min(alike, key=lambda effects: sum(e.freedom for e in effects))
+        return self.settled(self.everything.model(simplest))
 
     def swung(self, origin: Model, enough: float) -> list[Model]:
         """Return models with one swinging link more each, while they pay and much is left."""
@@ -74,28 +85,26 @@ class _Kinds:
         most = _WORTHWHILE * model.error
         if not loose(model.effects):
             longer = self.swinging.best_addition(model, self.first, most)
-            together = longer is not None and strike_together(longer.effects)
-            return self.shaken(longer.effects, longer) if longer and together else longer
+            if longer is not None and strike_together(longer.effects):
+                longer = self.settled(longer)
+            # Beside one link that swings every other is tried, whatever it promises.
+            beside = longer is not None and model.swings and longer.error > most
+            return None if beside else longer
         # A loose gear found alone holds in its numbers what another one does.
         if len(model.effects) > 1 or self.pair is None or self.pair.error > most:
             return None
         return self.pair if self.swinging.worthwhile(model, self.pair, self.first) else None
 
-    def shaken(self, effects: Sequence[Effect], known: Model | None = None) -> Model:
-        """Return the model of gears that strike together, its numbers sought by chance as well.
-
-        Args:
-            effects: from which to begin.
-            known: model with these effects, already fitted.
-        """
-        best = known
-        for seed in range(_SHAKES):
-            begun = effects if best is None else best.effects
-            other = self.everything.model(scattered(self.everything.problem, begun, seed))
-            if best is not None and other.error > _CALMER * best.error:
-                return min((best, other), key=lambda m: m.error)
-            best = other
-        return self.everything.model(effects) if best is None else best
+    def settled(self, model: Model) -> Model:
+        """Return a model of gears that strike together with better numbers, where there are."""
+        problem = self.everything.problem
+        for _ in range(_ROUNDS):
+            effects, _ = pattern_search(problem, model.effects, NEAR, problem.records)
+            other = self.everything.model(effects)
+            if other.error > _CALMER * model.error:
+                return min((model, other), key=lambda m: m.error)
+            model = other
+        return model
 
 
 def find_causes(

@@ -17,7 +17,7 @@ _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must re
 _SYSTEMATIC = 0.01  # share of the first error (rms) that filters and derivatives distort
 SYSTEMATIC_SIMULATED = 0.02
 """The same for links simulated behind play or soft gears."""
-_SYSTEMATIC_LOOSE = 0.04  # the same for links that bounce: they soon forget how they began
+_SYSTEMATIC_LOOSE = 0.03  # the same for links that bounce: they soon forget how they began
 
 
 @dataclass(frozen=True, eq=False)

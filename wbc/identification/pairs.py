@@ -18,10 +18,10 @@ from wbc.identification.swinging import strike_together
 from wbc.robot import Effect
 
 _JOINTS = 3  # at most, with the largest residuals
-_RECORDS = 2  # at most, with the largest residuals
-_PLAYS = (0.005, 0.01, 0.02, 0.04)  # [rad]
+_PLAYS = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad]
 _FLANK = 25.0  # [Hz] at which a link swings on a flank
 _SPRINGS = (3.5, 7.0, 14.0)  # [Hz] at which a link swings behind a soft gear
+_SOFTEST = 1.0  # [N m/rad]
 _DAMPING = 0.15  # of the critical one
 
 
@@ -32,25 +32,25 @@ class Pair(NamedTuple):
     share: float
 
 
-def best_pair(problem: Problem, classes: Collection[type[Effect]]) -> Pair | None:
-    """Return the two gears of a coarse grid, at least one of them loose, that leave least.
+def best_pairs(problem: Problem, classes: Collection[type[Effect]]) -> list[Pair]:
+    """Return two gears of a coarse grid, at least one of them loose, that leave least.
 
-    None where no two links of these logs could move behind their gears.
+    One pair for every way in which two links may yield (loose or soft), best first.
+
+    Empty where no two links of these logs could move behind their gears.
 
     Args:
         problem: the logs.
         classes: effects that may be used.
     """
     if not {Backlash, JointCompliance} <= set(classes):
-        return None
-    robot, ends = problem.robot, np.cumsum([record.rows for record in problem.records])
+        return []
+    robot, records = problem.robot, loudest(problem)
     squares = (problem.residual @ problem.whitening) ** 2
-    loudest = np.argsort([-float(p.sum()) for p in np.split(squares, ends[:-1])])[:_RECORDS]
-    records = [problem.records[k] for k in sorted(loudest)]
     own = squares.mean(axis=0)[: robot.transmission.size]
     joints = [robot.transmission.joints[k] for k in sorted(np.argsort(-own)[:_JOINTS])]
     nothing = evaluate(robot, (), records, problem.whitening).cost
-    best: Pair | None = None
+    best: dict[tuple[tuple[str, str], ...], Pair] = {}
     for one, other in combinations(joints, 2):
         for pair in product(_gears(one, records[0]), _gears(other, records[0])):
             if not strike_together(pair):
@@ -59,9 +59,17 @@ def best_pair(problem: Problem, classes: Collection[type[Effect]]) -> Pair | Non
                 share = evaluate(robot, pair, records, problem.whitening).cost / nothing
             except IMPOSSIBLE:
                 continue
-            if best is None or share < best.share:
-                best = Pair(pair, share)
-    return best
+            way = tuple(gear.key for gear in pair)
+            if way not in best or share < best[way].share:
+                best[way] = Pair(pair, share)
+    return sorted(best.values(), key=lambda pair: pair.share)
+
+
+def loudest(problem: Problem) -> list[Record]:
+    """Return the log with the largest residual, on which much can be tried in little time."""
+    ends = np.cumsum([record.rows for record in problem.records])
+    squares = np.split((problem.residual @ problem.whitening) ** 2, ends[:-1])
+    return [problem.records[int(np.argmax([part.sum() for part in squares]))]]
 
 
 def _gears(joint: str, record: Record) -> Iterator[YieldingGear]:
@@ -73,7 +81,7 @@ def _gears(joint: str, record: Record) -> Iterator[YieldingGear]:
 
     def flank(frequency: float) -> tuple[float, float]:
         rate = 2.0 * np.pi * frequency
-        return inertia * rate**2, 2.0 * _DAMPING * inertia * rate
+        return max(inertia * rate**2, _SOFTEST), 2.0 * _DAMPING * inertia * rate
 
     for play in _PLAYS:
         yield Backlash(joint, play, *flank(_FLANK))
