@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import ClassVar, Self, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.flanks import Contact
@@ -11,6 +12,10 @@ from wbc.effects.loose_search import best_contacts
 from wbc.effects.striking_links import struck_deflections
 from wbc.effects.yielding_gear import YieldingGear, by_side
 from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
+
+_PLAYS = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad]
+_FLANK = 25.0  # [Hz]
+_DAMPING = 0.15  # of the critical one, to begin with
 
 
 @final
@@ -57,6 +62,13 @@ class Backlash(YieldingGear):
             for side, responses in by_side(evidence, where)
             for c in best_contacts(responses, count=2)
         )
+
+    @classmethod
+    def coarsely(cls, where: str, inertia: float) -> Iterator[Self]:
+        """Yield plays from 4 to 45 mrad between flanks on which the link swings at 25 Hz."""
+        for play in _PLAYS:
+            contact = Contact.swinging(inertia, _FLANK, _DAMPING, play)
+            yield cls(where, play, contact.stiffness, contact.damping)
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot whose gear has this play."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 
 FINEST = 5e-4  # [s], at least
+_SOFTEST = 1.0  # [N m/rad], for the small links of a wrist
 _TURN = 0.25  # [rad] of the swing on a flank that one step may cover
 COARSE = 2e-3  # [s], while contacts and beginnings are only ranked
 START = 0.6  # [s] of the log by which the first positions and speeds of links are chosen
@@ -27,6 +29,20 @@ class Contact:
     stiffness: float
     damping: float
     play: float
+
+    @classmethod
+    def swinging(cls, inertia: float, frequency: float, damping: float, play: float = 0.0) -> Self:
+        """Return flanks on which a link swings at a frequency.
+
+        Args:
+            inertia: of the link [kg m^2].
+            frequency: [Hz].
+            damping: as a share of the critical one.
+            play: [rad].
+        """
+        rate = 2.0 * np.pi * frequency
+        stiffness = max(inertia * rate**2, _SOFTEST)
+        return cls(float(stiffness), float(2.0 * damping * inertia * rate), play)
 
     def scaled(self, stiffness: float, damping: float, play: float) -> Contact:
         """Return the contact with every number multiplied."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import ClassVar, Self, final
 
 from wbc.effects.flanks import Contact
 from wbc.effects.soft_search import best_springs
 from wbc.effects.yielding_gear import YieldingGear, by_side
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
+_SWINGS = (3.5, 7.0, 14.0)  # [Hz]
+_DAMPING = 0.15  # of the critical one, to begin with
 _CREEPS = 0.5  # [s], damping over stiffness
 
 
@@ -51,6 +53,13 @@ class JointCompliance(YieldingGear):
             for side, responses in by_side(evidence, where)
             for k, c in best_springs(responses, count=2)
         )
+
+    @classmethod
+    def coarsely(cls, where: str, inertia: float) -> Iterator[Self]:
+        """Yield springs behind which the link swings at 3.5, 7 and 14 Hz."""
+        for frequency in _SWINGS:
+            contact = Contact.swinging(inertia, frequency, _DAMPING)
+            yield cls(where, contact.stiffness, contact.damping)
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the gear gives and comes back: one that creeps writes down any slow drift."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self, get_args
 
@@ -25,6 +26,11 @@ class YieldingGear(JointEffect, ABC):
     """
 
     friction_side: Side = field(default="either", kw_only=True)
+
+    @classmethod
+    @abstractmethod
+    def coarsely(cls, where: str, inertia: float) -> Iterator[Self]:
+        """Yield gears over a coarse grid, in front of a link of that inertia [kg m^2]."""
 
     @abstractmethod
     def contact(self) -> Contact:

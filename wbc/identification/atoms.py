@@ -16,7 +16,7 @@ from wbc.identification.residual import (
     rubbing_responses,
     swinging_torque,
 )
-from wbc.identification.swinging import deflects
+from wbc.identification.yielding import deflects
 from wbc.robot import Effect, Evidence, Robot, Screen
 
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order

@@ -13,8 +13,8 @@ from wbc.identification.pairs import best_pairs, loudest
 from wbc.identification.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.selection import SIMPLER, Selector
-from wbc.identification.swinging import deflects, loose, strike_together
 from wbc.identification.unexplained import unexplained
+from wbc.identification.yielding import deflects, loose, strike_together
 from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried

@@ -18,7 +18,7 @@ from wbc.identification.kept_columns import (
 from wbc.identification.link_friction import rubbing_at_link
 from wbc.identification.record import Record
 from wbc.identification.residual import condensed_residual, noise_sizes, swinging_torque
-from wbc.identification.swinging import deflects
+from wbc.identification.yielding import deflects
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is

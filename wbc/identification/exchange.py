@@ -9,7 +9,7 @@ from wbc.identification.credibility import credible, shape_at_bound, showing
 from wbc.identification.merging import merged
 from wbc.identification.model import Model, least_complexity
 from wbc.identification.selection import REFINED, SIMPLER, Selector, without
-from wbc.identification.swinging import deflects
+from wbc.identification.yielding import deflects
 from wbc.robot import Effect
 
 _EXCHANGES = 3

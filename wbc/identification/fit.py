@@ -17,7 +17,7 @@ from wbc.identification.derivatives import (
 )
 from wbc.identification.kept_columns import IMPOSSIBLE, KeptColumns
 from wbc.identification.record import Record
-from wbc.identification.swinging import some_deflect
+from wbc.identification.yielding import some_deflect
 from wbc.robot import Effect, Parameter, Robot
 
 ITERATIONS = 12

@@ -10,7 +10,7 @@ from wbc.arrays import FloatArray
 from wbc.identification.credibility import credible
 from wbc.identification.model import Model
 from wbc.identification.problem import Problem
-from wbc.identification.swinging import loose
+from wbc.identification.yielding import loose
 
 _LEAST_GAIN = 0.05  # in units of the floor's mean square
 _LEAST_SHARE = 0.02  # of the present excess over the floor that a cause must remove

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Sequence
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 
-from wbc.effects import Backlash, JointCompliance
 from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.derivatives import evaluate
 from wbc.identification.kept_columns import IMPOSSIBLE
 from wbc.identification.problem import Problem
 from wbc.identification.record import Record
-from wbc.identification.swinging import strike_together
+from wbc.identification.yielding import strike_together
 from wbc.robot import Effect
 
-_JOINTS = 3  # at most, with the largest residuals
-_PLAYS = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad]
-_FLANK = 25.0  # [Hz] at which a link swings on a flank
-_SPRINGS = (3.5, 7.0, 14.0)  # [Hz] at which a link swings behind a soft gear
-_SOFTEST = 1.0  # [N m/rad]
-_DAMPING = 0.15  # of the critical one
+_JOINTS = 2  # at most, with the largest residuals: every pair of joints takes a second or two
 
 
 class Pair(NamedTuple):
@@ -32,7 +26,7 @@ class Pair(NamedTuple):
     share: float
 
 
-def best_pairs(problem: Problem, classes: Collection[type[Effect]]) -> list[Pair]:
+def best_pairs(problem: Problem, classes: Sequence[type[Effect]]) -> list[Pair]:
     """Return two gears of a coarse grid, at least one of them loose, that leave least.
 
     One pair for every way in which two links may yield (loose or soft), best first.
@@ -43,16 +37,17 @@ def best_pairs(problem: Problem, classes: Collection[type[Effect]]) -> list[Pair
         problem: the logs.
         classes: effects that may be used.
     """
-    if not {Backlash, JointCompliance} <= set(classes):
-        return []
+    kinds = [kind for kind in classes if issubclass(kind, YieldingGear)]
     robot, records = problem.robot, loudest(problem)
     squares = (problem.residual @ problem.whitening) ** 2
-    own = squares.mean(axis=0)[: robot.transmission.size]
-    joints = [robot.transmission.joints[k] for k in sorted(np.argsort(-own)[:_JOINTS])]
+    judged = [k for k in range(robot.transmission.size) if k not in problem.floor.aside]
+    order = np.argsort(-squares.mean(axis=0)[: len(judged)])
+    joints = [robot.transmission.joints[judged[k]] for k in sorted(order[:_JOINTS])]
     nothing = evaluate(robot, (), records, problem.whitening).cost
     best: dict[tuple[tuple[str, str], ...], Pair] = {}
-    for one, other in combinations(joints, 2):
-        for pair in product(_gears(one, records[0]), _gears(other, records[0])):
+    offers = [_gears(joint, records[0], kinds) for joint in joints]
+    for gears in combinations(offers, 2):
+        for pair in product(*gears):
             if not strike_together(pair):
                 continue
             try:
@@ -72,18 +67,10 @@ def loudest(problem: Problem) -> list[Record]:
     return [problem.records[int(np.argmax([part.sum() for part in squares]))]]
 
 
-def _gears(joint: str, record: Record) -> Iterator[YieldingGear]:
-    """Yield the gears to try in front of a link: their flanks go by what it weighs."""
+def _gears(joint: str, record: Record, kinds: Sequence[type[YieldingGear]]) -> list[YieldingGear]:
+    """Return the gears to try in front of a link: their flanks go by what it weighs."""
     response = record.response(joint)
     inertia = float(np.mean(response.inertia[:, response.row]))
     if inertia <= 0.0:
-        return
-
-    def flank(frequency: float) -> tuple[float, float]:
-        rate = 2.0 * np.pi * frequency
-        return max(inertia * rate**2, _SOFTEST), 2.0 * _DAMPING * inertia * rate
-
-    for play in _PLAYS:
-        yield Backlash(joint, play, *flank(_FLANK))
-    for frequency in _SPRINGS:
-        yield JointCompliance(joint, *flank(frequency))
+        return []
+    return [gear for kind in kinds for gear in kind.coarsely(joint, inertia)]

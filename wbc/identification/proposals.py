@@ -13,7 +13,7 @@ from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
 from wbc.identification.model import Model
 from wbc.identification.screening import Nearby, Swinging, screen
 from wbc.identification.search import Subset
-from wbc.identification.swinging import deflects
+from wbc.identification.yielding import deflects
 from wbc.robot import Effect, Robot
 
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave

@@ -11,7 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import rotor_torque
 from wbc.identification.link_friction import LinkSide
 from wbc.identification.record import Record
-from wbc.identification.swinging import deflects, driven, some_deflect, swing
+from wbc.identification.swinging import driven, swing
+from wbc.identification.yielding import deflects, some_deflect
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share

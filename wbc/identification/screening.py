@@ -8,7 +8,7 @@ from wbc.identification.atoms import Atom, Shelf, evidence, make_atoms
 from wbc.identification.fit import Fit
 from wbc.identification.problem import Problem
 from wbc.identification.search import BeamSearch
-from wbc.identification.swinging import deflects
+from wbc.identification.yielding import deflects
 from wbc.robot import Effect, Robot
 
 Nearby = tuple[Robot, Shelf]

@@ -16,6 +16,7 @@ from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.link_friction import LinkSide
 from wbc.identification.load_noise import without_noise
 from wbc.identification.record import Record
+from wbc.identification.yielding import loose, strike_together
 from wbc.robot import Effect, LinkResponse, Motion, Robot
 
 _LARGEST = 0.4  # [rad] of deflection up to which what is not linear in it is followed
@@ -27,29 +28,6 @@ _STARTS = 3  # rounds in which the beginning of a link with dry friction is chos
 
 Unexplained = Callable[[FloatArray], FloatArray]
 """Additional torque of the links (N, nv) -> what the log then leaves unexplained (N, nv)."""
-
-
-def deflects(effect: Effect | type[Effect]) -> bool:
-    """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
-    kind = effect if isinstance(effect, type) else type(effect)
-    return kind.deflection is not Effect.deflection or kind.spring is not Effect.spring
-
-
-def some_deflect(effects: Iterable[Effect]) -> bool:
-    """Whether a link behind one of the effects' gears must be simulated."""
-    return any(deflects(effect) for effect in effects)
-
-
-def loose(effects: Iterable[Effect]) -> bool:
-    """Whether a link behind one of the effects' gears bounces."""
-    return any(deflects(effect) and effect.spring() is None for effect in effects)
-
-
-def strike_together(effects: Sequence[Effect]) -> bool:
-    """Whether several links move behind flanks, one gear in front of each."""
-    gears = [effect for effect in effects if isinstance(effect, YieldingGear)]
-    others = any(deflects(e) and not isinstance(e, YieldingGear) for e in effects)
-    return loose(gears) and not others and 1 < len({gear.where for gear in gears}) == len(gears)
 
 
 def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
