@@ -82,7 +82,8 @@ def _struck(robot: Robot, record: Record, load: FloatArray, unexplained: Unexpla
         ]
         bent = struck_deflections(responses, contacts)
         torque = known + sum(r.torque(d) for r, d in zip(responses, bent, strict=True))
-        if not sides and max(float(np.abs(d[:, 0]).max()) for d in bent) < _STRAIGHT:
+        largest = max(float(np.abs(d[:, 0]).max()) for d in bent)
+        if (not sides and largest < _STRAIGHT) or not largest < _LARGEST:
             break
         moved, before = _moved(robot, record, joints, bent), sides
         straight = sum(r.torque(d) for r, d in zip(plain, bent, strict=True))
