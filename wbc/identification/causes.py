@@ -26,9 +26,8 @@ _FILTERED = 0.01  # share of the first error that filters and derivatives distor
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _NOT_ALL = 0.03  # of the error (rms), beyond which a loose gear may not be alone
 _ROUNDS = 3  # in which numbers of gears that strike together are tried one by one ...
-_ALIKE = 1.3  # times the least error, up to which the simpler pair is taken
 _CALMER = 0.8  # ... as long as so little of the error is left
-_WAYS = 4  # in which two gears may yield, that are tried before one is fitted
+_ALIKE = 1.3  # times the least error, up to which the simpler pair is taken
 _PAIRED = 0.8  # of the error, that two gears from a coarse grid must leave at most
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 _NEARLY = 1.25  # of an error, that a model inside its ranges may leave and be preferred
@@ -60,9 +59,9 @@ class _Kinds:
     def pair(self) -> Model | None:
         """The two gears that explain most together, at least one of them loose; None if little."""
         problem = self.everything.problem
-        pairs = best_pairs(problem, self.swinging.candidates)[:_WAYS]
+        pairs, logs = best_pairs(problem, self.swinging.candidates), loudest(problem)
         begun = [pair.effects for pair in pairs if pair.share < _PAIRED]
-        tried = [pattern_search(problem, effects, FAR, loudest(problem)) for effects in begun]
+        tried = [pattern_search(problem, effects, FAR, logs) for effects in begun]
         if not tried:
             return None
         least = min(left for _, left in tried)

@@ -42,10 +42,10 @@ class Judge:
 
     def _gained(self, gain: FloatArray, small: Model, first: Model) -> bool:
         """Whether a gain (rows, outputs) over `small` is more than what is distorted."""
-        simulated = small.swings
-        share = SYSTEMATIC_SIMULATED if simulated else _SYSTEMATIC
         if loose(small.effects):
             share = _SYSTEMATIC_LOOSE
+        else:
+            share = SYSTEMATIC_SIMULATED if small.swings else _SYSTEMATIC
         distorted = share**2 * np.mean(first.squares, axis=0)
         return bool(np.mean(np.maximum(np.mean(gain, axis=0) - distorted, 0.0)) > _LEAST_GAIN)
 

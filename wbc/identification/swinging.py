@@ -72,22 +72,17 @@ def _struck(robot: Robot, record: Record, load: FloatArray, unexplained: Unexpla
     for k in range(_STRIKES):
         bends = _bends(load, sides.values())
         known = beyond + bends
-        driving, left = load + known, unexplained(known)
-        for side in sides.values():
-            driving[:, side.row] += side.motor.smooth
+        driving, left = _driving(load + known, sides.values()), unexplained(known)
         plain = [driven(robot, record, joint, driving, left) for joint in joints]
-        responses = [
-            sides[joint].on(response) if joint in sides else response
-            for joint, response in zip(joints, plain, strict=True)
-        ]
+        responses = _with_friction(joints, plain, sides)
         bent = struck_deflections(responses, contacts)
         torque = known + sum(r.torque(d) for r, d in zip(responses, bent, strict=True))
         largest = max(float(np.abs(d[:, 0]).max()) for d in bent)
         if (not sides and largest < _STRAIGHT) or not largest < _LARGEST:
             break
         moved, before = _moved(robot, record, joints, bent), sides
-        straight = sum(r.torque(d) for r, d in zip(plain, bent, strict=True))
-        beyond = _needed(robot, record, moved) - load - straight
+        beyond = _needed(robot, record, moved) - load
+        beyond -= sum((r.torque(d) for r, d in zip(plain, bent, strict=True)), np.zeros_like(load))
         sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
         if k and not any(side.differs(before[joint]) for joint, side in sides.items()):
             break
@@ -112,10 +107,9 @@ def _loose(
     """Return the torque of a link that its gear leaves free to bounce."""
     joint = effect.where
     for _ in range(_ROUNDS):
-        known = others + _bends(load, [] if side is None else [side])
-        driving = load + known
-        if side is not None:
-            driving[:, side.row] += side.motor.smooth
+        rubbing = [] if side is None else [side]
+        known = others + _bends(load, rubbing)
+        driving = _driving(load + known, rubbing)
         response = driven(robot, record, joint, driving, unexplained(known), side)
         bent = effect.deflection(robot, response)
         if bent is None:
@@ -179,17 +173,12 @@ def _soft(
         bends = _bends(load, sides.values())
         known = others + beyond + bends
         left = unexplained(known)
-        driving = load + known
-        for side in sides.values():
-            driving[:, side.row] += side.motor.smooth
+        driving = _driving(load + known, sides.values())
         for joint, spring in springs.items():
             frequency = own_frequency(record.response_of(robot, joint), spring)
             driving = without_noise(record, driving, joint, frequency)
         plain = [driven(robot, record, joint, driving, left) for joint in joints]
-        responses = [
-            sides[joint].on(response) if joint in sides else response
-            for joint, response in zip(joints, plain, strict=True)
-        ]
+        responses = _with_friction(joints, plain, sides)
         before = bent
         if any(response.friction is not None for response in responses):
             start = rubbing_start(responses, pairs) if start is None else start
@@ -212,6 +201,22 @@ def _soft(
         beyond -= sum((r.torque(d) for r, d in zip(plain, bent, strict=True)), np.zeros_like(load))
         sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
     return np.asarray(straight + beyond)
+
+
+def _driving(load: FloatArray, sides: Iterable[LinkSide]) -> FloatArray:
+    """Return a load (N, nv) with what is smooth in the friction at the links."""
+    driving = np.array(load)
+    for side in sides:
+        driving[:, side.row] += side.motor.smooth
+    return driving
+
+
+def _with_friction(
+    joints: Sequence[str], plain: Sequence[LinkResponse], sides: Mapping[str, LinkSide]
+) -> list[LinkResponse]:
+    """Return the responses of links at some of which friction rubs."""
+    pairs = zip(joints, plain, strict=True)
+    return [sides[joint].on(r) if joint in sides else r for joint, r in pairs]
 
 
 def _moved(
