@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from tests.recover.plant import Lane, simulate
-from wbc.effects import load_robot
+from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
 from wbc.identification.smoothing import quantisation_level
@@ -52,6 +52,31 @@ def test_nothing_is_named_where_nothing_moves(error: float, verdict: str) -> Non
     assert diagnosis.effects == ()
     assert [w.split()[0] for w in diagnosis.warnings] == ["hip", "knee"]
     assert "Move each joint" in diagnosis.next_experiment
+
+
+@pytest.mark.parametrize("noise", [(2e-5, 3e-3), (1e-5, 1e-3)])
+def test_a_joint_that_holds_still_does_not_rub_against_its_noise(
+    noise: tuple[float, float],
+) -> None:
+    """Between the limits of its friction a held joint may carry any torque, here none."""
+    random, time = np.random.default_rng(1), 0.004 * np.arange(1500)
+    swing = 0.6 * np.sin(5.0 * time) * np.array([[0.0], [1.0]])
+    rate, rise = np.gradient(swing, 0.004, axis=1), -25.0 * swing
+    data = ROBOT.model.createData()
+    pose = np.array([[0.6], [-0.3]]) + swing
+    torque = np.array(
+        [pin.rnea(ROBOT.model, data, *x) for x in zip(pose.T, rate.T, rise.T, strict=True)]
+    ).T
+    torque = (torque + ROBOT.transmission.reflected_inertia[:, None] * rise) / 20.0
+    columns: dict[str, np.ndarray] = {}
+    for k, joint in enumerate(JOINTS):
+        drawn = random.standard_normal((3, time.size))
+        columns[f"{joint}.position"] = pose[k] + noise[0] * drawn[0]
+        columns[f"{joint}.velocity"] = rate[k] + noise[1] * drawn[1]
+        columns[f"{joint}.rotor_torque"] = torque[k] + 2e-3 * drawn[2]
+    log = Log(time, columns)
+    rubbing = ROBOT.with_effect(CoulombFriction("hip", 0.6))
+    assert compare(rubbing, [log]).error == pytest.approx(compare(ROBOT, [log]).error, rel=0.02)
 
 
 def test_a_copy_is_no_second_observation(friction: tuple[Log, Log]) -> None:

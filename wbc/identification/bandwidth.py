@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 
 _LOWEST, _HIGHEST = 3.0, 15.0
 _SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
@@ -36,10 +36,20 @@ class SensorNoise:
         from_velocity = turn**2 * self.velocity * cutoff**3 / 3.0
         return from_position, from_velocity
 
-    def speed_deviation(self, cutoff: float) -> FloatArray:
-        """Return the standard deviation (nv,) of velocities smoothed at `cutoff` [rad/s, m/s]."""
+    def measures_speed(self, band: Bandwidth) -> BoolArray:
+        """Return whose (nv,) velocity sensor gives a quieter acceleration than its position."""
+        by_position, by_velocity = self.acceleration_variance(band.residual)
+        return np.asarray(by_velocity < np.where(np.isfinite(by_position), by_position, np.inf))
+
+    def speed_deviation(self, band: Bandwidth) -> FloatArray:
+        """Return the standard deviation (nv,) of smoothed velocities [rad/s, m/s].
+
+        They come from the sensor that `measures_speed` says, quieter at these frequencies or not.
+        """
+        cutoff = band.kinematics
         from_position = (2.0 * np.pi) ** 2 * self.position * cutoff**3 / 3.0
-        return np.asarray(np.sqrt(np.nan_to_num(np.fmin(from_position, self.velocity * cutoff))))
+        variance = np.where(self.measures_speed(band), self.velocity * cutoff, from_position)
+        return np.asarray(np.sqrt(np.nan_to_num(variance)))
 
 
 @dataclass(frozen=True)

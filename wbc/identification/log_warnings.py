@@ -41,7 +41,7 @@ def still_joints(records: Sequence[Record]) -> tuple[str, ...]:
     moving = np.zeros(robot.transmission.size, dtype=bool)
     for record in records:
         speed = np.sqrt(np.mean(record.motion.velocity[:, robot.actuated] ** 2, axis=0))
-        noise = record.noise.speed_deviation(record.bandwidth.kinematics)[robot.actuated]
+        noise = record.noise.speed_deviation(record.bandwidth)[robot.actuated]
         moving |= speed > _MOVES * noise
     return tuple(n for n, yes in zip(robot.transmission.joints, moving, strict=True) if not yes)
 

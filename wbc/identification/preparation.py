@@ -30,6 +30,7 @@ from wbc.robot import Motion, Robot
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
 _SHARED_NOISE = 0.5
+_REST = 3.0  # standard deviations of its noise, up to which a speed is none
 _UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
 REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
 
@@ -165,12 +166,21 @@ def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: B
         position[:, 3:7] /= np.linalg.norm(position[:, 3:7], axis=1, keepdims=True)
     velocity = differentiate(position, rate, robot.model)
     if channels.velocity is not None:
-        by_position, by_velocity = noise.acceleration_variance(band.residual)
-        quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
         measured = low_pass(channels.velocity, cutoff, rate)
-        velocity = np.where(quieter, measured, velocity)
+        velocity = np.where(noise.measures_speed(band), measured, velocity)
     acceleration = derivative(velocity, rate)
-    return Motion(position, velocity, acceleration)
+    return Motion(position, _at_rest(robot, velocity, noise, band), acceleration)
+
+
+def _at_rest(robot: Robot, velocity: FloatArray, noise: SensorNoise, band: Bandwidth) -> FloatArray:
+    """Return velocities that are zero where a driven joint moves by no more than noise.
+
+    A joint that holds still would seem to change direction all the time, and its dry friction,
+    of which nothing but the limits is known there, would be torque of the sign of that noise.
+    """
+    still = np.zeros(robot.model.nv)
+    still[robot.actuated] = _REST * noise.speed_deviation(band)[robot.actuated]
+    return np.asarray(np.where(np.abs(velocity) < still, 0.0, velocity))
 
 
 def _weight(
@@ -187,7 +197,7 @@ def _weight(
     acceleration = motion.acceleration[:, rows]  # type: ignore[index]
     period = 1.0 / band.kinematics
     typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
-    noise_speed = noise.speed_deviation(band.kinematics)[rows]
+    noise_speed = noise.speed_deviation(band)[rows]
     threshold = reversal * period * typical * 0.8 + 4.0 * noise_speed
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
     trusted = gate(speed, threshold)

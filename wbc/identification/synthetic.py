@@ -48,10 +48,9 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
         sigma = np.sqrt(np.maximum(np.nan_to_num(level), 0.0) * 0.5 * rate)
         return low_pass(sigma * random.standard_normal((count, level.size)), cutoff, rate)
 
-    by_position, by_velocity = noise.acceleration_variance(record.bandwidth.residual)
-    quieter = by_velocity < np.where(np.isfinite(by_position), by_position, np.inf)
     position = np.nan_to_num(white(noise.position))
-    velocity = np.where(quieter, white(noise.velocity), derivative(position, rate))
+    measured = noise.measures_speed(record.bandwidth)
+    velocity = np.where(measured, white(noise.velocity), derivative(position, rate))
     acceleration = derivative(velocity, rate)
     torque = _disturbed(robot, record.motion.position, position, acceleration)
     forces = {name: white(level) for name, level in noise.forces.items()}
