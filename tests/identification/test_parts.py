@@ -131,6 +131,16 @@ def test_a_periodic_torque_shows_its_order() -> None:
     assert strongest_orders([position], [torque])[0] == pytest.approx(36.0, rel=0.02)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_where_a_joint_rests_long_is_no_period(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    rests = np.repeat(random.uniform(-1.2, 1.2, 5), 800)
+    position = np.concatenate([np.linspace(-1.2, 1.2, 2000), rests])
+    torque = np.sin(5.0 * position + random.uniform(0.0, 6.0))
+    torque += 0.1 * random.standard_normal(torque.size)
+    assert strongest_orders([position], [torque])[0] == pytest.approx(5.0, abs=0.3)
+
+
 def test_logs_that_say_nothing_are_refused(logs: list[Log]) -> None:
     with pytest.raises(IdentificationError, match="no log"):
         diagnose(ROBOT, [])

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 
 _BINS = 16384
+_CLEAR = 1e-6
 LEAST_PERIODS = 1.0  # a period longer than the range of motion cannot be told from a slope
 
 
@@ -17,8 +18,9 @@ def strongest_orders(
 ) -> list[float]:
     """Return the angular frequencies [1/rad] at which a torque repeats with position.
 
-    Each log's torque is averaged over fine bins of position and transformed; the powers of all
-    logs are added, so that speed and the order of visits do not matter.
+    Per frequency the least squares of a sine, a cosine and a constant over all samples (a
+    Lomb-Scargle periodogram with the mean free), so that neither the order of visits matters nor
+    where the joint rested: sums over samples are transforms of histograms over fine bins.
 
     Args:
         positions: (N,) per log [rad or m].
@@ -32,14 +34,37 @@ def strongest_orders(
         return []
     # Zero padding to four times the range places peaks within an eighth of their width.
     length = 4.0 * span
-    power = np.zeros(_BINS // 2 + 1)
+    visits, total = np.zeros(_BINS), np.zeros(_BINS)
     for position, torque in zip(positions, torques, strict=True):
         bins = ((position - low) / length * _BINS).astype(np.int_)
-        total = np.bincount(bins, torque - torque.mean(), minlength=_BINS)
-        power += np.abs(np.fft.rfft(total)) ** 2
+        visits += np.bincount(bins, minlength=_BINS)
+        total += np.bincount(bins, torque - torque.mean(), minlength=_BINS)
+    power = _explained(visits, total)
     order = 2.0 * np.pi * np.arange(power.size) / length
     # Within one bin a wave must not turn by more than about half a radian.
     usable = (order >= 2.0 * np.pi * LEAST_PERIODS / span) & (order < 0.5 * _BINS / length)
     peak = usable & (power >= np.roll(power, 1)) & (power >= np.roll(power, -1))
     ranked = np.flatnonzero(peak)[np.argsort(power[peak])[::-1]]
     return [float(order[k]) for k in ranked[:count]]
+
+
+def _explained(visits: FloatArray, total: FloatArray) -> FloatArray:
+    """Return the sum of squares (K,) that a wave of k periods over all bins (B,) explains.
+
+    Args:
+        visits: samples per bin.
+        total: sum of what they hold, zero on the whole.
+    """
+    count = visits.size // 4
+    wave, torque = np.fft.rfft(visits), np.fft.rfft(total)[:count]
+    double, single, samples = wave[: 2 * count : 2], wave[:count], float(visits.sum())
+    cosine, sine = single.real, -single.imag
+    a = 0.5 * (samples + double.real) - cosine**2 / samples
+    b = -0.5 * double.imag - cosine * sine / samples
+    c = 0.5 * (samples - double.real) - sine**2 / samples
+    along, across = torque.real, -torque.imag
+    determinant = a * c - b**2
+    found = c * along**2 - 2.0 * b * along * across + a * across**2
+    # Where two of the three columns are one, the wave is no wave over these bins.
+    clear = determinant > _CLEAR * samples**2
+    return np.asarray(np.where(clear, found / np.where(clear, determinant, 1.0), 0.0))
