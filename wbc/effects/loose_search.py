@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.flanks import COARSE, Contact, weight_of_the_end
+from wbc.effects.coupled_links import CoupledLinks
+from wbc.effects.flanks import COARSE, Contact
 from wbc.robot import LinkResponse
 
 _FINE = 1e-3  # [s], of the last ranking
 _SHORT, _LONG = 3.0, 6.0  # [s] of each log on which many, and on which few contacts are ranked
 _CLOUD = 16  # contacts tried around a good one
+_PLACES = 2  # in which a link may begin, whichever the log shows
 _HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
 _GRID = tuple(
     Contact(stiffness, damping, float(play))
@@ -67,86 +68,27 @@ def _ranked(
     finest: float,
 ) -> tuple[list[Contact], float]:
     """Return contacts by what they leave unexplained on a part of each log, and the least share."""
-    columns = _Columns.of(responses, parts)
-    flanks = _flanks(contacts)
-    stiffness, _, play = flanks
-    rest = -columns.load[0] / stiffness - np.sign(columns.load[0]) * 0.5 * play
-    # Against the flank that carries the load, or between: whichever the log shows.
-    starts = np.concatenate([rest, 0.0 * rest], axis=1)
-    found = columns.torque(flanks, starts, 0.0 * starts, responses[0].step, finest)
-    left = np.zeros(starts.shape)
-    all_of_it = 0.0
-    for k, (response, part) in enumerate(zip(responses, parts, strict=True)):
-        whole = np.zeros((len(response.unexplained), *found.shape[1:3]))
-        whole[part] = response.unexplained[part, None, None] - found[..., k]
-        nothing = np.zeros(len(whole))
-        nothing[part] = response.unexplained[part]
-        all_of_it += float(np.sum(response.band(nothing) ** 2))
-        left[..., k] = np.sum(response.band(whole) ** 2, axis=0)
-    total = left.min(axis=1).sum(axis=1)
-    ranked = [contacts[k] for k in np.argsort(total)]
-    return ranked, float(total.min()) / max(all_of_it, 1e-300)
+    left = np.zeros(len(contacts))
+    nothing = 0.0
+    for response, part in zip(responses, parts, strict=True):
+        links = CoupledLinks.of([response]).part(part)
+        torques = [links.torques([c], _beginnings(links, c), finest)[:, 0] for c in contacts]
+        whole = np.zeros((len(response.unexplained), 1 + len(contacts), _PLACES))
+        whole[part] = response.unexplained[part, None, None]
+        whole[part, 1:] -= np.stack(torques, axis=1)
+        squares = np.sum(response.band(whole) ** 2, axis=0).min(axis=1)
+        nothing += float(squares[0])
+        left += squares[1:]
+    ranked = [contacts[i] for i in np.argsort(left)]
+    return ranked, float(left.min()) / max(nothing, 1e-300)
 
 
-def _flanks(contacts: Sequence[Contact]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return stiffness, damping and play (P, 1, 1)."""
-    values = np.array([(c.stiffness, c.damping, c.play) for c in contacts])[:, :, None, None]
-    return values[:, 0], values[:, 1], values[:, 2]
-
-
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """What drives the links of L logs, each (N, L)."""
-
-    load: FloatArray
-    inertia: FloatArray
-    drag: FloatArray
-    pull: FloatArray
-    speed: FloatArray
-    level: FloatArray
-    counted: FloatArray
-
-    @classmethod
-    def of(cls, responses: Sequence[LinkResponse], parts: Sequence[slice]) -> _Columns:
-        def column(name: str) -> FloatArray:
-            pairs = zip(responses, parts, strict=True)
-            return np.stack([getattr(r, name)[part, r.row] for r, part in pairs], axis=1)
-
-        def rubbing(name: str) -> FloatArray:
-            columns = [
-                np.zeros(len(r.load)) if r.friction is None else getattr(r.friction, name)
-                for r in responses
-            ]
-            return np.stack([c[part] for c, part in zip(columns, parts, strict=True)], axis=1)
-
-        links = [column(name) for name in ("load", "inertia", "damping", "stiffness")]
-        return cls(*links, *(rubbing(name) for name in ("velocity", "level", "counted")))
-
-    def torque(
-        self,
-        flanks: tuple[FloatArray, FloatArray, FloatArray],
-        d: FloatArray,
-        v: FloatArray,
-        step: float,
-        finest: float,
-    ) -> FloatArray:
-        """Return the joint's additional torque (N, P, S, L) from S starts each (P, S, L)."""
-        from wbc.effects.link_steps import rank_loose
-
-        stiffness, damping, play = (values.ravel() for values in flanks)
-        parts = max(1, round(step / finest))
-        late = weight_of_the_end(stiffness, float(self.inertia.min()), step / parts)
-        result = np.zeros((len(self.load), *d.shape))
-        for k in range(self.load.shape[1]):
-            link = self.load[:, k], self.inertia[:, k], self.drag[:, k], self.pull[:, k]
-            rubs = self.speed[:, k], self.level[:, k]
-            starts = np.stack([d[..., k], v[..., k]], axis=-1)
-            torques = np.zeros((len(self.load), *d.shape[:2]))
-            flank = late, stiffness, damping, 0.5 * play
-            rank_loose(*link, *rubs, step, parts, *flank, starts, torques)
-            result[..., k] = torques - self.counted[:, k, None, None]
-            result[-1, ..., k] = 0.0
-        return result
+def _beginnings(links: CoupledLinks, contact: Contact) -> FloatArray:
+    """Return starts (2, 2, 1): against the flank that carries the load, and in the middle."""
+    load = float(links.load[0, 0])
+    starts = np.zeros((_PLACES, 2, 1))
+    starts[0, 0] = -load / contact.stiffness - np.sign(load) * 0.5 * contact.play
+    return starts
 
 
 def _busiest(torque: FloatArray, length: int) -> slice:

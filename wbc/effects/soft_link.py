@@ -152,7 +152,7 @@ def swings(
         step: distance of the samples [s].
         parts: steps per sample.
     """
-    from wbc.effects.link_steps import follow_soft  # it loads the compiler
+    from wbc.effects.soft_steps import follow_soft  # it loads the compiler
 
     count, n = load.shape
     fine = np.arange((count - 1) * parts + 1) / parts

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.flanks import (
-    COARSE,
-    FINEST,
-    START,
-    Contact,
-    steps_per_sample,
-    weight_of_the_end,
-)
-from wbc.robot import LinkFriction, LinkResponse
+from wbc.effects.coupled_links import CoupledLinks
+from wbc.effects.flanks import COARSE, FINEST, START, Contact
+from wbc.robot import LinkResponse
 
 _BEGINNINGS = 32  # drawn at first ...
 _NEARBY = 16  # ... and around the best of them, in rounds ...
@@ -44,7 +36,7 @@ def struck_deflections(
         responses: of the n links along one log, under the same load.
         contacts: the flanks of their gears.
     """
-    links = _Links.of(responses)
+    links = CoupledLinks.of(responses)
     d, v, dry = links.follow(contacts, _beginning(responses, links, contacts))
     found = []
     for k, response in enumerate(responses):
@@ -57,7 +49,7 @@ def struck_deflections(
 
 
 def _beginning(
-    responses: Sequence[LinkResponse], links: _Links, contacts: Sequence[Contact]
+    responses: Sequence[LinkResponse], links: CoupledLinks, contacts: Sequence[Contact]
 ) -> FloatArray:
     """Return deflections and rates (2, n) with which the log began.
 
@@ -65,7 +57,7 @@ def _beginning(
     from which it is a short way. The same are drawn every time, so that what is left depends on
     the gears alone.
     """
-    first = links.part(min(len(links.load), int(START / links.step)))
+    first = links.part(slice(0, int(START / links.step)))
     typical = _typical(links, contacts)
     random = np.random.default_rng(0)
     size = (2, len(contacts))
@@ -106,7 +98,7 @@ def _best(
     return trials[k], left[:, k]
 
 
-def _typical(links: _Links, contacts: Sequence[Contact]) -> FloatArray:
+def _typical(links: CoupledLinks, contacts: Sequence[Contact]) -> FloatArray:
     """Return deflections and rates (2, n) as large as a gear's play and wind-up allow."""
     load, inertia = np.abs(links.load[0]), np.diagonal(links.inertia[0])
     stiffness = np.array([max(contact.stiffness, 1e-9) for contact in contacts])
@@ -127,81 +119,3 @@ def _left(responses: Sequence[LinkResponse], torques: FloatArray) -> FloatArray:
         seen[:count] = response.unexplained[:count, None] - torques[:, k]
         found.append(response.band(seen))
     return np.concatenate(found)
-
-
-@dataclass(frozen=True, eq=False)
-class _Links:
-    """What drives n links along a log, (N, n, n) and (N, n), and the distance of samples [s]."""
-
-    inertia: FloatArray
-    drag: FloatArray
-    pull: FloatArray
-    load: FloatArray
-    speed: FloatArray
-    level: FloatArray
-    counted: FloatArray
-    step: float
-
-    @classmethod
-    def of(cls, responses: Sequence[LinkResponse]) -> _Links:
-        rows, nothing = [r.row for r in responses], np.zeros(len(responses[0].load))
-
-        def coupled(name: str) -> FloatArray:
-            return np.stack([getattr(r, name)[:, rows] for r in responses], axis=-1)
-
-        def rubbing(name: str) -> FloatArray:
-            without = LinkFriction(nothing, nothing, nothing)
-            return np.stack([getattr(r.friction or without, name) for r in responses], axis=1)
-
-        return cls(
-            *(coupled("inertia"), coupled("damping"), coupled("stiffness")),
-            responses[0].load[:, rows],
-            *(rubbing("velocity"), rubbing("level"), rubbing("counted")),
-            responses[0].step,
-        )
-
-    @cached_property
-    def least_inertia(self) -> FloatArray:
-        """What each link (n,) weighs on its flank where all others are free to give way."""
-        freedom = np.diagonal(np.linalg.inv(self.inertia), axis1=1, axis2=2)
-        return np.asarray(1.0 / np.max(freedom, axis=0))
-
-    def part(self, count: int) -> _Links:
-        """Return the first `count` samples."""
-        names = (f.name for f in fields(self) if f.name != "step")
-        return replace(self, **{name: getattr(self, name)[:count] for name in names})
-
-    def follow(
-        self, contacts: Sequence[Contact], start: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return deflections, rates and dry friction (N, n) from a start (2, n)."""
-        from wbc.effects.striking_steps import follow_striking  # it loads the compiler
-
-        d, v, dry = np.zeros((3, *self.load.shape))
-        d[0], v[0] = start
-        links = self.inertia, self.drag, self.pull, self.load, self.speed, self.level
-        follow_striking(*links, *self._steps(contacts, FINEST), d, v, dry)
-        return d, v, dry
-
-    def torques(self, contacts: Sequence[Contact], starts: FloatArray, finest: float) -> FloatArray:
-        """Return additional torques (N, n, B) from starts (B, 2, n)."""
-        from wbc.effects.striking_steps import rank_striking  # it loads the compiler
-
-        torques = np.zeros((*self.load.shape, len(starts)))
-        links = self.inertia, self.drag, self.pull, self.load, self.speed, self.level
-        rank_striking(*links, self.counted, *self._steps(contacts, finest), starts, torques)
-        return torques
-
-    def _steps(
-        self, contacts: Sequence[Contact], finest: float
-    ) -> tuple[float, int, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return samples' distance, steps per sample, theta, and the flanks' numbers (n,)."""
-        stiffness, damping, play = (
-            np.array([getattr(contact, name) for contact in contacts], dtype=float)
-            for name in ("stiffness", "damping", "play")
-        )
-        pairs = list(zip(stiffness, self.least_inertia, strict=True))
-        parts = max(steps_per_sample(self.step, k, m, finest) for k, m in pairs)
-        h = self.step / parts
-        late = np.array([float(weight_of_the_end(np.array(k), m, h)) for k, m in pairs])
-        return self.step, parts, late, stiffness, damping, 0.5 * play

@@ -14,7 +14,7 @@ from wbc.identification.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.problem import ONLY_NOISE, Problem
 from wbc.identification.selection import SIMPLER, Selector
 from wbc.identification.unexplained import unexplained
-from wbc.identification.yielding import deflects, loose, strike_together
+from wbc.identification.yielding import deflects, loose
 from wbc.robot import Effect
 
 _EXPLAINED = 1.3  # held-out mean square below which effects with a hidden state are not tried
@@ -84,7 +84,7 @@ class _Kinds:
         most = _WORTHWHILE * model.error
         if not loose(model.effects):
             longer = self.swinging.best_addition(model, self.first, most)
-            if longer is not None and strike_together(longer.effects):
+            if longer is not None and loose(longer.effects):
                 longer = self.settled(longer)
             # Beside one link that swings every other is tried, whatever it promises.
             beside = longer is not None and model.swings and longer.error > most
@@ -186,7 +186,8 @@ def _with_a_pair(
     Of two loose gears each alone may explain nothing: the links throw one another.
     """
     first, problem = kinds.first, selector.problem
-    clear = final.error < _NOT_ALL**2 * first.error or not loose(final.effects)
+    enough = max(_EXPLAINED, _NOT_ALL**2 * first.error)
+    clear = final.error < enough or not loose(final.effects)
     if clear and not unexplained(problem, first.error, final):
         return selector, path, final
     both = kinds.pair
