@@ -15,6 +15,7 @@ from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.recipes import Typical, flaws_of_size, recipe
 from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.signature import Signatures
+from benchmarks.corpus.stepping import STEP
 from benchmarks.corpus.unlisted import NAMES, TWO_JOINTS
 
 SEED = 20
@@ -50,9 +51,18 @@ def draw_case(number: int, seed: int = SEED) -> Case:
     flaws: list[Flaw] = []
     for effect in _effects(random, machine, kind):
         flaws += _sized(random, effect, machine, signatures, kind)
+    if machine.family in CLOSED_LOOP:
+        flaws = [_in_whole_steps(flaw) for flaw in flaws]
     return Case(
         number, machine, tuple(flaws), excitations, richness, sensors, signatures.torque_noise
     )
+
+
+def _in_whole_steps(flaw: Flaw) -> Flaw:
+    """Return a flaw as a stepped plant has it: torques are late by a whole number of steps."""
+    if flaw.effect != "actuation_delay":
+        return flaw
+    return replace(flaw, values={"delay": STEP * round(flaw.values["delay"] / STEP)})
 
 
 def _sensors(random: np.random.Generator) -> Sensors:

@@ -46,6 +46,12 @@ def test_a_case_follows_from_its_number() -> None:
         assert all(np.array_equal(table[name], other[name]) for name in table)
 
 
+def test_a_stepped_plant_is_late_by_what_its_truth_says() -> None:
+    """Seed 20, case 172: 0.651 ms were drawn, and its plant with steps of 0.25 ms had 0.75."""
+    delays = [flaw.values["delay"] for flaw in draw_case(172).flaws]
+    assert delays == pytest.approx([0.75e-3, 0.75e-3])
+
+
 def test_a_wrong_zero_of_the_first_joint_is_a_tilted_gravity() -> None:
     cause = truth_of(case_of(Flaw("position_offset", "j1", {"offset": 0.05}))).causes[0]
     assert "gravity_direction" in cause.stand_ins
