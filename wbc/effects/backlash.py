@@ -37,10 +37,12 @@ class Backlash(YieldingGear):
     damping: float
 
     name: ClassVar[str] = "backlash"
+    # What a link does after a strike depends on more than the log shows: on 15 generated logs
+    # widths were off by up to 4 %, flanks by factors.
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("width", "rad", 0.0, 0.0, 0.5, 0.01),
-        Parameter("stiffness", "N m/rad", 3000.0, 1.0, 1e7, 1000.0, shape=True),
-        Parameter("damping", "N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True),
+        Parameter("width", "rad", 0.0, 0.0, 0.5, 0.01, doubt=0.02),
+        Parameter("stiffness", "N m/rad", 3000.0, 1.0, 1e7, 1000.0, shape=True, doubt=1.0),
+        Parameter("damping", "N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True, doubt=1.0),
     )
     explanation: ClassVar[str] = (
         "Teeth have clearance: whenever the load changes sign the link travels freely through "

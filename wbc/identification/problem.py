@@ -123,16 +123,17 @@ class Problem:
         return fit.held_out(self.folds)
 
     def distortion(self, fit: Fit) -> FloatArray:
-        """Return (p,) how far parameters move, in their scales, in a band half as wide.
+        """Return (p,) by how much parameters are off, in their scales, beside what noise does.
 
         Smoothing distorts sharp events (reversals, impacts) in a way that depends on the band; the
-        truth is where the band no longer matters.
+        truth is where the band no longer matters. Some effects are themselves rough models.
         """
         if not fit.parameters:
             return np.zeros(0)
         narrow = tuple(record.narrowed(0.6) for record in self.records)
         other = refine(self.robot, fit.effects, narrow, self.whitening, iterations=2)
-        return np.abs(other.values - fit.values)
+        doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
+        return np.asarray(np.hypot(other.values - fit.values, doubt * fit.values))
 
     def significant(self, worse: FloatArray, better: FloatArray) -> bool:
         """Whether the held-out error falls by more than chance, blocks being the observations.

@@ -30,6 +30,7 @@ class Parameter:
         low, high: bounds that physics allows and a fit searches.
         scale: a typical size, also the step of finite differences times 1e-4.
         shape: True if it only shapes the effect (a frequency, a rest angle) and has no null.
+        doubt: share of the number that its model is off by, however long the logs are.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Parameter:
     high: float
     scale: float
     shape: bool = False
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True)
