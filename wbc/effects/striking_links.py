@@ -37,7 +37,10 @@ def struck_deflections(
         contacts: the flanks of their gears.
     """
     links = CoupledLinks.of(responses)
-    d, v, dry = links.follow(contacts, _beginning(responses, links, contacts))
+    # Where the links of a trial fly off, so do its numbers: it leaves infinity, and loses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        start = _beginning(responses, links, contacts)
+    d, v, dry = links.follow(contacts, start)
     found = []
     for k, response in enumerate(responses):
         # Averaged over the two neighbouring intervals, so that it belongs to the sample's time.

@@ -166,4 +166,4 @@ def _only(screen: Screen, used: BoolArray) -> Screen:
         return screen.combine(full)
 
     units = tuple(unit for unit, keep in zip(screen.units, used, strict=True) if keep)
-    return Screen(units, combine, screen.options)
+    return replace(screen, units=units, combine=combine)

@@ -22,21 +22,30 @@ class DesignMatrix:
         moment: (K, c) A_k' r_k.
         energy: (K,) r_k' r_k.
         count: (K,) entries of r_k.
+        expected: (c,) coefficients where a fold alone knows a column.
     """
 
     gram: FloatArray
     moment: FloatArray
     energy: FloatArray
     count: FloatArray
+    expected: FloatArray
 
     @classmethod
-    def from_rows(cls, columns: FloatArray, residual: FloatArray, folds: IntArray) -> DesignMatrix:
+    def from_rows(
+        cls,
+        columns: FloatArray,
+        residual: FloatArray,
+        folds: IntArray,
+        expected: FloatArray | None = None,
+    ) -> DesignMatrix:
         """Sum up rows.
 
         Args:
             columns: (rows, outputs, c), whitened.
             residual: (rows, outputs), whitened.
             folds: (rows,) number of the fold of each row.
+            expected: (c,) coefficients to believe in where nothing is known, by default zero.
         """
         gram, moment, energy, count = [], [], [], []
         for fold in np.unique(folds):
@@ -47,7 +56,8 @@ class DesignMatrix:
             moment.append(a.T @ r)
             energy.append(r @ r)
             count.append(float(r.size))
-        return cls(np.array(gram), np.array(moment), np.array(energy), np.array(count))
+        prior = np.zeros(columns.shape[-1]) if expected is None else expected
+        return cls(np.array(gram), np.array(moment), np.array(energy), np.array(count), prior)
 
     def fit(self, chosen: Sequence[int]) -> FloatArray:
         """Return the least-squares coefficients of these columns on all folds."""
@@ -67,8 +77,9 @@ class DesignMatrix:
         moment = self.moment[:, index]
         whole = gram.sum(axis=0)
         # A column that only the held-out fold knows must not be extrapolated from nothing.
-        shrink = _RIDGE_HELD_OUT * np.diag(np.diag(whole))
-        rest = _solve(whole - gram + shrink, moment.sum(axis=0) - moment)
+        shrink = _RIDGE_HELD_OUT * np.diag(whole)
+        others = moment.sum(axis=0) - moment + shrink * self.expected[index]
+        rest = _solve(whole - gram + np.diag(shrink), others)
         explained = 2.0 * np.einsum("ki,ki->", rest, moment)
         model = np.einsum("ki,kij,kj->", rest, gram, rest)
         return float((total - explained + model) / self.count.sum())

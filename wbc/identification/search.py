@@ -58,7 +58,10 @@ class BeamSearch:
         self._nuisance = list(range(first, first + fit.jacobian.shape[-1]))
         whitened = [np.einsum("roc,op->rpc", atom.columns, whitening) for atom in self.atoms]
         columns = np.concatenate([*whitened, -fit.jacobian], axis=-1)
-        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds)
+        expected = np.zeros(columns.shape[-1])
+        for atom, places in zip(self.atoms, self._slices, strict=True):
+            expected[places] = atom.screen.expected
+        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds, expected)
         self._errors: dict[tuple[int, ...], float] = {}
 
     def columns(self, chosen: Sequence[int]) -> list[int]:

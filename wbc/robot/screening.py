@@ -126,11 +126,13 @@ class Screen:
         units: parameter values of the r unit effects.
         combine: (r,) coefficients -> parameter values, possibly outside their bounds.
         options: attributes of the effect that are no parameters.
+        expected: coefficient of every unit where the logs do not tell it.
     """
 
     units: tuple[Mapping[str, float], ...]
     combine: Callable[[FloatArray], dict[str, float]]
     options: Mapping[str, str] = field(default_factory=dict)
+    expected: float = 0.0
 
     @classmethod
     def fixed(cls, values: Mapping[str, float], **options: str) -> Screen:
@@ -144,4 +146,4 @@ class Screen:
             fits = 0.4 < float(coefficients[0]) < 2.5
             return chosen if fits else dict.fromkeys(chosen, np.nan)
 
-        return cls((chosen,), combine, options)
+        return cls((chosen,), combine, options, expected=1.0)
