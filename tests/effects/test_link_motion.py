@@ -101,10 +101,14 @@ def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
     assert found[TIME > 0.1, 0] == pytest.approx(truth[TIME > 0.1, 0], abs=8e-4)
 
 
-def test_the_play_behind_a_bounce_is_found_well_enough_to_start_a_fit() -> None:
-    response = _response(_truth(Contact(3000.0, 6.0, 0.02), (0.01, 0.0)))
+# A small play is hardly more than what its flanks are wound up by.
+@pytest.mark.parametrize(("play", "stiffness", "near"), [(0.02, 3e3, 0.15), (7e-4, 3e4, 0.25)])
+def test_the_play_behind_a_bounce_is_found_well_enough_to_start_a_fit(
+    play: float, stiffness: float, near: float
+) -> None:
+    response = _response(_truth(Contact(stiffness, 6.0, play), (0.5 * play, 0.0)))
     found = best_contacts([response], count=1)[0]
-    assert found.play == pytest.approx(0.02, rel=0.15)
+    assert found.play == pytest.approx(play, rel=near)
 
 
 def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:

@@ -18,7 +18,7 @@ _PLACES = 2  # in which a link may begin, whichever the log shows
 _HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
 _GRID = tuple(
     Contact(stiffness, damping, float(play))
-    for play in np.geomspace(0.002, 0.12, 9)
+    for play in np.geomspace(0.0005, 0.12, 12)
     for stiffness in (1000.0, 5000.0, 25000.0)
     for damping in (5.0, 20.0)
 )
