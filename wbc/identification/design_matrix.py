@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray, IntArray
 
 _RIDGE = 1e-10
 _RIDGE_HELD_OUT = 1e-3
+_ALIKE = 1e-6  # of squares, that two columns must differ by to be two
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,28 @@ class DesignMatrix:
             return np.zeros(0)
         gram = self.gram.sum(axis=0)[np.ix_(index, index)]
         return _solve(gram, self.moment.sum(axis=0)[index])
+
+    def gains_of_two(self, beside: Sequence[int]) -> FloatArray:
+        """Return (n, n) what every two of the first n columns explain beside the last ones.
+
+        Sums of squares of the residual, fitted and judged on all folds.
+
+        Args:
+            beside: numbers of the last columns, which stay free.
+        """
+        n = self.moment.shape[1] - len(beside)
+        gram, moment = self.gram.sum(axis=0), self.moment.sum(axis=0)
+        if beside:
+            taken = _solve(gram[n:, n:], np.column_stack([gram[n:, :n], moment[n:]]).T).T
+            moment = moment[:n] - gram[:n, n:] @ taken[:, n]
+            gram = gram[:n, :n] - gram[:n, n:] @ taken[:, :n]
+        size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        along, shared = moment / size, gram / np.outer(size, size)
+        apart = 1.0 - shared**2
+        both = along[:, None] ** 2 + along**2 - 2.0 * shared * np.outer(along, along)
+        clear = apart > _ALIKE
+        single = np.maximum(along[:, None] ** 2, along**2)
+        return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
 
     def held_out(self, chosen: Sequence[int]) -> float:
         """Return the mean square of the residual on folds left out of the fit."""

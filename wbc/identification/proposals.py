@@ -12,7 +12,7 @@ from wbc.identification.atoms import Atom
 from wbc.identification.judge import SYSTEMATIC_SIMULATED, Judge
 from wbc.identification.model import Model
 from wbc.identification.screening import Nearby, Swinging, screen
-from wbc.identification.search import Subset
+from wbc.identification.search import BeamSearch, Subset
 from wbc.identification.yielding import deflects
 from wbc.robot import Effect, Robot
 
@@ -20,6 +20,7 @@ _PROMISING = 0.5  # of the present error, that a swinging link must be screened 
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
+_AMONG = 100  # pairs of causes that are judged on held-out data
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +74,8 @@ class Proposer(Judge):
             return []
         excess, first = model.error - 1.0, self.model(()).error - 1.0
         much = excess > SYSTEMATIC_SIMULATED**2 * first
-        search, atoms = screen(
-            self.problem,
-            model.fit,
-            [c for c in self.candidates if much or not deflects(c)],
-            {e.key for e in model.effects} | set(exclude) | self.aside,
-            self._simulated.setdefault(model.effects, {}),
-            near,
-        )
+        offered = [c for c in self.candidates if much or not deflects(c)]
+        search, atoms = self._screened(model, offered, exclude, near)
         start = Subset((), search.error(()))
         found = search.grow([start])
         found = [subset for subset in found if subset.error < most]
@@ -102,13 +97,39 @@ class Proposer(Judge):
             enters = subset.error <= rough if swings else subset is single or subset.error <= worst
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
-            pairs = zip(added, search.coefficients(subset.atoms), strict=True)
-            effects = [atom.build(model.fit.robot, c) for atom, c in pairs]
             seen.add(key)
-            offers.append((*model.effects, *(e for e in effects if e is not None)))
+            offers.append((*model.effects, *search.effects(subset)))
         if model.swings:
             offers += [(*model.effects, e) for e in _swinging_too(model.fit.robot, atoms, seen)]
         return offers
+
+    def in_pairs(self, model: Model, count: int, most: float) -> list[tuple[Effect, ...]]:
+        """Return the effects of a model with two more, unfitted, whose screened error is low.
+
+        Args:
+            model: beside whose causes two are sought that hide one another.
+            count: how many offers at most.
+            most: screened error above which a pair is left out.
+        """
+        offered = [c for c in self.candidates if not deflects(c)]
+        search, _ = self._screened(model, offered)
+        offers: dict[tuple[tuple[str, str], ...], tuple[Effect, ...]] = {}
+        for subset in search.pairs(_AMONG):
+            effects = search.effects(subset)
+            if subset.error < most and len(offers) < count:
+                offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
+        return [(*model.effects, *effects) for effects in offers.values()]
+
+    def _screened(
+        self,
+        model: Model,
+        offered: Sequence[type[Effect]],
+        exclude: Sequence[tuple[str, str]] = (),
+        near: Nearby | None = None,
+    ) -> tuple[BeamSearch, list[Atom]]:
+        taken = {e.key for e in model.effects} | set(exclude) | self.aside
+        simulated = self._simulated.setdefault(model.effects, {})
+        return screen(self.problem, model.fit, offered, taken, simulated, near)
 
 
 def _swinging_too(

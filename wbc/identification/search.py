@@ -11,6 +11,9 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.atoms import Atom
 from wbc.identification.design_matrix import DesignMatrix
 from wbc.identification.fit import Fit
+from wbc.robot import Effect
+
+_COLUMNS = 4  # pairs of columns per pair of causes, at most
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,12 @@ class BeamSearch:
             start += size
         return result
 
+    def effects(self, subset: Subset) -> tuple[Effect, ...]:
+        """Return the effects of a set, with the numbers that the screen gives them."""
+        pairs = zip(subset.atoms, self.coefficients(subset.atoms), strict=True)
+        built = [self.atoms[k].build(self.robot, c) for k, c in pairs]
+        return tuple(effect for effect in built if effect is not None)
+
     def _possible(self, chosen: Sequence[int]) -> bool:
         pairs = zip(chosen, self.coefficients(chosen), strict=True)
         return all(self.atoms[k].build(self.robot, c) is not None for k, c in pairs)
@@ -105,6 +114,21 @@ class BeamSearch:
                     if np.isfinite(error):
                         found[key] = Subset(chosen, error)
         return sorted(found.values(), key=lambda s: s.error)[: self.width]
+
+    def pairs(self, among: int) -> list[Subset]:
+        """Return the best sets of two causes, of the `among` that explain most but for chance.
+
+        Alone such causes may explain nothing, or be impossible: damping hides a delay.
+        """
+        owner = np.repeat(np.arange(len(self.atoms)), [len(own) for own in self._slices])
+        gains = np.triu(self.matrix.gains_of_two(self._nuisance), 1)
+        tried: dict[tuple[int, ...], None] = {}
+        for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
+            one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))
+            if self.atoms[one].key != self.atoms[other].key:
+                tried[one, other] = None
+        found = [Subset(chosen, self.error(chosen)) for chosen in list(tried)[:among]]
+        return sorted(found, key=lambda s: s.error)[: self.width]
 
     def _additions(self, chosen: Sequence[int]) -> list[tuple[int, ...]]:
         taken = {self.atoms[k].key for k in chosen}

@@ -23,6 +23,7 @@ _COMPARABLE = 0.5  # of the gain of what is not believed, that what takes its pl
 _MASKS = 2  # times that such causes are put aside
 _LITTLE = 0.1  # of the error (rms), that a step of a series takes away at most ...
 _SERIES = 2  # ... so many times in a row, with much left
+_HIDDEN = 0.5  # of the error, that two causes which hide one another must leave at most
 _ON_CREDIT = 3  # causes that may be added before they pay together
 REFINED = 6
 _TIED = 0.05  # of the gain, by which the errors of equals may differ
@@ -60,7 +61,7 @@ class Selector(Proposer):
                 return path[:-_SERIES]
             last = path[-1]
             best = self.best_addition(last, first) or self.before_a_drive(last, first)
-            best = best or self.on_credit(last, first)
+            best = best or self.two_at_once(last, first) or self.on_credit(last, first)
             if best is None:
                 break
             known = {e.key for e in last.effects}
@@ -87,6 +88,19 @@ class Selector(Proposer):
         taken = [m for m in map(self.model, offers) if self.worthwhile(model, m, first)]
         shown = [m for m in taken if len(showing(self.problem, m.fit)) == len(m.effects)]
         return min(shown, key=lambda m: m.error, default=None)
+
+    def two_at_once(self, model: Model, first: Model) -> Model | None:
+        """Return the best model with two causes more of which none pays alone, or None.
+
+        They hide one another: damping makes a delay look negative, and neither is possible alone.
+        """
+        if model.swings or not unexplained(self.problem, first.error, model):
+            return None
+        most = _HIDDEN * model.error
+        trials = map(self.model, self.in_pairs(model, REFINED, most))
+        taken = [m for m in trials if m.error < most and self.worthwhile(model, m, first)]
+        whole = [m for m in taken if self.prune(m, first) is m]
+        return min(whole, key=lambda m: m.error, default=None)
 
     def on_credit(self, model: Model, first: Model) -> Model | None:
         """Return the first model that pays with several causes more, or None.
