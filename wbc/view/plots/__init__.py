@@ -6,15 +6,18 @@ from wbc.view.plots.leg import leg_figure
 from wbc.view.plots.power import power_figure
 from wbc.view.plots.residuals import residual_figure, staircase_figure
 from wbc.view.plots.standing import standing_figure
-from wbc.view.plots.style import write_figure
+from wbc.view.plots.style import DASHES, drawing, new_figure, write_figure
 from wbc.view.plots.tradeoff import tradeoff_figure
 
 __all__ = [
+    "DASHES",
     "LogEnergy",
+    "drawing",
     "energy_audit",
     "energy_figure",
     "impact_figure",
     "leg_figure",
+    "new_figure",
     "power_figure",
     "residual_figure",
     "staircase_figure",
