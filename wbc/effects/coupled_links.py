@@ -69,7 +69,7 @@ class CoupledLinks:
         self, contacts: Sequence[Contact], start: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return deflections, rates and dry friction (N, n) from a start (2, n)."""
-        from wbc.effects.striking_steps import follow_striking  # it loads the compiler
+        from wbc.effects.link_steps import follow_striking  # it loads the compiler
 
         d, v, dry = np.zeros((3, *self.load.shape))
         d[0], v[0] = start
@@ -79,7 +79,7 @@ class CoupledLinks:
 
     def torques(self, contacts: Sequence[Contact], starts: FloatArray, finest: float) -> FloatArray:
         """Return additional torques (N, n, B) from starts (B, 2, n)."""
-        from wbc.effects.striking_steps import rank_striking  # it loads the compiler
+        from wbc.effects.link_steps import rank_striking  # it loads the compiler
 
         torques = np.zeros((*self.load.shape, len(starts)))
         links = self.inertia, self.drag, self.pull, self.load, self.speed, self.level

@@ -68,7 +68,7 @@ def held(
         friction: of the link.
         step: distance of the samples [s].
     """
-    from wbc.effects.rubbing_steps import follow_rubbing  # it loads the compiler
+    from wbc.effects.link_steps import follow_rubbing  # it loads the compiler
 
     d, v, dry = np.zeros((3, len(load), 1, 3))
     d[0, 0], v[0, 0] = _varied(np.zeros(2))
@@ -89,7 +89,7 @@ def _follow(
     responses: Sequence[LinkResponse], springs: Sequence[Spring], starts: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return deflections, rates, second derivatives and friction (N, n, S) from starts (2 n, S)."""
-    from wbc.effects.rubbing_steps import follow_rubbing  # it loads the compiler
+    from wbc.effects.link_steps import follow_rubbing  # it loads the compiler
 
     inertia, drag, pull = coupled(responses, springs)
     rubbing = [_friction(response) for response in responses]
