@@ -1,11 +1,11 @@
-"""A wave of which less than one period was passed is a bend, and must not be named a ripple."""
+"""What these motions cannot show for what it is must not be named."""
 
 import numpy as np
 import pytest
 
 import wbc
 from sims.excitation import record_with
-from wbc.effects import TorqueRipple
+from wbc.effects import JointSpring, TorqueRipple
 from wbc.identification.credibility import credible
 from wbc.identification.problem import Problem
 from wbc.robot import Motion
@@ -28,3 +28,12 @@ def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: b
     fit = problem.fit([ripple])
     assert fit.effects[0].values["order"] == pytest.approx(order, rel=0.1)
     assert credible(problem, fit) is believed
+
+
+@pytest.mark.parametrize(("travel", "known"), [(1e-4, False), (0.1, True)])
+def test_a_spring_is_recognised_where_its_joint_moves(travel: float, known: bool) -> None:
+    leg = wbc.load_robot("planar_leg_fixed")
+    position = np.zeros((50, 2))
+    position[:, 1] = 0.5 + np.linspace(0.0, travel, 50)
+    motion = Motion(position, np.zeros((50, 2)))
+    assert JointSpring("knee", 1000.0, 0.5).recognisable(leg, [motion]) is known

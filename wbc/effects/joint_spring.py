@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -10,6 +11,8 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+
+_LEAST_TRAVEL = 5e-3  # [rad or m]
 
 
 @final
@@ -49,6 +52,11 @@ class JointSpring(JointEffect):
 
         units = ({"stiffness": 1.0, "rest": 0.0}, {"stiffness": 1.0, "rest": 1.0})
         return (Screen(units, combine),)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether the joint moved: at one place a spring is any constant."""
+        positions = np.concatenate([self.joint_position(robot, motion) for motion in motions])
+        return float(np.ptp(positions)) > _LEAST_TRAVEL
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 
 _LOWEST, _HIGHEST = 3.0, 15.0
+_MOVES = 4.0  # times the noise of the smoothed speed
 _SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
 
 
@@ -50,6 +51,11 @@ class SensorNoise:
         from_position = (2.0 * np.pi) ** 2 * self.position * cutoff**3 / 3.0
         variance = np.where(self.measures_speed(band), self.velocity * cutoff, from_position)
         return np.asarray(np.sqrt(np.nan_to_num(variance)))
+
+    def moving(self, velocity: FloatArray, band: Bandwidth) -> BoolArray:
+        """Return whose (nv,) smoothed velocity (N, nv) is more than noise on the whole."""
+        speed = np.sqrt(np.mean(velocity**2, axis=0))
+        return np.asarray(speed > _MOVES * self.speed_deviation(band))
 
 
 @dataclass(frozen=True)

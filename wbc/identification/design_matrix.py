@@ -51,8 +51,8 @@ class DesignMatrix:
         gram, moment, energy, count = [], [], [], []
         for fold in np.unique(folds):
             chosen = folds == fold
-            a = columns[chosen].reshape(-1, columns.shape[-1])
             r = residual[chosen].ravel()
+            a = columns[chosen].reshape(r.size, columns.shape[-1])
             gram.append(a.T @ a)
             moment.append(a.T @ r)
             energy.append(r @ r)

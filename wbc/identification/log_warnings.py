@@ -13,7 +13,6 @@ from wbc.identification.record import Record
 from wbc.measurement import Log, find_duplicates
 from wbc.robot import Robot
 
-_MOVES = 4.0  # times the noise of the smoothed speed
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
 _STRAY = 8.0  # standard deviations between the logs' own values
 _STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
@@ -40,9 +39,8 @@ def still_joints(records: Sequence[Record]) -> tuple[str, ...]:
     robot = records[0].robot
     moving = np.zeros(robot.transmission.size, dtype=bool)
     for record in records:
-        speed = np.sqrt(np.mean(record.motion.velocity[:, robot.actuated] ** 2, axis=0))
-        noise = record.noise.speed_deviation(record.bandwidth)[robot.actuated]
-        moving |= speed > _MOVES * noise
+        moves = record.noise.moving(record.motion.velocity, record.bandwidth)
+        moving |= moves[robot.actuated]
     return tuple(n for n, yes in zip(robot.transmission.joints, moving, strict=True) if not yes)
 
 

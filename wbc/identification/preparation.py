@@ -200,6 +200,8 @@ def _weight(
     noise_speed = noise.speed_deviation(band)[rows]
     threshold = reversal * period * typical * 0.8 + 4.0 * noise_speed
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
+    # A joint that holds still all the time carries a load, too.
+    threshold *= noise.moving(motion.velocity, band)[rows]
     trusted = gate(speed, threshold)
     # A mesh turns with every joint that its motor moves: all of them must have a direction.
     moves = np.abs(robot.transmission.topology) > 0.0

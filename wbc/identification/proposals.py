@@ -112,6 +112,8 @@ class Proposer(Judge):
             most: screened error above which a pair is left out.
         """
         offered = [c for c in self.candidates if not deflects(c)]
+        if not offered:
+            return []
         search, _ = self._screened(model, offered)
         offers: dict[tuple[tuple[str, str], ...], tuple[Effect, ...]] = {}
         for subset in search.pairs(_AMONG):
