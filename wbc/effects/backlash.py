@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self, final
 
@@ -11,9 +11,10 @@ from wbc.effects.flanks import Contact
 from wbc.effects.loose_search import best_contacts
 from wbc.effects.striking_links import struck_deflections
 from wbc.effects.yielding_gear import YieldingGear, by_side
-from wbc.robot import Evidence, LinkResponse, Parameter, Robot, Screen
+from wbc.robot import Evidence, LinkResponse, Motion, Parameter, Robot, Screen
 
 _PLAYS = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad]
+_LEAST_PLAY = 1e-4  # [rad]
 _FLANK = 25.0  # [Hz]
 _DAMPING = 0.15  # of the critical one, to begin with
 
@@ -82,6 +83,10 @@ class Backlash(YieldingGear):
         ):
             gears = gears.with_value(name, self.where, value)
         return robot.with_transmission(gears)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether there is play to speak of: flanks without it are a spring."""
+        return self.width > _LEAST_PLAY
 
     def contact(self) -> Contact:
         """Return the flanks of the gear."""

@@ -130,6 +130,9 @@ class Proposer(Judge):
         near: Nearby | None = None,
     ) -> tuple[BeamSearch, list[Atom]]:
         taken = {e.key for e in model.effects} | set(exclude) | self.aside
+        # One gear yields in one way: play before a spring is play with soft flanks.
+        yielding = [e.where for e in model.effects if deflects(e)]
+        taken |= {(c.name, joint) for c in offered if deflects(c) for joint in yielding}
         simulated = self._simulated.setdefault(model.effects, {})
         return screen(self.problem, model.fit, offered, taken, simulated, near)
 
