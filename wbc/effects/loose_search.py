@@ -15,6 +15,7 @@ _FINE = 1e-3  # [s], of the last ranking
 _SHORT, _LONG = 3.0, 6.0  # [s] of each log on which many, and on which few contacts are ranked
 _CLOUD = 16  # contacts tried around a good one
 _PLACES = 2  # in which a link may begin, whichever the log shows
+_PLAY = 0.25  # of what flanks wind up by under the largest load, that a play is at least
 _HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
 _GRID = tuple(
     Contact(stiffness, damping, float(play))
@@ -42,7 +43,12 @@ def best_contacts(responses: Sequence[LinkResponse], count: int) -> list[Contact
     step, shortest = responses[0].step, min(len(r.unexplained) for r in responses)
     length = min(int(_SHORT / step), shortest)
     busiest = [_busiest(response.unexplained, length) for response in responses]
-    ranked, share = _ranked(_GRID, responses, busiest, COARSE)
+    largest = max(float(np.max(np.abs(response.load[:, row]))) for response in responses)
+    # Flanks that wind up by more than the play are a spring.
+    loose = [c for c in _GRID if c.play * c.stiffness > _PLAY * largest]
+    if not loose:
+        return []
+    ranked, share = _ranked(loose, responses, busiest, COARSE)
     if share > _HOPELESS:
         return ranked[:count]
     length = min(int(_LONG / step), shortest)
