@@ -13,6 +13,7 @@ FINEST = 5e-4  # [s], at least
 _SOFTEST = 1.0  # [N m/rad], for the small links of a wrist
 _TURN = 0.25  # [rad] of the swing on a flank that one step may cover
 COARSE = 2e-3  # [s], while contacts and beginnings are only ranked
+_PLAY = 0.25  # of what flanks wind up by, below which they are a spring
 START = 0.6  # [s] of the log by which the first positions and speeds of links are chosen
 
 
@@ -43,6 +44,10 @@ class Contact:
         rate = 2.0 * np.pi * frequency
         stiffness = max(inertia * rate**2, _SOFTEST)
         return cls(float(stiffness), float(2.0 * damping * inertia * rate), play)
+
+    def plays(self, load: float) -> bool:
+        """Whether the play counts beside what the flanks wind up by under a load [N m]."""
+        return self.play * self.stiffness > _PLAY * load
 
     def scaled(self, stiffness: float, damping: float, play: float) -> Contact:
         """Return the contact with every number multiplied."""

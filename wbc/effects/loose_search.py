@@ -15,11 +15,10 @@ _FINE = 1e-3  # [s], of the last ranking
 _SHORT, _LONG = 3.0, 6.0  # [s] of each log on which many, and on which few contacts are ranked
 _CLOUD = 16  # contacts tried around a good one
 _PLACES = 2  # in which a link may begin, whichever the log shows
-_PLAY = 0.25  # of what flanks wind up by under the largest load, that a play is at least
 _HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
 _GRID = tuple(
     Contact(stiffness, damping, float(play))
-    for play in np.geomspace(0.0005, 0.12, 12)
+    for play in (0.0005, 0.0008, 0.0013, *np.geomspace(0.002, 0.12, 9))
     for stiffness in (1000.0, 5000.0, 25000.0)
     for damping in (5.0, 20.0)
 )
@@ -44,8 +43,7 @@ def best_contacts(responses: Sequence[LinkResponse], count: int) -> list[Contact
     length = min(int(_SHORT / step), shortest)
     busiest = [_busiest(response.unexplained, length) for response in responses]
     largest = max(float(np.max(np.abs(response.load[:, row]))) for response in responses)
-    # Flanks that wind up by more than the play are a spring.
-    loose = [c for c in _GRID if c.play * c.stiffness > _PLAY * largest]
+    loose = [contact for contact in _GRID if contact.plays(largest)]
     if not loose:
         return []
     ranked, share = _ranked(loose, responses, busiest, COARSE)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.fit import Fit
 from wbc.identification.folds import ROWS_PER_SAMPLE
 from wbc.identification.intervals import bootstrap_steps, interval_bounds
@@ -129,6 +130,8 @@ def credible(problem: Problem, fit: Fit) -> bool:
     motions = [record.motion for record in problem.records]
     if not all(effect.recognisable(fit.robot, motions) for effect in fit.effects):
         return False
+    if not all(_plays(problem, e) for e in fit.effects if isinstance(e, YieldingGear)):
+        return False
     before, after = (
         np.array([i.mass for i in r.model.inertias]) for r in (problem.robot, fit.robot)
     )
@@ -139,3 +142,12 @@ def credible(problem: Problem, fit: Fit) -> bool:
     if inside.all():
         return True
     return bool(np.all(inside | (drive_misses(fit.robot, problem.records) < _FOLLOWED)))
+
+
+def _plays(problem: Problem, gear: YieldingGear) -> bool:
+    """Whether a gear is no spring that is taken for play between soft flanks."""
+    contact, row = gear.contact(), problem.robot.velocity_index(gear.where)
+    if contact.play == 0.0:
+        return True
+    loads = [record.links[:, row] - record.contacts[:, row] for record in problem.records]
+    return contact.plays(max(float(np.max(np.abs(load))) for load in loads))
