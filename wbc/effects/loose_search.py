@@ -12,8 +12,10 @@ from wbc.effects.flanks import COARSE, Contact
 from wbc.robot import LinkResponse
 
 _FINE = 1e-3  # [s], of the last ranking
-_SHORT, _LONG = 3.0, 6.0  # [s] of each log on which many, and on which few contacts are ranked
-_CLOUD = 16  # contacts tried around a good one
+_BUSIEST = 3.0  # [s] of each log on which the grid is ranked
+_BEGINNINGS = (2.5, 6.0)  # [s] on which clouds are: with wrong flanks a link soon strays
+_WIDTHS = ((0.5, COARSE), (0.3, _FINE), (0.15, _FINE), (0.07, _FINE))  # of clouds, and their steps
+_CLOUD = 48  # contacts tried around a good one
 _PLACES = 2  # in which a link may begin, whichever the log shows
 _HOPELESS = 0.9  # share of what is unexplained that the best of the grid leaves
 _GRID = tuple(
@@ -40,7 +42,7 @@ def best_contacts(responses: Sequence[LinkResponse], count: int) -> list[Contact
     if min(float(np.min(response.inertia[:, row])) for response in responses) <= 0.0:
         return []
     step, shortest = responses[0].step, min(len(r.unexplained) for r in responses)
-    length = min(int(_SHORT / step), shortest)
+    length = min(int(_BUSIEST / step), shortest)
     busiest = [_busiest(response.unexplained, length) for response in responses]
     largest = max(float(np.max(np.abs(response.load[:, row]))) for response in responses)
     loose = [contact for contact in _GRID if contact.plays(largest)]
@@ -49,15 +51,22 @@ def best_contacts(responses: Sequence[LinkResponse], count: int) -> list[Contact
     ranked, share = _ranked(loose, responses, busiest, COARSE)
     if share > _HOPELESS:
         return ranked[:count]
-    length = min(int(_LONG / step), shortest)
-    beginning = [slice(0, length) for _ in responses]
-    ranked, _ = _ranked(ranked[:_CLOUD], responses, beginning, COARSE)
+    lists = [_around(ranked[:_CLOUD], responses, int(seconds / step)) for seconds in _BEGINNINGS]
+    return [contact for pair in zip(*lists, strict=True) for contact in pair][:count]
+
+
+def _around(
+    ranked: Sequence[Contact], responses: Sequence[LinkResponse], length: int
+) -> list[Contact]:
+    """Return good contacts and clouds around the best, ranked on the beginnings of the logs."""
+    beginning = [slice(0, min(length, len(r.unexplained))) for r in responses]
+    best, _ = _ranked(ranked, responses, beginning, COARSE)
     random = np.random.default_rng(0)
-    for width, finest in ((0.3, COARSE), (0.1, _FINE)):
-        kept = ranked[:2]
+    for width, finest in _WIDTHS:
+        kept = best[:2]
         cloud = [c.scaled(*np.exp(width * row)) for c in kept for row in _normal(random)]
-        ranked, _ = _ranked([*kept, *cloud], responses, beginning, finest)
-    return ranked[:count]
+        best, _ = _ranked([*kept, *cloud], responses, beginning, finest)
+    return best
 
 
 def _normal(random: np.random.Generator) -> FloatArray:
