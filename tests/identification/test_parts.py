@@ -65,6 +65,18 @@ def test_held_out_errors_equal_those_of_separate_fits() -> None:
     assert matrix.held_out([0, 1, 2]) == pytest.approx(squares / residual.size, rel=1e-3)
 
 
+def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> None:
+    random = np.random.default_rng(3)
+    folds = np.repeat([0, 1, 2], 20)
+    columns = np.zeros((60, 1, 1))
+    columns[50:55] = 5.0  # a limit that was reached once
+    residual = columns[..., 0] + 0.1 * random.standard_normal((60, 1))
+    without = DesignMatrix.from_rows(columns, residual, folds)
+    with_it = DesignMatrix.from_rows(columns, residual, folds, np.ones(1))
+    assert without.held_out([0]) == pytest.approx(np.mean(residual**2), rel=0.01)
+    assert with_it.held_out([0]) < 0.02
+
+
 def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
     random = np.random.default_rng(2)
     columns = random.standard_normal((60, 2, 5))
