@@ -27,12 +27,13 @@ _GRID = tuple(
 
 
 def best_contacts(responses: Sequence[LinkResponse], count: int) -> list[Contact]:
-    """Return the `count` contacts whose deflection leaves least unexplained, best first.
+    """Return the `count` contacts whose deflection leaves least unexplained.
 
-    A link that bounces follows no gradient: a coarse grid is integrated side by side over the
-    seconds of each log in which most is unexplained, then, where that promises something, clouds
-    of contacts around the best over the logs from their beginning. A link without inertia about
-    the joint (a point on its axis) swings behind nothing: the list is empty.
+    A link that bounces follows no gradient: a coarse grid is integrated over the seconds of each
+    log in which most is unexplained, then, where that promises something, clouds of contacts
+    around the best over a short and over a longer beginning of the logs, whose best take turns. A
+    link without inertia about the joint (a point on its axis) swings behind nothing, and behind
+    flanks that wind up by far more than their play it is behind a spring: the list is empty.
 
     Args:
         responses: of the joint, one per log.
@@ -85,7 +86,7 @@ def _ranked(
     nothing = 0.0
     for response, part in zip(responses, parts, strict=True):
         links = CoupledLinks.of([response]).part(part)
-        torques = [links.torques([c], _beginnings(links, c), finest)[:, 0] for c in contacts]
+        torques = [links.torques([c], _starts(links, c), finest)[:, 0] for c in contacts]
         whole = np.zeros((len(response.unexplained), 1 + len(contacts), _PLACES))
         whole[part] = response.unexplained[part, None, None]
         whole[part, 1:] -= np.stack(torques, axis=1)
@@ -96,7 +97,7 @@ def _ranked(
     return ranked, float(left.min()) / max(nothing, 1e-300)
 
 
-def _beginnings(links: CoupledLinks, contact: Contact) -> FloatArray:
+def _starts(links: CoupledLinks, contact: Contact) -> FloatArray:
     """Return starts (2, 2, 1): against the flank that carries the load, and in the middle."""
     load = float(links.load[0, 0])
     starts = np.zeros((_PLACES, 2, 1))

@@ -25,7 +25,7 @@ _CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end the
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _NOT_ALL = 0.03  # of the error (rms), beyond which a loose gear may not be alone
-_ROUNDS = 3  # in which numbers of gears that strike together are tried one by one ...
+_ROUNDS = 3  # in which numbers of gears that strike are tried one by one ...
 _CALMER = 0.8  # ... as long as so little of the error is left
 _ALIKE = 1.3  # times the least error, up to which the simpler pair is taken
 _PAIRED = 0.8  # of the error, that two gears from a coarse grid must leave at most
@@ -95,7 +95,7 @@ class _Kinds:
         return self.pair if self.swinging.worthwhile(model, self.pair, self.first) else None
 
     def settled(self, model: Model) -> Model:
-        """Return a model of gears that strike together with better numbers, where there are."""
+        """Return a model with a loose gear with better numbers of its gears, where there are."""
         problem = self.everything.problem
         for _ in range(_ROUNDS):
             effects, _ = pattern_search(problem, model.effects, NEAR, problem.records)

@@ -117,9 +117,10 @@ class Proposer(Judge):
         search, _ = self._screened(model, offered)
         offers: dict[tuple[tuple[str, str], ...], tuple[Effect, ...]] = {}
         for subset in search.pairs(_AMONG):
+            if subset.error >= most or len(offers) == count:
+                break
             effects = search.effects(subset)
-            if subset.error < most and len(offers) < count:
-                offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
+            offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
         return [(*model.effects, *effects) for effects in offers.values()]
 
     def _screened(
