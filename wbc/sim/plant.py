@@ -14,18 +14,18 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, checked
 from wbc.errors import SimulationError
 from wbc.robot import Robot
-from wbc.sim.barriers import TOUCH
-from wbc.sim.collision import settle
-from wbc.sim.flow import Flow, flow
-from wbc.sim.forces import checked_memory
-from wbc.sim.impact import Impact
-from wbc.sim.kinetic_energy import kinetic_energy
-from wbc.sim.motor_motion import MotorMotion, rotor_motion
-from wbc.sim.plane import Plane
+from wbc.sim.energy.kinetic_energy import kinetic_energy
+from wbc.sim.ground.barriers import TOUCH
+from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.laws.motor_motion import MotorMotion, rotor_motion
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
-from wbc.sim.step_result import StepResult
-from wbc.sim.terrain import Terrain
+from wbc.sim.step.collision import settle
+from wbc.sim.step.flow import Flow, flow
+from wbc.sim.step.forces import checked_memory
+from wbc.sim.step.impact import Impact
+from wbc.sim.step.step_result import StepResult
 
 _MAX_PARTS = 12
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from wbc.dynamics import Workspace
 from wbc.robot import Robot
-from wbc.sim.barriers import Barriers
-from wbc.sim.drivetrain import Drivetrain, drivetrain
-from wbc.sim.forces import first_memory
+from wbc.sim.ground.barriers import Barriers
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
 from wbc.sim.state import EffectMemory
-from wbc.sim.terrain import Terrain
-from wbc.sim.warm_start import ImpulseLayout
+from wbc.sim.step.forces import first_memory
+from wbc.sim.step.warm_start import ImpulseLayout
 
 
 @dataclass(frozen=True, eq=False, slots=True)

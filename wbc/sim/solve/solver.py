@@ -8,15 +8,15 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.sim.branches import branches_at
-from wbc.sim.newton import newton
-from wbc.sim.program import StepProgram
-from wbc.sim.proximal import proximal
-from wbc.sim.qp import qp_candidates
-from wbc.sim.reduced import Reduced, reduce_program
-from wbc.sim.solution import StepSolution
-from wbc.sim.sweeps import sweep
-from wbc.sim.uniqueness import check_uniqueness
+from wbc.sim.solve.branches import branches_at
+from wbc.sim.solve.newton import newton
+from wbc.sim.solve.proximal import proximal
+from wbc.sim.solve.qp import qp_candidates
+from wbc.sim.solve.reduced import Reduced, reduce_program
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.solve.sweeps import sweep
+from wbc.sim.solve.uniqueness import check_uniqueness
+from wbc.sim.step.program import StepProgram
 
 TOLERANCE = 1e-10
 """Accepted distance of a row from its law, as a share of the largest speed or target plus 1."""

@@ -7,23 +7,23 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
-from wbc.sim.barriers import TOUCH
-from wbc.sim.coupling import (
+from wbc.sim.energy.kinetic_energy import kinetic_energy
+from wbc.sim.ground.barriers import TOUCH
+from wbc.sim.ground.contact_rows import ContactRows, world_impulse
+from wbc.sim.laws.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
     COUPLING_TOLERANCE,
     StepCoupling,
     step_coupling,
 )
-from wbc.sim.ground import ContactRows, world_impulse
-from wbc.sim.impact import Impact, impact_elements, impact_mesh_loss
-from wbc.sim.kinetic_energy import kinetic_energy
-from wbc.sim.motor_motion import MotorMotion
-from wbc.sim.program import StepProgram, Unilateral
+from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
-from wbc.sim.solution import StepSolution
-from wbc.sim.solver import solve_program
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
+from wbc.sim.step.impact import Impact, impact_elements, impact_mesh_loss
+from wbc.sim.step.program import StepProgram, Unilateral
 
 _SLOW = 1e-9
 _ROUNDING = 1e-9

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.sim.drivetrain import Drivetrain
-from wbc.sim.elements import Elements, meeting_speed, modes_at
-from wbc.sim.motor_motion import MotorMotion
-from wbc.sim.solution import StepSolution
+from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.laws.elements import Elements, meeting_speed, modes_at
+from wbc.sim.laws.motor_motion import MotorMotion
+from wbc.sim.solve.solution import StepSolution
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,8 +9,8 @@ from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.sim.elements import Elements
-from wbc.sim.program import StepProgram
+from wbc.sim.laws.elements import Elements
+from wbc.sim.step.program import StepProgram
 
 NOT_POSITIVE = (
     "the inertia matrix of the links is not positive definite (or not finite): some body without "

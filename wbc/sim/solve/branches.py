@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
-from wbc.sim.reduced import Reduced
+from wbc.sim.solve.reduced import Reduced
 
 
 @dataclass(frozen=True, eq=False, slots=True)

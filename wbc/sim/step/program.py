@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.elements import Elements
+from wbc.sim.laws.elements import Elements
 
 
 @dataclass(frozen=True, eq=False, slots=True)

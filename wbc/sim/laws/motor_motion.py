@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.sim.drivetrain import Drivetrain
+from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.state import SimState
 
 

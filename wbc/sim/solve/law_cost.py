@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.sim.elements import Elements
+from wbc.sim.laws.elements import Elements
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.robot import Robot
-from wbc.sim.ground import ContactRows, contact_points, contact_rows, moves_in_plane
-from wbc.sim.program import Unilateral
-from wbc.sim.terrain import Terrain
+from wbc.sim.ground.contact_rows import ContactRows, contact_points, contact_rows, moves_in_plane
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.step.program import Unilateral
 
 TOUCH = 1e-6
 """Gap [m, rad] up to which a barrier counts as closed."""

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.flow import Flow
-from wbc.sim.impact import Impact
-from wbc.sim.solution import StepSolution
+from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.solve.solution import StepSolution
 from wbc.sim.state import SimState
+from wbc.sim.step.flow import Flow
+from wbc.sim.step.impact import Impact
 
 
 @dataclass(frozen=True, eq=False)

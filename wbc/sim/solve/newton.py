@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from wbc.arrays import FloatArray
-from wbc.sim.branches import branches_at, solve_branches
-from wbc.sim.reduced import Reduced
+from wbc.sim.solve.branches import branches_at, solve_branches
+from wbc.sim.solve.reduced import Reduced
 
 _FULL_STEPS = 4
 _SHORTEST = 1e-2

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, checked
 from wbc.errors import SimulationError
-from wbc.sim.terrain import Terrain
+from wbc.sim.ground.terrain import Terrain
 
 
 @final

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from wbc.sim.energy import EnergyFlow
+from wbc.sim.energy.energy_flow import EnergyFlow
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,26 +15,26 @@ from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import SimulationError
-from wbc.sim.barriers import TOUCH, ClosedRows
-from wbc.sim.coupling import (
+from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.energy.flow_energy import Transit, flow_energy
+from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.contact_rows import ContactRows, world_impulse
+from wbc.sim.laws.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
     COUPLING_TOLERANCE,
     StepCoupling,
     step_coupling,
 )
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.flow_energy import Transit, flow_energy
-from wbc.sim.forces import EffectForces, effect_forces
-from wbc.sim.gear_rows import GearRows, gear_rows
-from wbc.sim.ground import ContactRows, world_impulse
-from wbc.sim.motor_motion import MotorMotion
-from wbc.sim.program import StepProgram
-from wbc.sim.reduced import NOT_POSITIVE
+from wbc.sim.laws.gear_rows import GearRows, gear_rows
+from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
-from wbc.sim.solution import StepSolution
-from wbc.sim.solver import solve_program
+from wbc.sim.solve.reduced import NOT_POSITIVE
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
+from wbc.sim.step.forces import EffectForces, effect_forces
+from wbc.sim.step.program import StepProgram
 
 _RETURN = 1e-3
 """Time [s] in which an overlap is taken back at the earliest."""

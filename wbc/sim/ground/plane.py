@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import SimulationError
-from wbc.sim.terrain import Terrain
+from wbc.sim.ground.terrain import Terrain
 
 
 @final

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.elements import Elements, meeting_speed, modes_at
-from wbc.sim.reduced import Reduced
+from wbc.sim.laws.elements import Elements, meeting_speed, modes_at
+from wbc.sim.solve.reduced import Reduced
 
 
 def sweep(reduced: Reduced, start: FloatArray, count: int) -> FloatArray:

@@ -11,7 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError, unknown_name
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
-from wbc.sim.sensor import Sensor
+from wbc.sim.sensors.sensor import Sensor
 
 _ROTOR = ("rotor_position", "rotor_velocity")
 

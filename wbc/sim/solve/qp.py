@@ -18,8 +18,8 @@ import numpy as np
 from proxsuite import proxqp
 
 from wbc.arrays import FloatArray
-from wbc.sim.law_cost import CostPiece, cost_pieces
-from wbc.sim.reduced import Reduced
+from wbc.sim.solve.law_cost import CostPiece, cost_pieces
+from wbc.sim.solve.reduced import Reduced
 
 _ROUNDS = 120
 _UNSOLVED = 3

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.drivetrain import Drivetrain
-from wbc.sim.elements import Elements
-from wbc.sim.solution import StepSolution
+from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.laws.elements import Elements
+from wbc.sim.solve.solution import StepSolution
 
 
 @dataclass(frozen=True, eq=False, slots=True)

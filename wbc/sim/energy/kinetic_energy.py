@@ -5,7 +5,7 @@ from __future__ import annotations
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.sim.coupling import step_coupling
+from wbc.sim.laws.coupling import step_coupling
 from wbc.sim.setup import Setup
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.errors import SimulationError
-from wbc.sim.elements import falling_rows
-from wbc.sim.reduced import Reduced
+from wbc.sim.laws.elements import falling_rows
+from wbc.sim.solve.reduced import Reduced
 
 _SLOWEST = 1e-9
 """[rad/s] below which two solutions count as one."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.drivetrain import Drivetrain
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.forces import EffectForces
-from wbc.sim.gear_rows import GearRows
-from wbc.sim.motor_motion import MotorMotion
-from wbc.sim.solution import StepSolution
+from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.laws.gear_rows import GearRows
+from wbc.sim.laws.motor_motion import MotorMotion
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.step.forces import EffectForces
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.branches import branches_at
-from wbc.sim.reduced import Reduced
-from wbc.sim.residuals import Residuals
+from wbc.sim.solve.branches import branches_at
+from wbc.sim.solve.reduced import Reduced
+from wbc.sim.solve.residuals import Residuals
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wbc.arrays import FloatArray
-from wbc.sim.branches import branches_at
-from wbc.sim.newton import newton
-from wbc.sim.reduced import Reduced, with_slope
+from wbc.sim.solve.branches import branches_at
+from wbc.sim.solve.newton import newton
+from wbc.sim.solve.reduced import Reduced, with_slope
 
 _FIRST, _SMALLEST, _LARGEST = 1e-6, 1e-9, 1.0
 _HARDER, _SOFTER = 0.3, 30.0

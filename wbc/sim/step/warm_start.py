@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.sim.barriers import Barriers, ClosedRows
-from wbc.sim.gear_rows import GearRows
+from wbc.sim.ground.barriers import Barriers, ClosedRows
+from wbc.sim.laws.gear_rows import GearRows
 
 
 @dataclass(frozen=True, eq=False, slots=True)

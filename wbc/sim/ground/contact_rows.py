@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
-from wbc.sim.solution import StepSolution
+from wbc.sim.solve.solution import StepSolution
 
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
