@@ -2,9 +2,12 @@
 
 from wbc.sim.energy.audit import EnergyAudit
 from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.ground.box import Box
+from wbc.sim.ground.height_field import HeightField
 from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.sphere import Sphere
 from wbc.sim.ground.stairs import Stairs
-from wbc.sim.ground.terrain import Terrain
+from wbc.sim.ground.terrain import Terrain, Together
 from wbc.sim.laws.elements import Elements
 from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
@@ -20,9 +23,11 @@ from wbc.sim.step.program import StepProgram, Unilateral
 from wbc.sim.step.step_result import StepResult
 
 __all__ = [
+    "Box",
     "Elements",
     "EnergyAudit",
     "EnergyFlow",
+    "HeightField",
     "Impact",
     "Plane",
     "Plant",
@@ -32,11 +37,13 @@ __all__ = [
     "SensorModel",
     "SimState",
     "Simulation",
+    "Sphere",
     "Stairs",
     "StepProgram",
     "StepResult",
     "StepSolution",
     "Terrain",
+    "Together",
     "Unilateral",
     "simulate",
     "solve_program",

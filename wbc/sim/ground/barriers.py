@@ -22,11 +22,12 @@ _NOWHERE = (np.zeros(0), np.zeros((0, 3)))
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Clearance:
-    """Distances at one configuration.
+    """Distances at one configuration; c = k s contact barriers, k points times s solids.
 
     Attributes:
-        gap: (2 j + k,) to the lower limits, the upper limits, and of the contact points.
-        normal: (k, 3) out of the ground at each contact point.
+        gap: (2 j + c,) to the lower limits, the upper limits, and of the contact points from the
+            solids, all points for the first solid first.
+        normal: (c, 3) out of the solid at each contact point.
     """
 
     gap: FloatArray
@@ -35,17 +36,24 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ClosedRows:
-    """The rows of the barriers that are closed.
+    """The rows of some barriers.
 
     Attributes:
         unilateral: their laws.
-        limits: (l,) indices of the closed joint limits.
-        which: (c,) indices of the closed contacts.
+        limits: (l,) indices of the joint limits.
+        which: (c,) indices of the contact barriers.
+        contacts: their rows.
     """
 
     unilateral: Unilateral
     limits: IntArray
     which: IntArray
+    contacts: ContactRows
+
+    def approach(self, velocity: FloatArray) -> FloatArray:
+        """Return how fast each of these barriers opens (l + c,) at v (nv,)."""
+        rows = self.unilateral
+        return np.concatenate((rows.limits @ velocity, rows.normals @ velocity))
 
 
 class Barriers:
@@ -56,71 +64,86 @@ class Barriers:
         model = robot.model
         low, high = _finite(model.lowerPositionLimit), _finite(model.upperPositionLimit)
         single = [
-            joint
-            for joint in list(model.joints)[1:]
+            (name, joint)
+            for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True)
             if joint.nq == 1
             and joint.nv == 1
             and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
         ]
-        self._terrain, self._space = terrain, space
-        self._position = np.array([joint.idx_q for joint in single], dtype=np.int_)
-        self._velocity = np.array([joint.idx_v for joint in single], dtype=np.int_)
+        self._solids, self._space = terrain.solids, space
+        self._position = np.array([joint.idx_q for _, joint in single], dtype=np.int_)
+        self._velocity = np.array([joint.idx_v for _, joint in single], dtype=np.int_)
         self._lower, self._upper = low[self._position], high[self._position]
-        self._friction = np.array([contact.friction for contact in robot.contacts])
+        self._radius = np.array([contact.radius for contact in robot.contacts])
+        friction = [contact.friction for contact in robot.contacts]
+        self._friction = np.tile(np.array(friction), len(self._solids))
         self._nv = model.nv
         forward = np.zeros((len(single), model.nv))
         forward[np.arange(len(single)), self._velocity] = 1.0
         self._turning = np.concatenate((forward, -forward))
         self.planar = moves_in_plane(space)
         self.limits = 2 * len(single)
-        self.contacts = len(robot.contacts)
+        self.points = len(robot.contacts)
+        self.contacts = self.points * len(self._solids)
+        self.names = (
+            *(f"joint '{name}' at its lower limit" for name, _ in single),
+            *(f"joint '{name}' at its upper limit" for name, _ in single),
+            *(f"contact '{c.name}'" for c in robot.contacts * len(self._solids)),
+        )
 
     @property
     def size(self) -> int:
-        """2 j + k."""
+        """2 j + c."""
         return self.limits + self.contacts
+
+    def within_limits(self, position: FloatArray) -> FloatArray:
+        """Return q (nq,) with every joint within its limits."""
+        q = np.array(position)
+        q[self._position] = np.clip(q[self._position], self._lower, self._upper)
+        return q
 
     def clearance(self, position: FloatArray) -> Clearance:
         """Return all gaps at q (nq,), for the placements held in the workspace."""
-        gap, normal = self._terrain.gap(contact_points(self._space)) if self.contacts else _NOWHERE
+        gap, normal = self._ground() if self.contacts else _NOWHERE
         if self.limits:
             here = position[self._position]
             gap = np.concatenate((here - self._lower, self._upper - here, gap))
         return Clearance(gap, normal)
 
-    def contact_rows(self, clearance: Clearance) -> ContactRows:
-        """Return the rows of all contacts, for the Jacobians held in the workspace."""
-        return contact_rows(self._space, clearance.normal, self.planar)
+    def _ground(self) -> tuple[FloatArray, FloatArray]:
+        points = contact_points(self._space)
+        if len(self._solids) == 1:
+            gap, normal = self._solids[0].gap(points)
+            return gap - self._radius, normal
+        found = [solid.gap(points) for solid in self._solids]
+        gaps = np.concatenate([gap - self._radius for gap, _ in found])
+        return gaps, np.concatenate([normal for _, normal in found])
 
-    def approach(self, contacts: ContactRows, velocity: FloatArray) -> FloatArray:
-        """Return how fast every gap opens (2 j + k,) at v (nv,)."""
-        leaving = contacts.rows[:, 0] @ velocity
-        if not self.limits:
-            return leaving
-        turning = velocity[self._velocity]
-        return np.concatenate((turning, -turning, leaving))
-
-    def closed_rows(
-        self, closed: BoolArray, contacts: ContactRows, target: FloatArray
-    ) -> ClosedRows:
-        """Return the rows of the closed barriers.
+    def rows(self, closed: BoolArray, clearance: Clearance, target: FloatArray) -> ClosedRows:
+        """Return the rows of some barriers, for the Jacobians held in the workspace.
 
         Args:
-            closed: (2 j + k,).
-            contacts: rows of all contacts.
-            target: (2 j + k,) lowest speed at which each gap may open.
+            closed: (2 j + c,) which.
+            clearance: where they are.
+            target: (2 j + c,) lowest speed at which each gap may open.
         """
         limits, turning = _NONE, self._turning
         which = closed[self.limits :].nonzero()[0]
-        rows = contacts.rows[which]
+        contacts = contact_rows(
+            self._space,
+            which % self.points if self.points else which,
+            clearance.normal[which],
+            self.planar,
+        )
         if self.limits:
             limits = closed[: self.limits].nonzero()[0]
             turning = turning[limits]
+        rows = contacts.rows
         tangents = rows[:, 1:].reshape(-1, self._nv)
         unilateral = Unilateral(
             turning, rows[:, 0], tangents, self._friction[which], target[closed]
         )
-        return ClosedRows(unilateral, limits, which)
+        return ClosedRows(unilateral, limits, which, contacts)
 
 
 def _finite(limits: FloatArray) -> FloatArray:

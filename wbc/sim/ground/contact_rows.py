@@ -29,33 +29,44 @@ def contact_points(space: Workspace) -> FloatArray:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactRows:
-    """Jacobian rows of all contact points in their ground frames.
+    """Jacobian rows of some contacts in their ground frames.
 
     Attributes:
-        axes: (k, 1 + d, 3) unit vectors, the normal first, world.
-        rows: (k, 1 + d, nv), velocity of the point along them.
+        points: (c,) which of the robot's contacts they belong to.
+        axes: (c, 1 + d, 3) unit vectors, the normal first, world.
+        rows: (c, 1 + d, nv), velocity of the touching point along them.
     """
 
+    points: IntArray
     axes: FloatArray
     rows: FloatArray
 
 
-def contact_rows(space: Workspace, normal: FloatArray, planar: bool) -> ContactRows:
-    """Return the rows of all contacts for the Jacobians held in `space`.
+def contact_rows(
+    space: Workspace, points: IntArray, normal: FloatArray, planar: bool
+) -> ContactRows:
+    """Return the rows of some contacts for the Jacobians held in `space`.
+
+    A ball touches a radius below its centre: its point of contact turns with the link, and rolls.
 
     Args:
         space: workspace with joint Jacobians computed.
-        normal: (k, 3) unit normals of the ground at the points.
+        points: (c,) indices of the robot's contacts; one of them may touch several solids.
+        normal: (c, 3) unit normals of the ground there.
         planar: whether the points move in x-z only, so that one tangent is enough.
     """
-    model, data = space.model, space.data
-    jacobian = np.empty((len(normal), 3, model.nv))
-    for i, frame in enumerate(space.frames):
+    model, data, contacts = space.model, space.data, space.robot.contacts
+    jacobian = np.empty((len(points), 3, model.nv))
+    for i, point in enumerate(points.tolist()):
         # With one coordinate pinocchio returns a vector.
-        whole = pin.getFrameJacobian(model, data, frame, _WORLD)
-        jacobian[i] = whole[:3].reshape(3, -1)
+        whole = pin.getFrameJacobian(model, data, space.frames[point], _WORLD).reshape(6, -1)
+        jacobian[i] = whole[:3]
+        radius = contacts[point].radius
+        if radius > 0.0:
+            x, y, z = (radius * normal[i]).tolist()
+            jacobian[i] += np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ whole[3:]
     axes = planar_axes(normal) if planar else spatial_axes(normal)
-    return ContactRows(axes, axes @ jacobian)
+    return ContactRows(points, axes, axes @ jacobian)
 
 
 def planar_axes(normal: FloatArray) -> FloatArray:
@@ -85,16 +96,17 @@ def moves_in_plane(space: Workspace) -> bool:
         pin.computeJointJacobians(model, data, q)
         for frame in space.frames:
             pin.updateFramePlacement(model, data, frame)
-            if np.abs(pin.getFrameJacobian(model, data, frame, _WORLD)[1]).max() > 1e-9:
+            whole = pin.getFrameJacobian(model, data, frame, _WORLD).reshape(6, -1)
+            if np.abs(whole[[1, 3, 5]]).max() > 1e-9:
                 return False
     return True
 
 
-def world_impulse(contacts: ContactRows, which: IntArray, solution: StepSolution) -> FloatArray:
-    """Return impulses (k, 3) on all contacts in world axes; `which` (c,) are closed."""
-    total = np.zeros((len(contacts.axes), 3))
-    if len(which):
+def world_impulse(contacts: ContactRows, count: int, solution: StepSolution) -> FloatArray:
+    """Return impulses (k, 3) on all `count` contacts in world axes, for the rows of a solution."""
+    total = np.zeros((count, 3))
+    if len(contacts.points):
         normal = solution.normal_impulse[solution.reduced.limits :]
         parts = np.concatenate((normal[:, None], solution.tangent_impulse), axis=1)
-        total[which] = (parts[:, None] @ contacts.axes[which])[:, 0]
+        np.add.at(total, contacts.points, (parts[:, None] @ contacts.axes)[:, 0])
     return total

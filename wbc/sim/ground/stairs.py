@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import FloatArray, checked
 from wbc.errors import SimulationError
-from wbc.sim.ground.terrain import Terrain
+from wbc.sim.ground.box import away_from_box
+from wbc.sim.ground.terrain import Terrain, nearest
 
 
 @final
@@ -34,31 +36,40 @@ class Stairs(Terrain):
         object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "heights", heights)
 
-    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Terrain.gap`; the tread below a point, or the riser beside it where that is nearer.
+    @cached_property
+    def solids(self) -> tuple[Terrain, ...]:
+        """One solid per tread: all that lies below it, as far as no tread nearby is lower.
 
-        A riser counts while the point is below its upper edge; inside the ground the face with
-        the least depth is the one the point came through.
+        No face of one of these lies inside another, so that nothing can catch on a seam.
         """
-        gaps, normals = np.empty(len(points)), np.zeros(points.shape)
-        for i, (x, _, z) in enumerate(points):
-            tread = int(np.searchsorted(self.edges, x))
-            gaps[i], normals[i] = z - self.heights[tread], (0.0, 0.0, 1.0)
-            for edge, behind, way in self._faces(tread, z, inside=gaps[i] < 0.0):
-                distance = behind * (x - edge)
-                if abs(distance) < abs(gaps[i]):
-                    gaps[i], normals[i] = distance, (way, 0.0, 0.0)
-        return gaps, normals
+        ends = [-np.inf, *self.edges.tolist(), np.inf]
+        columns = {}
+        for i, height in enumerate(self.heights.tolist()):
+            first = last = i
+            while first > 0 and self.heights[first - 1] >= height:
+                first -= 1
+            while last + 1 < len(self.heights) and self.heights[last + 1] >= height:
+                last += 1
+            columns[first, last] = _Column(ends[first], ends[last + 1], height)
+        return tuple(columns.values())
 
-    def _faces(self, tread: int, z: float, inside: bool) -> list[tuple[float, float, float]]:
-        """Return (x, sign of the gap along x, normal's x) of the risers that face the point."""
-        faces = []
-        for neighbour, edge in ((tread - 1, tread - 1), (tread + 1, tread)):
-            if not 0 <= neighbour < len(self.heights):
-                continue
-            out = 1.0 if neighbour > tread else -1.0
-            if not inside and z < self.heights[neighbour]:
-                faces.append((float(self.edges[edge]), -out, -out))
-            if inside and z > self.heights[neighbour]:
-                faces.append((float(self.edges[edge]), out, out))
-        return faces
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Terrain.gap`; of the nearest solid."""
+        return nearest(self.solids, points)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Column(Terrain):
+    """Everything below `height` between x = `low` and x = `high`."""
+
+    low: float
+    high: float
+    height: float
+
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Terrain.gap`."""
+        across = np.zeros(len(points))
+        upper = np.stack((points[:, 0] - self.high, across - np.inf, points[:, 2] - self.height), 1)
+        lower = np.stack((self.low - points[:, 0], across - np.inf, across - np.inf), 1)
+        return away_from_box(lower, upper)

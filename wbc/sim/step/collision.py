@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
 from wbc.sim.energy.kinetic_energy import kinetic_energy
-from wbc.sim.ground.barriers import TOUCH
-from wbc.sim.ground.contact_rows import ContactRows, world_impulse
+from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.contact_rows import world_impulse
 from wbc.sim.laws.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
@@ -30,59 +32,102 @@ _ROUNDING = 1e-9
 _FINEST = 1e-3
 
 
-def settle(setup: Setup, state: SimState) -> tuple[SimState, Impact | None]:
-    """Return the state after barriers that have just been reached are hit, and the impact if any.
+def settle(
+    setup: Setup, state: SimState, springy: BoolArray | None = None
+) -> tuple[SimState, Impact | None, BoolArray]:
+    """Take the impact on barriers that have just been reached.
 
     A barrier counts as reached where its gap is closed and the state does not know it to be.
+
+    Args:
+        setup: the plant's.
+        state: where the robot is.
+        springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
+
+    Returns:
+        the state after it, the impact if there was any, and which barriers (2 j + c,) were reached.
+
+    Raises:
+        SimulationError: a state whose closed barriers are not known starts inside the ground or
+            beyond a joint limit.
     """
     barriers, space = setup.barriers, setup.space
     unknown = len(state.closed) != barriers.size
     closed = np.zeros(barriers.size, dtype=bool) if unknown else state.closed
     pin.crba(space.model, space.data, state.position, pin.Convention.WORLD)
     clearance = barriers.clearance(state.position)
+    if unknown:
+        check_outside(setup, clearance.gap)
     fresh = ~closed & (clearance.gap <= TOUCH)
     if not fresh.any():
-        return (state.replace(closed=closed) if unknown else state), None
-    contacts = barriers.contact_rows(clearance)
-    approach = barriers.approach(contacts, state.velocity)
+        return (state.replace(closed=closed) if unknown else state), None, fresh
     together = closed | fresh
-    if not np.any(fresh & (approach < -_SLOW)):
-        return state.replace(closed=together), None
-    impact = _collide(setup, state, together, contacts, approach)
-    after = barriers.approach(contacts, impact.after)
-    state = state.replace(velocity=impact.after, closed=together & (after <= TOUCH))
-    return state, impact
+    hit = barriers.rows(together, clearance, np.zeros(barriers.size))
+    approach = hit.approach(state.velocity)
+    if not np.any(fresh[together] & (approach < -_SLOW)):
+        return state.replace(closed=together), None, fresh
+    back = np.full(len(approach), setup.restitution)
+    if springy is not None:
+        back[~springy[together]] = 0.0
+    impact = _collide(setup, state, hit, -back * np.minimum(approach, 0.0))
+    closed = together.copy()
+    closed[together] = hit.approach(impact.after) <= TOUCH
+    return state.replace(velocity=impact.after, closed=closed), impact, fresh
 
 
-def _collide(
-    setup: Setup,
-    state: SimState,
-    closed: BoolArray,
-    contacts: ContactRows,
-    approach: FloatArray,
-) -> Impact:
-    """Return the impact of the `closed` barriers, for the kinematics held in the workspace.
+def check_outside(setup: Setup, gap: FloatArray) -> None:
+    """Refuse a start inside the ground or beyond a joint limit.
+
+    Args:
+        setup: the plant's.
+        gap: (2 j + c,).
+
+    Raises:
+        SimulationError: an overlap beyond TOUCH; it names the place and the depth.
+    """
+    depth = -float(gap.min(initial=0.0))
+    if depth <= TOUCH:
+        return
+    place = int(np.argmin(gap))
+    where = setup.barriers.names[place]
+    beyond = f"{depth:.3g} rad (m) beyond its stop"
+    inside = f"{1e3 * depth:.3g} mm inside the ground"
+    raise SimulationError(
+        f"the start of '{setup.robot.name}' overlaps: {where} is "
+        f"{beyond if place < setup.barriers.limits else inside}. Place the robot outside, or "
+        "let the plant do it: plant.state(position, lifted=True)."
+    )
+
+
+def _collide(setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray) -> Impact:
+    """Return the impact of the barriers `hit`, for the kinematics held in the workspace.
 
     Newton's restitution with friction may ask for more energy than there was (Kane's paradox), or
     for what the joints cannot do. Without restitution an impact only loses energy; the largest
     restitution between that does so is taken.
+
+    Args:
+        setup: the plant's.
+        state: before.
+        hit: the closed barriers.
+        opening: (l + c,) speeds at which these should part, by the plant's restitution.
     """
-    if setup.restitution == 0.0:
-        return _bounce(setup, state, closed, contacts, approach, 0.0)
+    if not opening.any():
+        return _bounce(setup, state, hit, opening, 0.0)
     scale = kinetic_energy(setup, state.position, state.velocity)
     slack = -_ROUNDING * scale
     try:
-        impact = _bounce(setup, state, closed, contacts, approach, setup.restitution)
+        impact = _bounce(setup, state, hit, opening, 1.0)
         if impact.contact_loss >= slack:
             return impact
     except SimulationError:
         pass
-    low, high = 0.0, setup.restitution
-    best = _bounce(setup, state, closed, contacts, approach, low)
-    while high - low > _FINEST:
+    low, high = 0.0, 1.0
+    best = _bounce(setup, state, hit, opening, low)
+    while (high - low) * setup.restitution > _FINEST:
         middle = 0.5 * (low + high)
         try:
-            impact = _bounce(setup, state, closed, contacts, approach, middle)
+            impact = _bounce(setup, state, hit, opening, middle)
             passive = impact.contact_loss >= slack
         except SimulationError:
             passive = False
@@ -94,19 +139,13 @@ def _collide(
 
 
 def _bounce(
-    setup: Setup,
-    state: SimState,
-    closed: BoolArray,
-    contacts: ContactRows,
-    approach: FloatArray,
-    restitution: float,
+    setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray, share: float
 ) -> Impact:
-    """Return the impact after which normal speeds are -`restitution` times those before."""
+    """Return the impact after which the barriers part at `share` times the speeds `opening`."""
     drive = setup.drive
-    target = -restitution * np.minimum(approach, 0.0)
-    hit = setup.barriers.closed_rows(closed, contacts, target)
+    unilateral = replace(hit.unilateral, target=share * opening)
     coupling = step_coupling(setup.robot, setup.space, state.position, state.velocity)
-    solution = _solve(setup, state, hit.unilateral, coupling)
+    solution = _solve(setup, state, unilateral, coupling)
     after = np.array(solution.velocity)
     coupled = drive.zero if coupling is None else -coupling.inertia @ (after - state.velocity)
     motor = MotorMotion.of(drive, state).speed
@@ -116,7 +155,8 @@ def _bounce(
     mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], net)
     given = kinetic_energy(setup, state.position, state.velocity, motor)
     given -= kinetic_energy(setup, state.position, after, following)
-    impulse = world_impulse(contacts, hit.which, solution)
+    impulse = world_impulse(hit.contacts, setup.barriers.points, solution)
+    restitution = share * setup.restitution if opening.any() else 0.0
     return Impact(
         state.time, state.velocity, after, impulse, mesh, given - mesh, restitution, solution
     )

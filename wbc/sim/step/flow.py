@@ -1,6 +1,8 @@
-"""One smooth part of a step: no barrier is reached in it (Moreau's midpoint scheme).
+"""One smooth part of a step: no barrier is hit in it (Moreau's midpoint scheme).
 
 q_m = q + h/2 v;  H(q_m)(v' - v) = h (forces at q_m) + row impulses;  q' = q_m + h/2 v'
+
+On a free base v is the momentum's at each of the three places (`flight`).
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from wbc.errors import SimulationError
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.energy.flow_energy import Transit, flow_energy
 from wbc.sim.ground.barriers import TOUCH, ClosedRows
-from wbc.sim.ground.contact_rows import ContactRows, world_impulse
+from wbc.sim.ground.contact_rows import world_impulse
 from wbc.sim.laws.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
@@ -33,11 +35,15 @@ from wbc.sim.solve.reduced import NOT_POSITIVE
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
+from wbc.sim.step.flight import Middle, arrived_velocity, from_middle, joint_bias, to_middle
 from wbc.sim.step.forces import EffectForces, effect_forces
+from wbc.sim.step.overlap import inertia_with_rotors, shift_out
 from wbc.sim.step.program import StepProgram
 
-_RETURN = 1e-3
-"""Time [s] in which an overlap is taken back at the earliest."""
+_DRIFT = 1e-8
+"""Overlap [m, rad] from which on it is taken back."""
+
+_NO_SHIFT = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,22 +52,25 @@ class Flow:
 
     Attributes:
         state: at its end.
-        gap: (2 j + k,) at its end, to first order.
-        contacts: rows of all contact points.
-        touching: (c,) indices of the closed ones.
+        gap: (2 j + c,) at its end.
+        held: rows of the barriers that were closed.
+        overlap: (2 j + c,) depth [m, rad] that was left to take back, beyond what the plant's
+            return speed allows; empty where nothing was.
+        points: k, number of the robot's contacts.
         transit: how the gears passed.
     """
 
     state: SimState
     gap: FloatArray
-    contacts: ContactRows
-    touching: IntArray
+    held: ClosedRows
+    overlap: FloatArray
+    points: int
     transit: Transit
 
     @cached_property
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot, world axes."""
-        return world_impulse(self.contacts, self.touching, self.solution)
+        return world_impulse(self.held.contacts, self.points, self.solution)
 
     @property
     def mesh_impulse(self) -> FloatArray:
@@ -90,6 +99,7 @@ def flow(
     command: FloatArray,
     step: float,
     external: FloatArray | None,
+    kept: BoolArray | None = None,
 ) -> Flow:
     """Advance by `step` [s] with the barriers that are closed at its start.
 
@@ -99,55 +109,116 @@ def flow(
         command: (m,) rotor torque [N m].
         step: h [s].
         external: generalised force (nv,), None for none.
+        kept: (2 j + c,) barriers that may close within the part, without a bounce.
     """
-    model, data, barriers = setup.space.model, setup.space.data, setup.barriers
-    velocity, half = state.velocity, 0.5 * step
-    middle = pin.integrate(model, state.position, half * velocity)
-    at = middle, velocity, state.time + half
+    space, half = setup.space, 0.5 * step
+    middle = to_middle(setup.bases, space, state.position, state.velocity, half)
+    at = middle.position, middle.velocity, state.time + half
     forces = effect_forces(setup.robot, at, command, state.memory, step)
-    coupling = step_coupling(setup.robot, setup.space, middle, velocity)
-    pin.crba(model, data, middle, pin.Convention.WORLD)
-    force = forces.joint - pin.nonLinearEffects(model, data, middle, velocity)
+    coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
+    if coupling is not None:
+        pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
+    force = forces.joint - joint_bias(setup.bases, space, middle)
     if external is not None:
         force += external
-    clearance = barriers.clearance(middle)
-    contacts = barriers.contact_rows(clearance)
-    held = barriers.closed_rows(state.closed, contacts, _opening(clearance.gap, step))
+    closed = state.closed if kept is None else state.closed | kept
+    clearance = setup.barriers.clearance(middle.position)
+    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, step))
     motor = MotorMotion.of(setup.drive, state)
-    problem = _Problem(setup, state, motor, step, forces, force, held)
+    problem = _Problem(setup, state, middle.velocity, motor, step, forces, force, held)
     gears, places, solution = _solve_released(problem, coupling)
-    after = solution.velocity
     mesh, speed = gears.passed(solution)
-    motor_after = motor.after(setup.drive, after, speed, step)
-    end_gap = clearance.gap + half * barriers.approach(contacts, after)
+    motor_after = motor.after(setup.drive, solution.velocity, speed, step)
+    end = _arrive(setup, middle, solution, closed, held, step)
+    deflection = motor_after.deflection
+    if setup.drive.any_loose and len(end.shift):
+        deflection = deflection - np.where(setup.drive.loose, setup.drive.rows @ end.shift, 0.0)
     following = SimState(
-        pin.integrate(model, middle, half * after),
-        after,
+        end.position,
+        end.velocity,
         state.time + step,
-        _still_closed(state.closed, end_gap, solution.normal_impulse),
+        _still_closed(closed, end.gap, solution.normal_impulse),
         setup.layout.store(solution.impulse, places),
-        motor_after.deflection,
+        deflection,
         motor_after.speed,
         forces.memory,
     )
     transit = Transit(
-        setup.drive, velocity, motor, motor_after, mesh, solution, gears, forces, external, step
+        setup.drive,
+        middle.velocity,
+        motor,
+        motor_after,
+        mesh,
+        solution,
+        gears,
+        forces,
+        external,
+        step,
     )
-    return Flow(following, end_gap, contacts, held.which, transit)
+    return Flow(following, end.gap, held, end.overlap, setup.barriers.points, transit)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _End:
+    """Where a part ends: q (nq,), v (nv,), gaps, overlaps left, and the shift (nv,) out of them."""
+
+    position: FloatArray
+    velocity: FloatArray
+    gap: FloatArray
+    overlap: FloatArray
+    shift: FloatArray
+
+
+def _arrive(
+    setup: Setup,
+    middle: Middle,
+    solution: StepSolution,
+    closed: BoolArray,
+    held: ClosedRows,
+    step: float,
+) -> _End:
+    """Move on to the end of the part, out of what it overran."""
+    space, bases, after = setup.space, setup.bases, solution.velocity
+    inertia = solution.reduced.program.inertia
+    position, carried = from_middle(bases, space, middle, inertia, after, 0.5 * step)
+    gap = _gap_at(setup, position)
+    shift, overlap = _NO_SHIFT, _NO_SHIFT
+    over = gap[closed]
+    if min(over.tolist(), default=0.0) < -_DRIFT:
+        furthest = setup.return_speed * step
+        metric = inertia_with_rotors(setup.drive, inertia)
+        shift = shift_out(metric, held, over, furthest)
+        position = pin.integrate(space.model, position, shift)
+        if over.min() < -furthest - TOUCH:
+            overlap = np.maximum(-gap - furthest, 0.0) * closed
+        gap = _gap_at(setup, position)
+    velocity = arrived_velocity(bases, space, carried, after)
+    return _End(position, velocity, gap, overlap, shift)
+
+
+def _gap_at(setup: Setup, position: FloatArray) -> FloatArray:
+    """Return all gaps at q (nq,); the workspace then stands there."""
+    model, data = setup.space.model, setup.space.data
+    if setup.bases:
+        pin.crba(model, data, position, pin.Convention.WORLD)
+    else:
+        pin.forwardKinematics(model, data, position)
+    return setup.barriers.clearance(position).gap
 
 
 def _opening(gap: FloatArray, step: float) -> FloatArray:
-    """Return the lowest speed (2 j + k,) at which gaps (2 j + k,) may open over a step.
+    """Return the lowest speed (2 j + c,) at which gaps (2 j + c,) may open over a step.
 
-    A gap that is left may close within the step. An overlap is taken back no faster than in
-    `_RETURN`: the rest of a step after a landing may last a nanosecond, in which even an overlap
-    of half `TOUCH` would be an impact that throws the robot up.
+    A gap that is left may close within the step: all of it over the half that is left where the
+    barrier was kept ahead of its closing, half of it where it is mere drift. An overlap opens by no
+    speed; it is a matter of place.
     """
-    return np.asarray(-gap / np.where(gap > 0.0, step, max(step, _RETURN)))
+    left = np.maximum(gap, 0.0)
+    return np.asarray(-left * np.where(left > TOUCH, 2.0, 1.0) / step)
 
 
 def _still_closed(closed: BoolArray, gap: FloatArray, pressed: FloatArray) -> BoolArray:
-    """Return which barriers (2 j + k,) stay closed: those that are pressed, and those in touch."""
+    """Return which barriers (2 j + c,) stay closed: those that are pressed, and those in touch."""
     if min(pressed.tolist(), default=1.0) > 0.0:
         return closed
     after = closed.copy()
@@ -165,6 +236,7 @@ class _Problem:
 
     setup: Setup
     state: SimState
+    velocity: FloatArray
     motor: MotorMotion
     step: float
     forces: EffectForces
@@ -193,7 +265,7 @@ def _solve_released(problem: _Problem, coupling: StepCoupling | None) -> _Solved
 
 def _solve_coupled(problem: _Problem, released: BoolArray, coupling: StepCoupling) -> _Solved:
     """Repeat the step with the rotor coupling of its last iterate until the velocity repeats."""
-    drive, velocity = problem.setup.drive, problem.state.velocity
+    drive, velocity = problem.setup.drive, problem.velocity
     last = velocity
     for _ in range(COUPLING_ROUNDS):
         change = last - velocity
@@ -228,14 +300,6 @@ def _solve(
     gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, released)
     places = setup.layout.places(gears, problem.held)
     guess = setup.layout.recall(state.impulse, places)
-    free = state.velocity + change
+    free = problem.velocity + change
     program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
-    try:
-        return gears, places, solve_program(program, guess)
-    except SimulationError:
-        resting = problem.held.unilateral.without_opening()
-        if resting is None:
-            raise
-    # A point that friction jams cannot be opened, not even to take back a drift: it rests.
-    program = StepProgram(inertia, free, gears.elements, resting)
     return gears, places, solve_program(program, guess)

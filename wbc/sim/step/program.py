@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,12 +36,6 @@ class Unilateral:
     def tangent_size(self) -> int:
         """d, tangential directions per contact."""
         return len(self.tangents) // len(self.normals) if len(self.normals) else 0
-
-    def without_opening(self) -> Unilateral | None:
-        """Return the same rows, none of which has to open; None where none had to."""
-        if not (self.target > 0.0).any():
-            return None
-        return replace(self, target=np.minimum(self.target, 0.0))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -19,7 +19,7 @@ class ImpulseLayout:
         coordinates: place of the first coordinate with friction of its own.
         limits: place of the first joint limit.
         normals: place of the first contact normal.
-        tangents: (k, d) places of the contact tangents.
+        tangents: (c, d) places of the contact tangents, per point and solid.
         size: of the whole.
     """
 
