@@ -54,7 +54,7 @@ def flow_energy(part: Transit) -> EnergyFlow:
         rub = float(((elements.friction + elements.damping * size) * size).sum())
     gain = np.where(after * mesh > 0.0, 1.0 / drive.forward, drive.backward)
     mean = 0.5 * (part.velocity + solution.velocity)
-    tangent = reduced.tangent_rows
+    pushed = slice(reduced.elements, None)
     motor_work = 0.5 * step * drive.ratio * forces.rotor * (part.motor.speed + after)
     rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
     lost, damped = (gain - 1.0) * mesh * after, 0.0
@@ -68,7 +68,7 @@ def flow_energy(part: Transit) -> EnergyFlow:
         rotor_friction=float(rotor_loss.sum()),
         gear_damping=damped,
         joint_friction=rub,
-        contact=-float(solution.impulse[tangent] @ solution.speed[tangent]),
+        contact=-float(solution.impulse[pushed] @ solution.speed[pushed]),
     )
 
 
