@@ -75,6 +75,9 @@ def _made(parts: Sequence[Flow], impacts: Sequence[Impact]) -> Iterator[StepEven
     """Yield the parts and impacts one of whose losses is negative beyond rounding."""
     for part in parts:
         losses = part.energy.losses
+        normal = part.solution.reduced.normal_rows
+        pushed = part.solution.impulse[normal] * part.solution.speed[normal]
+        losses["normal"] = -float(pushed.max(initial=0.0))
         cause = min(losses, key=lambda name: losses[name])
         traffic = float(np.abs(part.solution.impulse) @ np.abs(part.solution.speed))
         if losses[cause] < -_ROUNDING * (_kinetic(part) + traffic) - 1e-12:
