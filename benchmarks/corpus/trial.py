@@ -78,7 +78,7 @@ def _tried(case: Case, logs: Sequence[Log]) -> tuple[Result, Diagnosis | None]:
             {
                 "effect": finding.effect.name,
                 "where": finding.effect.where,
-                "alternatives": list(finding.alternatives),
+                "alternatives": list(finding.rivals),
                 "parameters": {
                     name: [estimate.value, estimate.low, estimate.high]
                     for name, estimate in finding.parameters.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from math import inf
 from typing import Any
 
 from rich.console import Console
@@ -50,6 +51,13 @@ def add_to(commands: Any) -> None:
         "--save", metavar="FILE.toml", help="write the robot with the effects found"
     )
     parser.add_argument(
+        "--budget",
+        type=float,
+        default=inf,
+        metavar="SECONDS",
+        help="end the search after this time with the best answer so far (as Ctrl-C does)",
+    )
+    parser.add_argument(
         "--discover",
         action="store_true",
         help="propose formulas for what no effect explains (--save then writes them, too)",
@@ -66,7 +74,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     candidates = _candidates(options.add)
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
-        diagnosis = diagnose(robot, logs, candidates, progress=progress)
+        diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
     print_diagnosis(shown, diagnosis)
     content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
     discovery = None
@@ -127,7 +135,7 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
             interval = f"{e.low:.4g} .. {e.high:.4g}"
             table.add_row(f"  {parameter}", f"{e.value:.4g}", interval, e.unit)
         if finding.alternatives:
-            table.add_row("  or " + ", or ".join(finding.alternatives))
+            table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:
             table.add_row(f"  warning: {warning}")
     return table

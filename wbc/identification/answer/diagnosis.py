@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from wbc.identification.answer.ranking import Ranked
+from wbc.identification.choice.certainty import Support
 from wbc.robot import Effect, Robot
 
-Verdict = Literal["none", "named", "ambiguous", "unknown", "not_repeatable"]
+Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repeatable"]
 
 
 @dataclass(frozen=True)
@@ -23,20 +24,44 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """An effect at a place that could stand for another one on these logs."""
+
+    effect: str
+    where: str
+
+    def beside(self, name: str) -> str:
+        """Return its name; with its place if it is the same effect elsewhere."""
+        return f"{self.effect} at {self.where}" if self.effect == name else self.effect
+
+
+@dataclass(frozen=True)
 class Finding:
     """One effect that the logs show.
 
     Attributes:
         effect: the effect with its fitted parameters.
         parameters: estimates by parameter name.
-        alternatives: names of the effects it cannot be told from on these logs.
+        support: what speaks for it.
+        alternatives: the effects it cannot be told from on these logs.
         warnings: at a bound, not identifiable.
     """
 
     effect: Effect
     parameters: Mapping[str, Estimate]
-    alternatives: tuple[str, ...] = ()
+    support: Support
+    alternatives: tuple[Alternative, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def probability(self) -> float:
+        """That the effect is there."""
+        return self.support.probability
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Names of the alternatives, each once; `name at place` for the same effect elsewhere."""
+        return tuple(dict.fromkeys(a.beside(self.effect.name) for a in self.alternatives))
 
 
 @dataclass(frozen=True)
@@ -54,6 +79,27 @@ class ErrorLevel:
     after: float
     floor: float
     floor_source: str
+
+
+@dataclass(frozen=True)
+class OutputLevel:
+    """What is left at one output, root mean square on the logs, in its unit.
+
+    Attributes:
+        output: joint (torque at the motor output) or undriven coordinate (wrench).
+        unit: of the numbers.
+        before: of the robot that was given.
+        after: of the robot with the effects found.
+        attainable: what any model of motion, load and time would leave.
+        sensors: what the noise of the sensors leaves.
+    """
+
+    output: str
+    unit: str
+    before: float
+    after: float
+    attainable: float
+    sensors: float
 
 
 @dataclass(frozen=True)
@@ -76,6 +122,8 @@ class Diagnosis:
         findings: the effects, in the order added.
         next_experiment: what to record next.
         error: before, after and floor.
+        outputs: what is left at each joint and undriven coordinate.
+        explained: share of the mean square error that the effects found take away.
         steps: error after each addition.
         remainder: what an unexplained remainder looks like; empty when there is none.
         robot: the robot with the effects found.
@@ -87,6 +135,8 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     next_experiment: str
     error: ErrorLevel
+    outputs: tuple[OutputLevel, ...]
+    explained: float
     steps: tuple[Step, ...]
     remainder: str
     robot: Robot
@@ -118,6 +168,15 @@ class Diagnosis:
                         name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
                         for name, e in f.parameters.items()
                     },
+                    "probability": f.probability,
+                    "support": {
+                        "odds": f.support.odds,
+                        "remainder": f.support.remainder,
+                        "places": f.support.places,
+                    },
+                    "alternatives": [
+                        {"effect": a.effect, "where": a.where} for a in f.alternatives
+                    ],
                     "explanation": f.effect.explanation,
                     "warnings": list(f.warnings),
                 }
@@ -132,6 +191,17 @@ class Diagnosis:
                 "floor": self.error.floor,
                 "floor_source": self.error.floor_source,
             },
+            "explained": self.explained,
+            "joints": {
+                o.output: {
+                    "unit": o.unit,
+                    "before": o.before,
+                    "after": o.after,
+                    "attainable": o.attainable,
+                    "sensors": o.sensors,
+                }
+                for o in self.outputs
+            },
             "steps": [{"added": s.added, "where": s.where, "error": s.error} for s in self.steps],
             "remainder": self.remainder,
             "warnings": list(self.warnings),
@@ -142,5 +212,5 @@ class Diagnosis:
         merged: dict[str, list[str]] = {}
         for finding in self.findings:
             names = merged.setdefault(finding.effect.name, [])
-            names.extend(name for name in finding.alternatives if name not in names)
+            names.extend(name for name in finding.rivals if name not in names)
         return merged

@@ -5,24 +5,68 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import permutations
 
+import numpy as np
+
+from wbc.arrays import FloatArray
 from wbc.effects import EFFECTS
 from wbc.identification.answer.diagnosis import Finding, Verdict
-from wbc.identification.choice.hypothesis import Model
-from wbc.identification.choice.unexplained import unexplained
+from wbc.identification.choice.certainty import Support
+from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.model.problem import Problem
 
+CERTAIN = 0.95
+"""Probability from which on a cause is certain."""
+_SUBSTANTIAL = 0.1  # share of the mean square error that is no small part
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
+_UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
+_UNEXPLAINED_SHARE_SIMULATED = 0.1
+_UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
+_UNEXPLAINED_MOST = 25.0  # ... and in floors, beyond ...
+_DISTORTED = 0.01  # ... the share of the first excess that filters and derivatives distort
+_UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
 
 
-def judge(
-    problem: Problem, before: float, final: Model, alternatives: Sequence[Sequence[str]]
+def unexplained(problem: Problem, before: float, final: Hypothesis, excess: FloatArray) -> bool:
+    """Whether so much is left that a cause must lie outside the candidates.
+
+    Args:
+        problem: the logs.
+        before: mean square of the robot as given, in floors.
+        final: what was found.
+        excess: (outputs,) mean squares above the floor that it leaves.
+    """
+    left = np.sqrt(np.mean(excess))
+    first = np.sqrt(max(before - 1.0, 0.0))
+    share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else _UNEXPLAINED_SHARE
+    largest = _UNEXPLAINED_MOST + _DISTORTED * first
+    most = min(share * first, largest, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
+    return bool(left > max(_UNEXPLAINED_FLOOR, most))
+
+
+def verdict_of(
+    problem: Problem, first: Hypothesis, final: Hypothesis, support: Sequence[Support], more: bool
 ) -> Verdict:
-    """Return the verdict from held-out errors (mean squares in floors)."""
-    if unexplained(problem, before, final):
-        return "unknown"
+    """Return the verdict.
+
+    Args:
+        problem: the logs.
+        first: the robot as given.
+        final: what was found.
+        support: of its causes.
+        more: whether something is left that nothing found explains.
+    """
+    if more:
+        certain = any(s.group_probability >= CERTAIN for s in support)
+        return "partial" if certain and explained_share(first, final) > _SUBSTANTIAL else "unknown"
     if not final.effects:
         return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
-    return "ambiguous" if any(alternatives) else "named"
+    return "ambiguous" if any(s.group > s.odds for s in support) else "named"
+
+
+def explained_share(first: Hypothesis, final: Hypothesis) -> float:
+    """Return the share of the mean square error above the floor that was taken away."""
+    before = max(first.error - 1.0, 1e-300)
+    return float(np.clip(1.0 - max(final.error - 1.0, 0.0) / before, 0.0, 1.0))
 
 
 def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves: bool) -> str:
@@ -39,7 +83,7 @@ def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves
             "Runs that should repeat one another do not: check what changed between them "
             "(temperature, mounting, payload, supply) and record one motion several times."
         )
-    if verdict == "unknown":
+    if verdict in ("unknown", "partial"):
         return (
             "No known effect explains what is left. Repeat one run exactly, then move one joint "
             "at a time slowly and fast through the same positions."
@@ -47,9 +91,11 @@ def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves
     texts = []
     for finding in findings:
         if finding.alternatives:
-            rivals = [EFFECTS[name].experiment for name in finding.alternatives if name in EFFECTS]
+            rivals = [
+                EFFECTS[a.effect].experiment for a in finding.alternatives if a.effect in EFFECTS
+            ]
             texts.append(
-                f"To tell {finding.effect.name} from {', '.join(finding.alternatives)} at "
+                f"To tell {finding.effect.name} from {', '.join(finding.rivals)} at "
                 f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
             )
             texts += _what_no_run_tells(finding)
@@ -60,7 +106,7 @@ def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves
 
 def _what_no_run_tells(finding: Finding) -> list[str]:
     """Return a sentence for every two of the rivals that no experiment on a robot separates."""
-    names = [finding.effect.name, *finding.alternatives]
+    names = [finding.effect.name, *(a.effect for a in finding.alternatives)]
     rivals = [EFFECTS[name] for name in names if name in EFFECTS]
     pairs = permutations(rivals, 2)
     return [one.inseparable[other.name] for one, other in pairs if other.name in one.inseparable]

@@ -82,7 +82,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
                 "explanation": finding.effect.explanation,
                 "parameters": parameters,
                 "warnings": [spoken(warning) for warning in finding.warnings],
-                "alternatives": [spoken(name) for name in finding.alternatives],
+                "alternatives": [spoken(name) for name in finding.rivals],
             }
         )
     return cards

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wbc.identification import Diagnosis, Finding
+from wbc.identification.answer.verdict import CERTAIN
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -25,6 +26,14 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
                 f"{opening} would take the held-out error from {before} to "
                 f"{after} noise floors, but these logs cannot tell {_rivals(diagnosis.findings)}."
             )
+        case "partial":
+            certain = _sum_up(certain_findings(diagnosis))
+            share = 100.0 * diagnosis.explained
+            return (
+                f"{certain[:1].upper()}{certain[1:]} {_verb(certain_findings(diagnosis))} certain. "
+                f"What was found explains {share:.0f} % of the squared error ({before} to {after} "
+                "noise floors); what is left has a cause that no known effect explains."
+            )
         case "unknown":
             added = f" with {found}" if found else ""
             return (
@@ -36,6 +45,11 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
                 "Repeated runs disagree with one another by more than their noise, so nothing can "
                 "be named from these logs."
             )
+
+
+def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
+    """Return the findings that are certain, each alone or with what it cannot be told from."""
+    return tuple(f for f in diagnosis.findings if f.support.group_probability >= CERTAIN)
 
 
 def spoken(name: str) -> str:
@@ -63,7 +77,7 @@ def _verb(findings: Sequence[Finding]) -> str:
 
 def _rivals(findings: Sequence[Finding]) -> str:
     parts = [
-        f"{spoken(finding.effect.name)} from {_joined([spoken(a) for a in finding.alternatives])}"
+        f"{spoken(finding.effect.name)} from {_joined([spoken(a) for a in finding.rivals])}"
         for finding in findings
         if finding.alternatives
     ]
