@@ -12,7 +12,17 @@ import pytest
 import wbc
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
-from wbc.identification import Diagnosis, ErrorLevel, Estimate, Finding, Step, diagnose
+from wbc.identification import (
+    Alternative,
+    Diagnosis,
+    ErrorLevel,
+    Estimate,
+    Finding,
+    OutputLevel,
+    Step,
+    Support,
+    diagnose,
+)
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report
@@ -57,9 +67,19 @@ def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
     estimate = Estimate(COEFFICIENT, "N m s/rad", 0.396, 0.404)
     return Diagnosis(
         verdict="ambiguous",
-        findings=(Finding(effect, {"coefficient": estimate}, ("coulomb_friction",), ("careful",)),),
+        findings=(
+            Finding(
+                effect,
+                {"coefficient": estimate},
+                Support(0.6, 1.0, 0.0, 0.0, 1),
+                (Alternative("coulomb_friction", "knee"),),
+                ("careful",),
+            ),
+        ),
         next_experiment="Turn the knee at several constant speeds.",
         error=ErrorLevel(40.0, 1.02, 1.0, "repeats"),
+        outputs=(OutputLevel("knee", "N m", 4.0, 0.1, 0.1, 0.1),),
+        explained=0.999,
         steps=(Step("", "", 40.0), Step("viscous_friction", "knee", 1.02)),
         remainder="",
         robot=robot.with_effect(effect),
@@ -91,7 +111,10 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
 
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
-    extra = tuple(Finding(CoulombFriction(joint, 0.5), {}) for joint in ("hip", "knee"))
+    extra = tuple(
+        Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, 2))
+        for joint in ("hip", "knee")
+    )
     both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
     assert verdict_sentence(both).startswith(
         "Viscous friction at knee and coulomb friction at hip and knee are what was missing"

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.choice.odds import TIED
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.record import Record
@@ -30,24 +29,29 @@ class Attainable:
         left: of the robot.
         attainable: with a flexible regression of what is left on motion, load and time, held out;
             or the noise floor, where runs repeat one another.
-        nats: how surely the regression explains something.
-        whiteness: independent samples of what is left, as a share of those of white noise.
+        samples: independent samples of what is left.
+        whiteness: the same as a share of those of white noise.
+        numbers: how many the regression has.
     """
 
     left: FloatArray
     attainable: FloatArray
-    nats: FloatArray
+    samples: FloatArray
     whiteness: FloatArray
+    numbers: int
 
     @property
     def excess(self) -> FloatArray:
         """(outputs,) mean squares above the floor that are left unexplained.
 
-        None where motion, load and time tell nothing certain of what is left, and it forgets
-        itself as fast as noise: then it is noise, and the floor of the sensors was too low.
+        Where what is left forgets itself as fast as noise, it is noise but for the share that
+        the regression explains, or that so few samples could hide from its many numbers: then
+        the floor of the sensors was too low. Otherwise all of it is unexplained.
         """
-        noise = (self.nats < TIED) & (self.whiteness > _WHITE)
-        return np.where(noise, 0.0, np.maximum(self.left - 1.0, 0.0))
+        nats = 0.5 * self.samples * np.log(self.left / np.maximum(self.attainable, 1e-300))
+        hidden = 1.0 - np.exp(-2.0 * (nats + 0.5 * self.numbers) / self.samples)
+        share = np.where(self.whiteness > _WHITE, hidden, 1.0)
+        return np.asarray(share * np.maximum(self.left - 1.0, 0.0))
 
 
 def attainable(problem: Problem, fit: Fit) -> Attainable:
@@ -60,23 +64,25 @@ def attainable(problem: Problem, fit: Fit) -> Attainable:
     left = np.mean(fit.residual**2, axis=0)
     samples = problem.independent_samples(fit.residual)
     whiteness = samples / problem.white_samples
+    count = len(fit.residual)
     if problem.floor.repeats:
-        reached = np.minimum(left, 1.0)
-    else:
-        reached = np.minimum(_reached(problem, fit), left)
-    nats = 0.5 * samples * len(fit.residual) * np.log(left / np.maximum(reached, 1e-300))
-    return Attainable(left, reached, nats, whiteness)
+        # The floor is known: whatever is above it is no noise.
+        return Attainable(left, np.minimum(left, 1.0), samples * count, np.zeros_like(left), 0)
+    reached, numbers = _reached(problem, fit)
+    return Attainable(left, np.minimum(reached, left), samples * count, whiteness, numbers)
 
 
-def _reached(problem: Problem, fit: Fit) -> FloatArray:
+def _reached(problem: Problem, fit: Fit) -> tuple[FloatArray, int]:
+    """Return what regressions leave at each output, and how many numbers one has."""
     folds = _interleaved(problem.blocks)
     size = problem.robot.transmission.size
     kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]
-    reached = []
+    reached, numbers = [], 0
     for column, output in enumerate(kept):
         features = np.concatenate([_features(r, output, size) for r in problem.records])
         reached.append(_held_out(features, fit.residual[:, column], folds))
-    return np.array(reached)
+        numbers = max(numbers, features.shape[1])
+    return np.array(reached), numbers
 
 
 def _interleaved(blocks: IntArray) -> IntArray:

@@ -14,8 +14,9 @@ from wbc.identification.answer.breakdown import output_names
 from wbc.identification.answer.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.ranking import rank_hypotheses
-from wbc.identification.answer.remainder import describe_remainder
+from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.answer.verdict import (
+    NOTHING_MOVES,
     explained_share,
     next_experiment,
     unexplained,
@@ -97,11 +98,13 @@ def diagnose(
         final = _believed(trials, final, support)
     fit = trials.fit(final)
     alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
+    left = remainders(problem, fit) if more else ()
     findings = describe_findings(problem, fit, support, alternatives)
+    asked = next_experiment(verdict, findings, left, problem.floor, {c.name: c for c in classes})
     return Diagnosis(
         verdict=verdict,
         findings=findings,
-        next_experiment=next_experiment(verdict, findings, nothing_moves),
+        next_experiment=NOTHING_MOVES if nothing_moves else asked,
         error=ErrorLevel(
             before=float(np.sqrt(first.error)),
             after=float(np.sqrt(final.error)),
@@ -111,7 +114,7 @@ def diagnose(
         outputs=_outputs(problem, fit, level),
         explained=explained_share(first, final),
         steps=_steps(trials, final),
-        remainder=describe_remainder(problem, fit) if more else "",
+        remainder=describe(left),
         robot=fit.robot,
         warnings=tuple(warnings),
         ranking=rank_hypotheses(odds, final),

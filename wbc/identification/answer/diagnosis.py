@@ -172,6 +172,7 @@ class Diagnosis:
                     "support": {
                         "odds": f.support.odds,
                         "remainder": f.support.remainder,
+                        "share": f.support.share,
                         "places": f.support.places,
                     },
                     "alternatives": [

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects import EFFECTS
 from wbc.identification.answer.diagnosis import Finding, Verdict
+from wbc.identification.answer.remainder import Remainder
 from wbc.identification.choice.certainty import Support
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.model.problem import Problem
+from wbc.identification.records.noise_floor import NoiseFloor
+from wbc.robot import Effect
 
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
 _SUBSTANTIAL = 0.1  # share of the mean square error that is no small part
+_ASKED = 2  # experiments for what is left, the worst output first
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
 _UNEXPLAINED_SHARE_SIMULATED = 0.1
@@ -69,13 +72,29 @@ def explained_share(first: Hypothesis, final: Hypothesis) -> float:
     return float(np.clip(1.0 - max(final.error - 1.0, 0.0) / before, 0.0, 1.0))
 
 
-def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves: bool) -> str:
-    """Return what to record next, in words."""
-    if nothing_moves:
-        return (
-            "Nothing moves in these logs, and at rest every effect looks like another. Move each "
-            "joint back and forth through its range, slowly and fast, loaded and unloaded."
-        )
+NOTHING_MOVES = (
+    "Nothing moves in these logs, and at rest every effect looks like another. Move each "
+    "joint back and forth through its range, slowly and fast, loaded and unloaded."
+)
+"""What to record next where no joint moves."""
+
+
+def next_experiment(
+    verdict: Verdict,
+    findings: Sequence[Finding],
+    left: Sequence[Remainder],
+    floor: NoiseFloor,
+    classes: Mapping[str, type[Effect]],
+) -> str:
+    """Return what to record next, in words.
+
+    Args:
+        verdict: of the diagnosis.
+        findings: the effects found.
+        left: what they leave.
+        floor: the noise floor.
+        classes: the candidates by name.
+    """
     if verdict == "none":
         return "Nothing is missing on these logs; record faster or loaded motions to look further."
     if verdict == "not_repeatable":
@@ -84,29 +103,40 @@ def next_experiment(verdict: Verdict, findings: Sequence[Finding], nothing_moves
             "(temperature, mounting, payload, supply) and record one motion several times."
         )
     if verdict in ("unknown", "partial"):
-        return (
-            "No known effect explains what is left. Repeat one run exactly, then move one joint "
-            "at a time slowly and fast through the same positions."
-        )
+        return _of_what_is_left(left, floor)
     texts = []
     for finding in findings:
         if finding.alternatives:
-            rivals = [
-                EFFECTS[a.effect].experiment for a in finding.alternatives if a.effect in EFFECTS
-            ]
+            names = dict.fromkeys(a.effect for a in finding.alternatives)
+            rivals = [classes[name].experiment for name in names if name in classes]
             texts.append(
                 f"To tell {finding.effect.name} from {', '.join(finding.rivals)} at "
                 f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
             )
-            texts += _what_no_run_tells(finding)
+            texts += _what_no_run_tells(finding, classes)
     if texts:
         return " ".join(dict.fromkeys(texts))
     return " ".join(dict.fromkeys(f"{f.effect.experiment}" for f in findings))
 
 
-def _what_no_run_tells(finding: Finding) -> list[str]:
+def _of_what_is_left(left: Sequence[Remainder], floor: NoiseFloor) -> str:
+    worst = sorted(left, key=lambda one: -one.floors)
+    asked = list(dict.fromkeys(one.experiment for one in worst if one.experiment))[:_ASKED]
+    texts = ["No known effect explains what is left."]
+    texts += [f"{text[:1].upper()}{text[1:]}." for text in asked]
+    if not floor.repeats:
+        texts.append(
+            "Repeat one run exactly: the noise floor is only a lower bound here, and a repeat "
+            "shows how much of what is left can be explained at all."
+        )
+    if not asked:
+        texts.append("Then move one joint at a time slowly and fast through the same positions.")
+    return " ".join(texts)
+
+
+def _what_no_run_tells(finding: Finding, classes: Mapping[str, type[Effect]]) -> list[str]:
     """Return a sentence for every two of the rivals that no experiment on a robot separates."""
-    names = [finding.effect.name, *(a.effect for a in finding.alternatives)]
-    rivals = [EFFECTS[name] for name in names if name in EFFECTS]
+    names = dict.fromkeys([finding.effect.name, *(a.effect for a in finding.alternatives)])
+    rivals = [classes[name] for name in names if name in classes]
     pairs = permutations(rivals, 2)
     return [one.inseparable[other.name] for one, other in pairs if other.name in one.inseparable]

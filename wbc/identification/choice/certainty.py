@@ -11,8 +11,9 @@ from wbc.identification.choice.hypothesis import Hypothesis, Key, without
 from wbc.identification.choice.odds import Odds
 from wbc.identification.choice.trials import Trials
 
-# Logistic regression on the generated corpus (seed 23, even numbers), see docs/data/corpus.md.
-_LEVEL, _REMAINDER, _PLACES = -1.0, 2.0, 3.0
+# Logistic regression on the generated corpus, see docs/data/corpus.md.
+_LEVEL, _REMAINDER, _SHARE, _PLACES = -1.0, 1.0, 1.0, 3.0
+_NONE = 1e-3  # of an error, that filters distort at least: no remainder is smaller
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,14 @@ class Support:
         group: the same of the hypotheses that hold it or what could stand in its place.
         remainder: what is left unexplained over what the cause explains (rms), at the outputs
             that it explains.
+        share: what is left unexplained at these outputs, as a share of the first error (rms).
         places: at how many places the same effect was found.
     """
 
     odds: float
     group: float
     remainder: float
+    share: float
     places: int
 
     @property
@@ -48,8 +51,9 @@ class Support:
 
     @property
     def _no_stand_in(self) -> float:
-        remainder = max(self.remainder, 1e-6)
-        score = _LEVEL - _REMAINDER * np.log(remainder) + _PLACES * (self.places - 1)
+        score = _LEVEL + _PLACES * (self.places - 1)
+        score -= _REMAINDER * np.log(max(self.remainder, _NONE))
+        score -= _SHARE * np.log(max(self.share, _NONE))
         return float(1.0 / (1.0 + np.exp(-score)))
 
 
@@ -65,20 +69,21 @@ def support_of(
         excess: (outputs,) mean squares that are left unexplained, in floors.
     """
     names = [effect.name for effect in final.effects]
+    first = trials.nothing.outputs
     result = {}
     for effect, rivals in zip(final.effects, odds.rivals(final), strict=True):
         smaller = trials.of(without(final.effects, effect))
         gain = np.zeros_like(excess) if smaller is None else smaller.outputs - final.outputs
         gain = np.maximum(gain, 0.0)
-        total = float(gain.sum())
-        share = gain / total if total > 0.0 else gain
-        left = float(share @ excess)
-        explained = float(share @ gain)
-        remainder = float(np.sqrt(left / explained)) if explained > 0.0 else np.inf
         result[effect.key] = Support(
-            odds.of(effect.key),
-            odds.of_any((effect.key, *rivals)),
-            remainder,
-            names.count(effect.name),
+            odds=odds.of(effect.key),
+            group=odds.of_any((effect.key, *rivals)),
+            remainder=_ratio(float(gain @ excess), float(gain @ gain)),
+            share=_ratio(float(gain @ excess), float(gain @ first)),
+            places=names.count(effect.name),
         )
     return result
+
+
+def _ratio(left: float, beside: float) -> float:
+    return float(np.sqrt(left / beside)) if beside > 0.0 else float(left > 0.0)
