@@ -19,7 +19,7 @@ REPEATED = NoiseFloor(np.eye(2), np.eye(2), ((0, 1),))
 
 def _said(effect: Effect, *alternatives: str) -> str:
     rivals = tuple(Alternative(*name.split(" at ")) for name in alternatives)
-    finding = Finding(effect, {}, Support(0.5, 1.0, 0.0, 0.0, 1), rivals)
+    finding = Finding(effect, {}, Support(0.5, 1.0, 0.0, 0.0, explained=True), rivals)
     return next_experiment("ambiguous", [finding], (), FLOOR, EFFECTS)
 
 

@@ -71,7 +71,7 @@ def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
             Finding(
                 effect,
                 {"coefficient": estimate},
-                Support(0.6, 1.0, 0.0, 0.0, 1),
+                Support(0.6, 1.0, 0.0, 0.0, explained=True),
                 (Alternative("coulomb_friction", "knee"),),
                 ("careful",),
             ),
@@ -112,7 +112,7 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
     extra = tuple(
-        Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, 2))
+        Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, explained=True))
         for joint in ("hip", "knee")
     )
     both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))

@@ -56,6 +56,8 @@ class Effect(ABC):
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
+        expected: log prior odds [nats], beside other effects, that a real machine has it where its
+            model has not: robots come with models without friction, and friction is in all.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
     """
 
@@ -66,6 +68,7 @@ class Effect(ABC):
     explanation: ClassVar[str]
     experiment: ClassVar[str]
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    expected: ClassVar[float] = 0.0
     near_rest: ClassVar[bool] = False
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ _FOLDS = 5  # of interleaved blocks, each predicted from the others
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # shares of the mean square of a column
 _SLOW = (0.05, 0.3)  # of the rms speed, over which a direction turns round
 _BRISTLES = (0.01, 0.05, 0.2)  # of the travel, over which a memory follows the direction
+_KNOTS = 8  # of bent lines over speed, acceleration and load
 _WAVES = 4  # periods over the travel, and ...
 _TURNS = 2  # ... of a turn of the rotor
 
@@ -124,7 +125,7 @@ def _features(record: Record, output: int, driven: int) -> FloatArray:
     own = [_scaled(x) for x in (velocity[:, row], a[:, row], load, time)]
     columns: list[FloatArray] = [np.ones(len(load)), *own]
     columns += [x * y for k, x in enumerate(own) for y in own[k:]]
-    columns += [own[0] ** 3, own[2] ** 3]
+    columns += [bend for x in own[:3] for bend in _bends(x)]
     ways = [np.tanh(own[0] / slow) for slow in _SLOW]
     if output < driven:
         position = record.motion.position[:, robot.actuated_position[output]]
@@ -160,6 +161,12 @@ def _over_travel(
         *waves, *turns, *memories, *(wave * ways[-1] for wave in waves), scaled * speed,
         scaled**2, scaled**3,
     ]  # fmt: skip
+
+
+def _bends(values: FloatArray) -> list[FloatArray]:
+    """Return max(x - k, 0) for knots k at even shares of the values: any bent line over x."""
+    knots = np.quantile(values, np.linspace(0.0, 1.0, _KNOTS + 2)[1:-1])
+    return [np.maximum(values - knot, 0.0) for knot in knots]
 
 
 def _bristle(position: FloatArray, length: float) -> FloatArray:

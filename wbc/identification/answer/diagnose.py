@@ -90,8 +90,8 @@ def diagnose(
     problem, first = trials.problem, trials.nothing
     level = attainable(problem, trials.fit(final))
     odds = odds_of(trials)
-    support = support_of(trials, final, odds, level.excess)
     more = unexplained(problem, first.error, final, level.excess)
+    support = support_of(trials, final, odds, level.excess, not more)
     verdict = verdict_of(problem, first, final, list(support.values()), more)
     rivals = dict(zip(final.keys, odds.rivals(final), strict=True))
     if verdict == "partial":

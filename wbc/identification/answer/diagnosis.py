@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from wbc.identification.answer.ranking import Ranked
@@ -169,12 +169,7 @@ class Diagnosis:
                         for name, e in f.parameters.items()
                     },
                     "probability": f.probability,
-                    "support": {
-                        "odds": f.support.odds,
-                        "remainder": f.support.remainder,
-                        "share": f.support.share,
-                        "places": f.support.places,
-                    },
+                    "support": asdict(f.support),
                     "alternatives": [
                         {"effect": a.effect, "where": a.where} for a in f.alternatives
                     ],

@@ -22,10 +22,10 @@ _SUBSTANTIAL = 0.1  # share of the mean square error that is no small part
 _ASKED = 2  # experiments for what is left, the worst output first
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
+# In list and fitted well leaves 2 % mostly and 4.4 % at most (play 9 %), outside 6 to 28 %:
+# measured on 84 generated logs.
 _UNEXPLAINED_SHARE_SIMULATED = 0.1
 _UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
-_UNEXPLAINED_MOST = 25.0  # ... and in floors, beyond ...
-_DISTORTED = 0.01  # ... the share of the first excess that filters and derivatives distort
 _UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
 
 
@@ -41,8 +41,7 @@ def unexplained(problem: Problem, before: float, final: Hypothesis, excess: Floa
     left = np.sqrt(np.mean(excess))
     first = np.sqrt(max(before - 1.0, 0.0))
     share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else _UNEXPLAINED_SHARE
-    largest = _UNEXPLAINED_MOST + _DISTORTED * first
-    most = min(share * first, largest, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
+    most = min(share * first, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
     return bool(left > max(_UNEXPLAINED_FLOOR, most))
 
 

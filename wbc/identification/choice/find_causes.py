@@ -103,6 +103,8 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
         if swung is not origin:
             ends.append(direct.climb(swung))
     best = best_of(everything, [known, *ends])
-    if (best.error > rough or best.bounces) and best.error > explained and yielding.pair:
-        ends.append(direct.climb(yielding.pair))
+    if best.error > explained and (best.error > rough or best.bounces):
+        both = yielding.pair_beside(best)
+        if both is not None:
+            ends.append(direct.climb(both))
     return ends

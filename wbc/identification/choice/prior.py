@@ -52,7 +52,8 @@ def _ends(problem: Problem, fit: Fit) -> float:
     for row, (k, parameter) in enumerate(fit.parameters):
         effect = fit.effects[k]
         value = effect.values[parameter.name]
-        null = effect.null_values(problem.robot, effect.where)[parameter.name]
+        nulls = effect.null_values(problem.robot, effect.where)
+        null = nulls.get(parameter.name, parameter.null)
         if not parameter.shape and value in (parameter.low, parameter.high):
             ends[row] = (1.0 if value == parameter.high else -1.0, value == null)
     if not ends:

@@ -50,22 +50,31 @@ class YieldingSearch:
         trials = self._proposer.trials
         if h.bounces:
             # A loose gear found alone holds in its numbers what another one does.
-            alone = len(h.effects) == 1 and self.pair is not None
-            return self.search.best([self.pair], h) if alone and self.pair else None
+            both = self.pair_beside(h) if len(h.effects) == 1 else None
+            return self.search.best([both], h) if both is not None else None
         longer = trials.all_of(self._gears.beside(h, _ADDED))
         return self.search.best([self._settled(one) if one.bounces else one for one in longer], h)
 
+    def pair_beside(self, known: Hypothesis) -> Hypothesis | None:
+        """Return two gears that yield at once, with numbers settled, if they promise more.
+
+        Args:
+            known: what must be left behind before the numbers are worth settling.
+        """
+        both = self._pair
+        if both is None or both.error > known.error:
+            return None
+        return self._settled(both)
+
     @cached_property
-    def pair(self) -> Hypothesis | None:
+    def _pair(self) -> Hypothesis | None:
         """The two gears that explain most together, at least one of them loose; None if little."""
         trials = self._proposer.trials
         problem = trials.problem
         pairs, logs = best_pairs(problem, self._gears.candidates), loudest(problem)
         begun = [pair.effects for pair in pairs if pair.share < _PAIRED]
         tried = [pattern_search(problem, effects, FAR, logs)[0] for effects in begun]
-        fitted = trials.all_of(tried)
-        settled = [self._settled(one) for one in fitted]
-        return self.search.best(settled, trials.nothing)
+        return self.search.best(trials.all_of(tried), trials.nothing)
 
     def _settled(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis with better numbers of its loose gears, where there are."""
