@@ -1,6 +1,13 @@
 """The plant: convex time steps with gears, ground contact and impacts; recordings are logs."""
 
 from wbc.sim.audit import EnergyAudit
+from wbc.sim.closed_loop import (
+    ClosedLoop,
+    LoopTick,
+    SensorNoise,
+    TorqueLag,
+    with_wrong_efficiencies,
+)
 from wbc.sim.elements import Elements
 from wbc.sim.energy import EnergyFlow
 from wbc.sim.impact import Impact
@@ -20,16 +27,19 @@ from wbc.sim.step_result import StepResult
 from wbc.sim.terrain import Terrain
 
 __all__ = [
+    "ClosedLoop",
     "Elements",
     "EnergyAudit",
     "EnergyFlow",
     "Impact",
+    "LoopTick",
     "Plane",
     "Plant",
     "Recorder",
     "Residuals",
     "Sensor",
     "SensorModel",
+    "SensorNoise",
     "SimState",
     "Simulation",
     "Stairs",
@@ -37,7 +47,9 @@ __all__ = [
     "StepResult",
     "StepSolution",
     "Terrain",
+    "TorqueLag",
     "Unilateral",
     "simulate",
     "solve_program",
+    "with_wrong_efficiencies",
 ]
