@@ -20,7 +20,7 @@ from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
 from wbc.sim.plant import Plant
 from wbc.sim.state import SimState
-from wbc.sim.step_result import StepResult
+from wbc.sim.step.step_result import StepResult
 
 
 class TorqueSource(Protocol):

@@ -11,13 +11,13 @@ from rich.progress import Progress
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
-from wbc.sim.audit import EnergyAudit
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.impact import Impact
+from wbc.sim.energy.audit import EnergyAudit
+from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
-from wbc.sim.residuals import Residuals, worst
+from wbc.sim.solve.residuals import Residuals, worst
 from wbc.sim.state import SimState
+from wbc.sim.step.impact import Impact
 
 Controller = Callable[[SimState], FloatArray]
 """Takes the plant's state, returns the rotor torque (m,) [N m] to hold until the next tick."""
