@@ -10,9 +10,9 @@ import pytest
 from wbc import load_robot
 from wbc.errors import SimulationError
 from wbc.robot import Motion
-from wbc.sim import ClosedLoop, Plant, SensorNoise, TorqueLag, with_wrong_efficiencies
+from wbc.sim import ClosedLoop, Plane, Plant, SensorNoise, TorqueLag, with_wrong_efficiencies
 
-LEG = load_robot("planar_leg_fixed")
+LEG, AIR = load_robot("planar_leg_fixed"), Plane(height=-10.0)
 
 
 @dataclass
@@ -32,7 +32,7 @@ class Damper:
 
 
 def played(noise=None, lag=None, substeps=1, ticks=50):
-    plant, control = Plant(LEG), Damper()
+    plant, control = Plant(LEG, AIR), Damper()
     loop = ClosedLoop(plant, control, noise=noise, lag=lag, substeps=substeps)
     state, torques = plant.state([0.3, 0.4]), []
     for _ in range(ticks):
@@ -43,7 +43,7 @@ def played(noise=None, lag=None, substeps=1, ticks=50):
 
 
 def test_with_nothing_between_it_is_the_plain_loop_to_the_last_bit():
-    plant, control = Plant(LEG), Damper()
+    plant, control = Plant(LEG, AIR), Damper()
     state = plant.state([0.3, 0.4])
     for _ in range(50):
         state = plant.step(state, control.step(state).rotor_torque, 1e-3).state
@@ -120,7 +120,7 @@ def test_the_same_seed_gives_the_same_bits():
 
 
 def test_reset_starts_anew():
-    plant = Plant(LEG)
+    plant = Plant(LEG, AIR)
     parts = {"noise": SensorNoise(LEG, velocity=0.05), "lag": TorqueLag(delay=2e-3)}
     loop, ends = ClosedLoop(plant, Damper(), **parts), []
     for _ in range(2):
@@ -135,7 +135,7 @@ def test_reset_starts_anew():
 def test_controllers_see_the_encoders_of_loose_gears():
     """A gear with play: the joint hangs in it, the encoder shows the motor."""
     loose = LEG.with_transmission(LEG.transmission.replace(backlash=np.array([0.2, 0.0])))
-    plant, control = Plant(loose), Damper()
+    plant, control = Plant(loose, AIR), Damper()
     loop = ClosedLoop(plant, control)
     state = plant.state([0.3, 0.4])
     for _ in range(40):
@@ -164,8 +164,8 @@ def test_wrong_efficiencies_are_shares_and_stay_possible():
         (lambda: TorqueLag(bandwidth=0.0), "bandwidth"),
         (lambda: TorqueLag(bandwidth=np.nan), "bandwidth"),
         (lambda: TorqueLag()(np.zeros(2), 0.0), "next command"),
-        (lambda: ClosedLoop(Plant(LEG), Damper(), period=0.0), "period"),
-        (lambda: ClosedLoop(Plant(LEG), Damper(), substeps=0), "plant step"),
+        (lambda: ClosedLoop(Plant(LEG, AIR), Damper(), period=0.0), "period"),
+        (lambda: ClosedLoop(Plant(LEG, AIR), Damper(), substeps=0), "plant step"),
         (lambda: with_wrong_efficiencies(LEG, -1.0), "off by -1"),
         (lambda: with_wrong_efficiencies(LEG, np.nan), "off by nan"),
     ],
