@@ -13,8 +13,9 @@ from rich.table import Table
 from wbc.arrays import FloatArray
 from wbc.cli.inputs import table_console, write_json
 from wbc.cli.outputs import require_outputs
+from wbc.cli.sites import checked_axes, first_contact, pose_from
 from wbc.effects import load_robot
-from wbc.errors import RobotError, ViewError, WbcError
+from wbc.errors import ViewError
 from wbc.metrics import Metric, summary
 from wbc.robot import Robot
 
@@ -51,40 +52,15 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.figures and len(options.axes) != 2:
         raise ViewError(f"--figures are drawn in two axes, not in '{options.axes}'.")
     robot = load_robot(options.robot)
-    contact = options.contact or _first_contact(robot)
-    position = _pose(robot, options.pose)
-    metrics = summary(robot, position, contact, _checked_axes(options.axes), options.load)
+    contact = options.contact or first_contact(robot)
+    position = pose_from(robot, options.pose)
+    metrics = summary(robot, position, contact, checked_axes(options.axes), options.load)
     shown = table_console(options, console)
     _print(metrics, f"{robot.name}, contact {contact}", shown)
     write_json(options.json, _json(metrics), console)
     if options.figures:
         _draw(robot, position, contact, options, shown)
     return 0
-
-
-def _first_contact(robot: Robot) -> str:
-    if not robot.contacts:
-        raise RobotError(f"'{robot.name}' has no contact; add [[contacts]] to its description.")
-    return robot.contacts[0].name
-
-
-def _pose(robot: Robot, text: str | None) -> FloatArray:
-    if text is None or "=" not in text:
-        return robot.pose(text)
-    joints: dict[str, float] = {}
-    for item in text.split(","):
-        name, _, value = item.partition("=")
-        try:
-            joints[name.strip()] = float(value)
-        except ValueError as cause:
-            raise RobotError(f"--pose: '{item}' is not JOINT=VALUE [rad, m].") from cause
-    return robot.configuration(**joints)
-
-
-def _checked_axes(axes: str) -> str:
-    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set("xyz"):
-        raise WbcError(f"--axes '{axes}': name some of x, y, z, each once.")
-    return axes
 
 
 def _json(metrics: list[Metric]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.batch import DesignMetrics, Designs, design_metrics
+from wbc.metrics.batch import DesignMetrics, Designs, design_metrics, link_length
 from wbc.metrics.contact_task import ContactTask, contact_task
 from wbc.metrics.directional_inertia import (
     DirectionalInertia,
@@ -45,6 +45,7 @@ __all__ = [
     "holding",
     "impact_mitigation",
     "inertia_ellipsoid",
+    "link_length",
     "pose_sweep",
     "share_of_accelerations_forward",
     "summary",
