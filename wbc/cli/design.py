@@ -35,14 +35,15 @@ from wbc.errors import WbcError
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
 
 _EPILOG = f"""\
-parameters: {", ".join(NAMES[:6])},
-length.LINK, mass.LINK, joint.JOINT; a gear parameter takes .JOINT for one gear alone.
-Without backward_efficiency, a swept forward_efficiency brings the wedge's 2 - 1/eta_f.
+parameters: {", ".join(NAMES[:4])},
+{", ".join(NAMES[4:6])}, length.LINK, mass.LINK, joint.JOINT;
+a gear parameter takes .JOINT for one gear alone. Without backward_efficiency, a
+swept forward_efficiency brings the wedge's 2 - 1/eta_f.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log
   --sweep forward_efficiency=0.5:0.98:40 --figures out
 
-A run that was interrupted goes on where it was when the same command is given again."""
+A run that was interrupted goes on when the same command is given again."""
 
 
 def add_to(commands: Any) -> None:

@@ -20,7 +20,7 @@ examples:
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
   wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
   wbc metrics planar_leg --figures out
-  wbc design planar_leg --sweep reduction=6:160 --sweep forward_efficiency=0.5:0.98
+  wbc design planar_leg --sweep reduction=6:160 --figures out
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
 2 bad input, 130 interrupted
