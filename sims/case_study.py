@@ -128,14 +128,15 @@ def _draw_force(ax: Axes, robot: Robot) -> None:
     polygons = {
         "lift (forward)": reach.vertices(Direction.FORWARD),
         "hold (backward)": reach.vertices(Direction.BACKWARD),
-        "combined, foot about to move down": reach.moving((0.0, -1.0)),
-        "combined, foot about to move back": reach.moving((-1.0, 0.0)),
+        "combined: foot about to move down": reach.moving((0.0, -1.0)),
     }
     for i, (label, corners) in enumerate(polygons.items()):
         around = corners - corners.mean(axis=0)
         order = np.argsort(np.arctan2(around[:, 1], around[:, 0]))
         ring = corners[np.append(order, order[0])]
-        ax.plot(*ring.T, color=LIGHT.series[i], linestyle=DASHES[i], label=label)
+        ax.plot(*ring.T, color=LIGHT.series[i], linestyle=DASHES[i], label=label, zorder=3 - i)
+        if label.startswith("combined"):
+            ax.add_patch(Polygon(ring, facecolor=LIGHT.series[i], alpha=0.15))
     ax.plot(0.0, 0.0, "+", color=LIGHT.ink)
     ax.set_title("forces of the foot on the ground")
     ax.set_xlabel("$f_x$ [N]")
@@ -170,7 +171,10 @@ def efficiency_figure() -> Figure:
         Panel("impact mitigation factor, up", across, "IMF [-]", factors),
         Panel("two ways to hold more", "hold up [N]", "IMF [-]", _ways(eta)),
     ]  # fmt: skip
-    return sweep_figure(panels, columns=2)
+    figure = sweep_figure(panels, columns=2)
+    figure.axes[0].legend(loc="lower right", fontsize=7)
+    figure.axes[3].legend(loc="lower left")
+    return figure
 
 
 def _relations(eta: FloatArray) -> Curves:

@@ -205,7 +205,7 @@ def _draw(
     from wbc.view.plots import design_map, pareto_figure, write_figure
 
     theme = DARK if options.theme == "dark" else LIGHT
-    varied = [parameter.column for parameter in study.parameters]
+    varied = [p.column for p in study.parameters if p.low < p.high] or ["design"]
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     figures = {"map": design_map(table, varied, units, logarithmic=logarithmic, theme=theme)}
     if len(objectives) > 1:
