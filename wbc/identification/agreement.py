@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.record import Record
+from wbc.identification.records.record import Record
 from wbc.identification.silent_drives import reported_torque
 
 _FOLLOWS = 0.9  # correlation from which a report clearly follows a need

@@ -10,8 +10,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray, frozen
 from wbc.identification.agreement import Agreement, agreement
-from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.record import Record
 from wbc.identification.silent_drives import reported_torque
 from wbc.robot import Motion
 
