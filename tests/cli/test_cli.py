@@ -10,7 +10,7 @@ import pytest
 from wbc.cli import main
 from wbc.measurement import Log, save_log
 
-COMMANDS = ("compare", "diagnose", "check", "play", "metrics", "list", "completion")
+COMMANDS = ("compare", "diagnose", "check", "play", "metrics", "design", "list", "completion")
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 

@@ -9,10 +9,10 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import check, compare, completion, diagnose, listing, metrics, play
+from wbc.cli import check, compare, completion, design, diagnose, listing, metrics, play
 from wbc.errors import WbcError
 
-_COMMANDS = (compare, diagnose, check, play, metrics, listing)
+_COMMANDS = (compare, diagnose, check, play, metrics, design, listing)
 
 _EPILOG = """\
 examples:
@@ -20,6 +20,7 @@ examples:
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
   wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
   wbc metrics planar_leg --figures out
+  wbc design planar_leg --sweep reduction=6:160 --figures out
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
 2 bad input, 130 interrupted
