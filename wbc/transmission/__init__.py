@@ -1,5 +1,6 @@
 """Reduction, topology, efficiencies and the mesh law."""
 
+from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import (
     Direction,
     direction,
@@ -14,6 +15,7 @@ from wbc.transmission.wedge import WedgeBlock
 
 __all__ = [
     "Direction",
+    "Flanks",
     "Transmission",
     "WedgeBlock",
     "direction",

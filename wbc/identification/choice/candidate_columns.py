@@ -9,12 +9,8 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import EffectError, RobotError, TransmissionError
-from wbc.identification.model.residual import (
-    link_response,
-    raw_residual,
-    rubbing_responses,
-    swinging_torque,
-)
+from wbc.identification.choice.gears.screens import screens
+from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
@@ -72,8 +68,6 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         motions=tuple(record.motion for record in records),
         unexplained=tuple(unexplained),
         reported=tuple(record.torque for record in records),
-        responses=lambda joint: tuple(link_response(robot, record, joint) for record in records),
-        rubbing=lambda joint: rubbing_responses(robot, records, joint),
     )
 
 
@@ -98,7 +92,7 @@ def make_atoms(
         (effect, where, screen)
         for effect in candidates
         for where in effect.places(robot)
-        for screen in effect.screening(robot, where, known)
+        for screen in screens(effect, robot, where, known, records)
     ]
     new = [o for o in offers if _key(*o) not in shelf and _changed(robot, *o) is not None]
     parts = [_columns(robot, record, new) for record in records]

@@ -8,9 +8,9 @@ from functools import cached_property
 
 from wbc.identification.choice.credibility import at_the_end
 from wbc.identification.choice.exchange import settle
-from wbc.identification.choice.gear_pairs import best_pairs, loudest
+from wbc.identification.choice.gears.pairs import best_pairs, loudest
+from wbc.identification.choice.gears.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.choice.hypothesis import Model
-from wbc.identification.choice.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.choice.selection import SIMPLER, Selector
 from wbc.identification.choice.unexplained import unexplained
 from wbc.identification.model.problem import ONLY_NOISE, Problem

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.identification.choice.gears.plays import plays
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps, interval_bounds
 from wbc.identification.model.problem import ONLY_NOISE, Problem
 from wbc.identification.model.residual import drive_gains, drive_misses
+from wbc.identification.model.yielding import yielding_gears
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.transmission import Flanks
 
 _FOLLOWED = 0.3  # share of the needed torque that a drive model may miss and still be believed
 _LEAST_MASS = 0.1  # of a link, that a payload of negative mass may leave
@@ -130,7 +132,7 @@ def credible(problem: Problem, fit: Fit) -> bool:
     motions = [record.motion for record in problem.records]
     if not all(effect.recognisable(fit.robot, motions) for effect in fit.effects):
         return False
-    if not all(_plays(problem, e) for e in fit.effects if isinstance(e, YieldingGear)):
+    if not all(_plays(problem, *gear) for gear in yielding_gears(fit.robot).items()):
         return False
     before, after = (
         np.array([i.mass for i in r.model.inertias]) for r in (problem.robot, fit.robot)
@@ -144,10 +146,10 @@ def credible(problem: Problem, fit: Fit) -> bool:
     return bool(np.all(inside | (drive_misses(fit.robot, problem.records) < _FOLLOWED)))
 
 
-def _plays(problem: Problem, gear: YieldingGear) -> bool:
+def _plays(problem: Problem, joint: str, gear: Flanks) -> bool:
     """Whether a gear is no spring that is taken for play between soft flanks."""
-    contact, row = gear.contact(), problem.robot.velocity_index(gear.where)
-    if contact.play == 0.0:
+    if gear.play == 0.0:
         return True
+    row = problem.robot.velocity_index(joint)
     loads = [record.links[:, row] - record.contacts[:, row] for record in problem.records]
-    return contact.plays(max(float(np.max(np.abs(load))) for load in loads))
+    return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
