@@ -10,11 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wbc.identification.choice.gears.springs import best_springs
-from wbc.links import LinkFriction, LinkResponse, deflections
+from wbc.links import Deflections, LinkFriction, LinkResponse, deflections
 from wbc.transmission import Flanks
 
 STEP = 0.002
 TIME = np.arange(1000) * STEP
+AT_REST = Deflections([], np.zeros((2, 1)))
 STEEP = 1e-4  # [rad/s] of the solver's friction
 INERTIA = np.array([[0.12, 0.03], [0.03, 0.05]])
 DRAG, PULL = np.array([0.05, 0.02]), np.array([0.7, 0.3])
@@ -80,7 +81,7 @@ def test_a_link_that_sticks_winds_up_its_spring(level: float) -> None:
     levels = np.array([level])
     truth = _truth([Flanks(300.0, 0.5, 0.0)], levels, np.zeros(2))
     responses = _responses(truth, levels)
-    found = deflections(responses, [Flanks(300.0, 0.5)], np.zeros((2, 1))).paths[0]
+    found = deflections(responses, [Flanks(300.0, 0.5)], AT_REST).paths[0]
     largest = np.abs(truth[:, 0, 0]).max()
     assert largest > level / 300.0
     assert found[:, 0] == pytest.approx(truth[:, 0, 0], abs=0.02 * largest)
@@ -96,7 +97,7 @@ def test_links_that_shake_one_another_hold_one_another() -> None:
     levels = np.array([0.8, 0.4])
     truth = _truth([Flanks(300.0, 0.5, 0.0), Flanks(150.0, 0.2, 0.0)], levels, np.zeros(4))
     springs = [Flanks(300.0, 0.5), Flanks(150.0, 0.2)]
-    found = deflections(_responses(truth, levels), springs, np.zeros((2, 2)))
+    found = deflections(_responses(truth, levels), springs, Deflections([], np.zeros((2, 2))))
     for k, path in enumerate(found.paths):
         largest = np.abs(truth[:, 0, k]).max()
         assert path[:, 0] == pytest.approx(truth[:, 0, k], abs=0.03 * largest)
@@ -108,9 +109,9 @@ def test_where_a_held_link_began_is_found() -> None:
     responses = _responses(truth, levels)
     found = None
     for _ in range(4):
-        found = deflections(responses, [Flanks(300.0, 0.5)], found).start
-    assert found[0, 0] == pytest.approx(0.012, rel=0.05)
-    assert found[1, 0] == pytest.approx(-0.3, rel=0.1)
+        found = deflections(responses, [Flanks(300.0, 0.5)], found)
+    assert found.start[0, 0] == pytest.approx(0.012, rel=0.05)
+    assert found.start[1, 0] == pytest.approx(-0.3, rel=0.1)
 
 
 def test_the_spring_behind_a_held_link_is_found() -> None:

@@ -9,10 +9,11 @@ import numpy as np
 from numba import types
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Matrix, Nothing, Number, OutDense, Vector, compiled
+from wbc.compiled import Count, Dense, Nothing, Number, OutDense, compiled
 
-_Cube = types.Array(types.float64, 3, "A", readonly=True)
+_Cube = types.Array(types.float64, 3, "C", readonly=True)
 _OutCube = types.Array(types.float64, 3, "C")
+_Row = types.Array(types.float64, 1, "C", readonly=True)
 _OutRow = types.Array(types.float64, 1, "C")
 _SWEEPS = 30
 _SETTLED = 1e-9  # of the level
@@ -41,7 +42,7 @@ def _invert(whole: FloatArray, inverse: FloatArray) -> None:
                     inverse[b, e] -= factor * inverse[a, e]
 
 
-@compiled(Nothing, _OutRow, _OutRow, Vector, Vector, Dense, Number)
+@compiled(Nothing, _OutRow, _OutRow, _Row, _Row, Dense, Number)
 def _rub(
     rate: FloatArray,
     rubs: FloatArray,
@@ -82,9 +83,9 @@ def _rub(
 @compiled(
     Nothing,
     *(_Cube, _Cube, _Cube),
-    *(Matrix, Matrix, Matrix),
+    *(Dense, Dense, Dense),
     *(Number, Count),
-    *(Vector, Vector, Vector, Vector, Number),
+    *(_Row, _Row, _Row, _Row, Number),
     *(_OutCube, _OutCube, _OutCube),
 )
 def follow_links(
@@ -129,7 +130,7 @@ def follow_links(
     h = step / parts
     m, whole, gain = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     by_rate, by_place, push = np.empty((n, n)), np.empty((n, n)), np.empty(n)
-    at, rate = d[0].copy(), v[0].copy()
+    at, rate = np.ascontiguousarray(d[0].T), np.ascontiguousarray(v[0].T)
     new, right, rubs = np.empty(n), np.empty(n), np.zeros((starts, n))
     motor, most, side, lost = np.empty(n), np.empty(n), np.empty(n), np.zeros(starts)
     rough = False
@@ -157,7 +158,7 @@ def follow_links(
                     continue
                 pattern = 0
                 for a in range(n):
-                    there = at[a, s] + 0.5 * h * rate[a, s]
+                    there = at[s, a] + 0.5 * h * rate[s, a]
                     side[a] = 1.0 if there > 0.0 else -1.0
                     if abs(there) >= half[a]:
                         pattern += 1 << a
@@ -174,11 +175,11 @@ def follow_links(
                     for a in range(n):
                         total = -push[a] - h * rubs[s, a]
                         for b in range(n):
-                            total += by_rate[a, b] * rate[b, s] - by_place[a, b] * at[b, s]
+                            total += by_rate[a, b] * rate[s, b] - by_place[a, b] * at[s, b]
                         if (pattern >> a) & 1:
                             early = 1.0 - late[a]
-                            give = early * (damping[a] + h * late[a] * stiffness[a]) * rate[a, s]
-                            total -= h * (give + stiffness[a] * (at[a, s] - side[a] * half[a]))
+                            give = early * (damping[a] + h * late[a] * stiffness[a]) * rate[s, a]
+                            total -= h * (give + stiffness[a] * (at[s, a] - side[a] * half[a]))
                         right[a] = total
                     for a in range(n):
                         new[a] = 0.0
@@ -189,20 +190,20 @@ def follow_links(
                     released = False
                     for a in range(n):
                         if half[a] > 0.0 and (pattern >> a) & 1:
-                            mean = (1.0 - late[a]) * rate[a, s] + late[a] * new[a]
-                            stretch = at[a, s] - side[a] * half[a] + h * late[a] * mean
+                            mean = (1.0 - late[a]) * rate[s, a] + late[a] * new[a]
+                            stretch = at[s, a] - side[a] * half[a] + h * late[a] * mean
                             if side[a] * (stiffness[a] * stretch + damping[a] * mean) < 0.0:
                                 pattern -= 1 << a
                                 released = True
                     if not released:
                         break
                 for a in range(n):
-                    at[a, s] += h * ((1.0 - late[a]) * rate[a, s] + late[a] * new[a])
-                    rate[a, s] = new[a]
+                    at[s, a] += h * ((1.0 - late[a]) * rate[s, a] + late[a] * new[a])
+                    rate[s, a] = new[a]
                     dry[i, a, s] += rubs[s, a] / parts
-                    if not abs(at[a, s]) < farthest:
+                    if not abs(at[s, a]) < farthest:
                         lost[s] = 1.0
         for s in range(starts):
             for a in range(n):
-                d[i + 1, a, s] = np.inf if lost[s] > 0.0 else at[a, s]
-                v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[a, s]
+                d[i + 1, a, s] = np.inf if lost[s] > 0.0 else at[s, a]
+                v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[s, a]

@@ -14,30 +14,44 @@ _SEEN = 1.0  # [rad] of its period that a swing may turn per sample and still be
 _SLACK = 1e-9  # [N m/rad] below which a spring holds nothing
 
 
-def chosen_start(
-    responses: Sequence[LinkResponse], gears: Sequence[Flanks], paths: Sequence[FloatArray]
-) -> FloatArray:
-    """Return how much of 2 n changes of the start leaves least unexplained at the n joints, (2 n,).
+def shown(responses: Sequence[LinkResponse], paths: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+    """Return what the torques at each of n joints show of B motions, in the band, (R, B) each.
 
     Args:
         responses: of the n links along one log.
-        gears: in front of them.
-        paths: of each link, (N, 3 or 4, 1 + 2 n): deflection, rate, second derivative and perhaps
-            friction, without and of every change of the start.
+        paths: of each link (N, 3 or 4, B): deflection, rate, second derivative, perhaps friction.
     """
-    pairs = list(zip(responses, gears, strict=True))
-    seen = [r.step * own_frequency(r, gear) < _SEEN for r, gear in pairs] * 2
-    wanted, columns = [], []
+    found = []
     for response in responses:
         parts = zip(responses, paths, strict=True)
-        torques = np.sum([other.torque_on(response.row, path) for other, path in parts], axis=0)
-        wanted.append(response.left(torques[:, 0]))
-        columns.append(response.band(torques[:, 1:]))
+        torques = [other.torque_on(response.row, path) for other, path in parts]
+        found.append(response.band(np.sum(torques, axis=0)))
+    return tuple(found)
+
+
+def chosen_start(
+    responses: Sequence[LinkResponse],
+    gears: Sequence[Flanks],
+    left: FloatArray,
+    columns: FloatArray,
+    begun: FloatArray,
+) -> FloatArray:
+    """Return the likeliest start of n links, deflections and then rates (2 n,).
+
+    Args:
+        responses: of the links along one log.
+        gears: in front of them.
+        left: (R,) what the motion from `begun` leaves unexplained at the joints.
+        columns: (R, 2 n) what unit changes of the start show.
+        begun: a start (2 n,).
+    """
+    pairs = list(zip(responses, gears, strict=True))
+    seen = np.array([r.step * own_frequency(r, gear) < _SEEN for r, gear in pairs] * 2)
     typical = np.transpose([typical_start(r, gear) for r, gear in pairs]).ravel()
-    start = np.zeros(len(seen))
-    start[seen] = likely_start(
-        np.concatenate(columns)[:, seen], np.concatenate(wanted), typical[seen]
-    )
+    start = np.array(begun)
+    if seen.any():
+        wanted = left + columns[:, seen] @ begun[seen]
+        start[seen] = likely_start(columns[:, seen], wanted, typical[seen])
     return start
 
 

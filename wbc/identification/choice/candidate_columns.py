@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import EffectError, RobotError, TransmissionError
+from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
 from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
@@ -101,7 +101,7 @@ def make_atoms(
     atoms = []
     for effect, where, screen in offers:
         stacked = shelf.get(_key(effect, where, screen))
-        if stacked is None:
+        if stacked is None or not np.isfinite(stacked).all():
             continue
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
@@ -142,11 +142,21 @@ def _columns(
             robots = _changed(robot, *offer) or []
             # Another effect hardly changes how a link swings; one more soft gear does.
             held = None if deflects(offer[0]) else swinging
-            changes += [base - raw_residual(changed, record, held) for changed in robots]
+            changes += [base - _residual(changed, record, held, base) for changed in robots]
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
         result += np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
     return result
+
+
+def _residual(
+    robot: Robot, record: Record, held: FloatArray | None, like: FloatArray
+) -> FloatArray:
+    """Return what a robot leaves (N, m + b), no numbers where one of its links flies off."""
+    try:
+        return raw_residual(robot, record, held)
+    except DynamicsError:
+        return np.full_like(like, np.nan)
 
 
 def _only(screen: Screen, used: BoolArray) -> Screen:

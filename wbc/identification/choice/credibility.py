@@ -29,6 +29,8 @@ def showing(problem: Problem, fit: Fit) -> set[int]:
     A cause that helps each log with another value of its own is none that the logs share. Where
     nothing but noise is left, its known size may tell more than the few blocks of a short log.
     """
+    if fit.failed:
+        return set()
     sure = _sure(problem, fit)
     bounds = interval_bounds(fit, problem.blocks, np.zeros(1))
     held = _with_vague_shapes_held(problem, fit, bounds)
@@ -120,6 +122,8 @@ def credible(problem: Problem, fit: Fit) -> bool:
     A drive model that makes much more or much less of the reported torque would explain any
     channel that holds no torque; it is believed where what it delivers is what the motion needs.
     """
+    if fit.failed:
+        return False
     for k, parameter in fit.parameters:
         effect = fit.effects[k]
         value = effect.values[parameter.name]

@@ -41,7 +41,12 @@ class Proposer(Judge):
     @property
     def fitted(self) -> tuple[Model, ...]:
         """Every model fitted so far."""
-        return tuple(self._known.values())
+        return tuple(model for model in self._known.values() if not model.fit.failed)
+
+    @property
+    def dropped(self) -> tuple[Model, ...]:
+        """Every model that could not be fitted; `fit.failed` says why."""
+        return tuple(model for model in self._known.values() if model.fit.failed)
 
     def model(self, effects: Sequence[Effect]) -> Model:
         """Return the fitted model with these causes."""

@@ -50,21 +50,21 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
     load = record.links_of(robot) - record.contacts
     sides = _rubbing(robot, record, gears)
     beyond, torque = np.zeros_like(load), np.zeros_like(load)
-    bent = Deflections([np.zeros((len(load), 3)) for _ in gears], np.zeros((2, len(gears))))
-    start: FloatArray | None = None
+    links = [record.response_of(robot, joint) for joint in gears]
+    bent: Deflections | None = None
     former = 1.0  # what is not linear in a deflection is at first the square of it in radians
     for k in range(rounds):
         known = beyond + _bends(load, sides.values())
         driving = _driving(robot, record, load + known, gears, sides)
         left = unexplained(known)
-        plain = [driven(robot, record, joint, driving, left) for joint in gears]
+        plain = [replace(r, load=driving, unexplained=left[:, r.row]) for r in links]
         responses = _with_friction(gears, plain, sides)
-        before, bent = bent, deflections(responses, list(gears.values()), start)
+        before = bent
+        bent = deflections(responses, list(gears.values()), before, hold=k >= _STARTS)
         if not bent.finite:
             raise DynamicsError(_flown(gears))
-        start = bent.start if start is None or struck or k < _STARTS else start
         torque = known + _torque(responses, bent)
-        change = bent.change(before)
+        change = bent.largest if before is None else bent.change(before)
         moved, at_last = _moved(robot, record, gears, bent), sides
         sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
         differs = any(side.differs(at_last[joint]) for joint, side in sides.items())

@@ -146,6 +146,10 @@ class Problem:
         left, or little more of very much, its known size (a short log has few blocks, but many
         samples).
         """
+        if not np.isfinite(better).all():
+            return False
+        if not np.isfinite(worse).all():
+            return True
         one, other = self._blockwise(worse), self._blockwise(better)
         before, after = float(np.mean(one)), float(np.mean(other))
         ratio = one.size * float(np.log(before / after))
@@ -160,6 +164,8 @@ class Problem:
 
     def leaning(self, worse: FloatArray, better: FloatArray) -> bool:
         """Whether `better` leaves less, by more than chance does once in a hundred times."""
+        if not (np.isfinite(worse).all() and np.isfinite(better).all()):
+            return bool(np.mean(better) < np.mean(worse))
         if np.mean(better) < ONLY_NOISE:
             return self._known_gain(worse, better) > _CHI_SQUARE_LEANING
         one, other = self._blockwise(worse), self._blockwise(better)
