@@ -7,14 +7,12 @@ from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
-from wbc.robot.screening import Evidence, LinkFriction, LinkResponse, Screen
+from wbc.robot.screening import Evidence, Screen
 
 __all__ = [
     "ContactPoint",
     "Effect",
     "Evidence",
-    "LinkFriction",
-    "LinkResponse",
     "Memory",
     "Motion",
     "Parameter",

@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
-from wbc.robot.screening import Evidence, LinkResponse, Screen
+from wbc.robot.screening import Evidence, Screen
 
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
@@ -220,24 +220,6 @@ class Effect(ABC):
         raise EffectError(
             f"{self.name} has a memory (first_memory) but no next_memory; give it both."
         )
-
-    def spring(self) -> tuple[float, float] | None:
-        """Return stiffness [N m/rad] and damping [N m s/rad] of a gear that is a linear spring.
-
-        All such gears of a robot are simulated together along a log. None means that the gear is
-        stiff, or nothing so simple (see `deflection`).
-        """
-        return None
-
-    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray | None:
-        """Return how far the link behind a gear strays from its motor, (N, 3), along a log.
-
-        Columns are the deflection [rad], its rate and its second derivative, and, where the
-        response has dry friction, its torque (N, 4) [N m]. None means that the gear is stiff or a
-        linear `spring`. Only identification asks: a simulator carries the
-        deflection as state.
-        """
-        return None
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:
         """Return what the encoders report for the true `motion`."""

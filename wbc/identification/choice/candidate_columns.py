@@ -9,13 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import EffectError, RobotError, TransmissionError
-from wbc.identification.model.residual import (
-    link_response,
-    raw_residual,
-    rubbing_responses,
-    swinging_torque,
-)
+from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
+from wbc.identification.choice.gears.screens import screens
+from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
@@ -74,8 +70,6 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         motions=tuple(record.motion for record in records),
         unexplained=tuple(unexplained),
         reported=tuple(record.torque for record in records),
-        responses=lambda joint: tuple(link_response(robot, record, joint) for record in records),
-        rubbing=lambda joint: rubbing_responses(robot, records, joint),
     )
 
 
@@ -98,7 +92,7 @@ def make_atoms(
         failures: errors inside effects, which then offer nothing, are counted there.
     """
     shelf = {} if shelf is None else shelf
-    offers = [o for effect in candidates for o in _offers(robot, effect, known, failures)]
+    offers = [o for effect in candidates for o in _offers(robot, records, effect, known, failures)]
     new = [o for o in offers if _key(*o) not in shelf and _changed(robot, *o) is not None]
     try:
         parts = [_columns(robot, record, new) for record in records]
@@ -110,7 +104,7 @@ def make_atoms(
     atoms = []
     for effect, where, screen in offers:
         stacked = shelf.get(_key(effect, where, screen))
-        if stacked is None:
+        if stacked is None or not np.isfinite(stacked).all():
             continue
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
@@ -120,11 +114,18 @@ def make_atoms(
 
 
 def _offers(
-    robot: Robot, effect: type[Effect], known: Evidence, failures: Counter[str] | None
+    robot: Robot,
+    records: Sequence[Record],
+    effect: type[Effect],
+    known: Evidence,
+    failures: Counter[str] | None,
 ) -> list[_Offer]:
     try:
-        places = effect.places(robot)
-        return [(effect, w, screen) for w in places for screen in effect.screening(robot, w, known)]
+        return [
+            (effect, where, screen)
+            for where in effect.places(robot)
+            for screen in screens(effect, robot, where, known, records)
+        ]
     except Exception as error:  # whatever one effect does, the others are still offered
         _count(failures, effect, error)
         return []
@@ -179,11 +180,21 @@ def _columns(
             robots = _changed(robot, *offer) or []
             # Another effect hardly changes how a link swings; one more soft gear does.
             held = None if deflects(offer[0]) else swinging
-            changes += [base - raw_residual(changed, record, held) for changed in robots]
+            changes += [base - _residual(changed, record, held, base) for changed in robots]
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
         result += np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
     return result
+
+
+def _residual(
+    robot: Robot, record: Record, held: FloatArray | None, like: FloatArray
+) -> FloatArray:
+    """Return what a robot leaves (N, m + b), no numbers where one of its links flies off."""
+    try:
+        return raw_residual(robot, record, held)
+    except DynamicsError:
+        return np.full_like(like, np.nan)
 
 
 def _only(screen: Screen, used: BoolArray) -> Screen:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.identification.choice.gears.plays import plays
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import drive_gains
+from wbc.identification.model.yielding import yielding_gears
+from wbc.transmission import Flanks
 
 _NAME, _PLACE, _NUMBER = 6.0, 3.0, 1.0  # [nats] for each name, place and number of a hypothesis
 _GAIN = 0.35  # standard deviation of the logarithm of delivered over reported torque
@@ -71,19 +73,17 @@ def _ends(problem: Problem, fit: Fit) -> float:
 def _not_shown(problem: Problem, fit: Fit) -> float:
     motions = [record.motion for record in problem.records]
     hidden = [not effect.recognisable(fit.robot, motions) for effect in fit.effects]
-    springs = [
-        isinstance(effect, YieldingGear) and not _plays(problem, effect) for effect in fit.effects
-    ]
+    springs = [not _plays(problem, *gear) for gear in yielding_gears(fit.robot).items()]
     return _NOT_SHOWN * (sum(hidden) + sum(springs))
 
 
-def _plays(problem: Problem, gear: YieldingGear) -> bool:
+def _plays(problem: Problem, joint: str, gear: Flanks) -> bool:
     """Whether a gear is no spring that is taken for play between soft flanks."""
-    contact, row = gear.contact(), problem.robot.velocity_index(gear.where)
-    if contact.play == 0.0:
+    if gear.play == 0.0:
         return True
+    row = problem.robot.velocity_index(joint)
     loads = [record.links[:, row] - record.contacts[:, row] for record in problem.records]
-    return contact.plays(max(float(np.max(np.abs(load))) for load in loads))
+    return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
 def _lost_mass(problem: Problem, fit: Fit) -> float:

@@ -76,6 +76,9 @@ class Trials:
     def _fitted(self, start: tuple[Effect, ...]) -> Hypothesis | None:
         try:
             fit = self.problem.fit(start)
+            if fit.failed:
+                self.failures[fit.failed] += 1
+                return None
             found = hypothesis_of(self.problem, fit)
         except IMPOSSIBLE:
             self.impossible += 1

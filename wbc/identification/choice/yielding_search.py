@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from wbc.identification.choice.gear_pairs import best_pairs, loudest
+from wbc.identification.choice.gears.pairs import best_pairs, loudest
+from wbc.identification.choice.gears.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.choice.hypothesis import Hypothesis
-from wbc.identification.choice.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 

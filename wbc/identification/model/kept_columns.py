@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
 
@@ -130,12 +131,7 @@ class KeptColumns:
 
 def keeps_motion(robot: Robot) -> bool:
     """Whether no effect of a robot changes the motion that others act on, or simulates a link."""
-    hooks = ("true", "deflection", "spring")
-    return not any(
-        getattr(type(effect), hook) is not getattr(Effect, hook)
-        for effect in robot.effects
-        for hook in hooks
-    )
+    return not any(deflects(e) or type(e).true is not Effect.true for e in robot.effects)
 
 
 def lossy_gears(robot: Robot) -> BoolArray:

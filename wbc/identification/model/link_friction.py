@@ -9,7 +9,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import YieldingGear
-from wbc.robot import Effect, LinkFriction, LinkResponse, Motion, Robot
+from wbc.links import LinkFriction, LinkResponse
+from wbc.robot import Effect, Motion, Robot
 
 _FASTER = 1e-5  # [rad/s]
 _SAME = 1e-3

@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.agreement import agreement
 from wbc.identification.log_warnings import moving_bases
 from wbc.identification.model.fit import Fit, refine
-from wbc.identification.model.friction_sides import FrictionSides
+from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.kept_columns import KeptColumns
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import (
@@ -109,10 +109,6 @@ class Problem:
     def _columns(self) -> KeptColumns:
         return KeptColumns(self.robot, self.records)
 
-    @cached_property
-    def _sides(self) -> FrictionSides:
-        return FrictionSides(self.robot, self.records[0].motion)
-
     def fit(self, effects: Sequence[Effect]) -> Fit:
         """Return the robot with these effects, parameters fitted to all records."""
 
@@ -120,7 +116,7 @@ class Problem:
             logs, floor = self.records, self.whitening
             return refine(self.robot, sided, logs, floor, steps, kept=self._columns)
 
-        return self._sides.best(effects, fit)
+        return best_sides(self.robot, effects, self.records[0].motion, fit)
 
     def held_out(self, fit: Fit) -> FloatArray:
         """Return (rows, outputs) held-out squares in units of the floor."""

@@ -13,7 +13,8 @@ from wbc.identification.model.link_friction import LinkSide
 from wbc.identification.model.link_motion import driven, swing
 from wbc.identification.model.yielding import deflects, some_deflect
 from wbc.identification.records.record import Record
-from wbc.robot import Effect, LinkResponse, Motion, Robot
+from wbc.links import LinkResponse
+from wbc.robot import Effect, Motion, Robot
 
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -12,10 +13,16 @@ from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.problem import Problem
-from wbc.identification.model.yielding import strike_together
+from wbc.identification.model.yielding import loose
 from wbc.identification.records.record import Record
 from wbc.robot import Effect
+from wbc.transmission import Flanks
 
+_PLAYS = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad] ...
+_FLANK = 25.0  # ... between flanks on which the link swings at this frequency [Hz]
+_SWINGS = (3.5, 7.0, 14.0)  # [Hz] behind springs
+_DAMPING = 0.15  # of the critical one, to begin with
+_SOFTEST = 1.0  # [N m/rad], for the small links of a wrist
 _JOINTS = 2  # at most, with the largest residuals: every pair of joints takes a second or two
 
 
@@ -48,7 +55,7 @@ def best_pairs(problem: Problem, classes: Sequence[type[Effect]]) -> list[Pair]:
     offers = [_gears(joint, records[0], kinds) for joint in joints]
     for gears in combinations(offers, 2):
         for pair in product(*gears):
-            if not strike_together(pair):
+            if not loose(pair):
                 continue
             try:
                 share = evaluate(robot, pair, records, problem.whitening).cost / nothing
@@ -73,4 +80,14 @@ def _gears(joint: str, record: Record, kinds: Sequence[type[YieldingGear]]) -> l
     inertia = float(np.mean(response.inertia[:, response.row]))
     if inertia <= 0.0:
         return []
-    return [gear for kind in kinds for gear in kind.coarsely(joint, inertia)]
+    swings = [_swinging(inertia, frequency) for frequency in _SWINGS]
+    flank = _swinging(inertia, _FLANK)
+    bounces = [replace(flank, play=play) for play in _PLAYS]
+    return [kind.having(joint, f) for kind in kinds for f in (bounces if kind.has_play else swings)]
+
+
+def _swinging(inertia: float, frequency: float) -> Flanks:
+    """Return a spring behind which an inertia [kg m^2] swings at a frequency [Hz]."""
+    rate = 2.0 * np.pi * frequency
+    stiffness = max(inertia * rate**2, _SOFTEST)
+    return Flanks(float(stiffness), float(2.0 * _DAMPING * inertia * rate))

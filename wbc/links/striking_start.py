@@ -1,17 +1,18 @@
-"""Links behind gears with play that shake one another, driven by their motors' motion."""
+"""How links behind gears with play moved when a log began: drawn, for they follow no gradient."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.coupled_links import CoupledLinks
-from wbc.effects.flanks import COARSE, FINEST, START, Contact
-from wbc.robot import LinkResponse
+from wbc.links.driven_links import COARSE, DrivenLinks
+from wbc.links.response import LinkResponse
+from wbc.transmission import Flanks
 
+_START = 0.6  # [s] of the log by which beginnings are chosen
 _BEGINNINGS = 32  # drawn at first ...
 _NEARBY = 16  # ... and around the best of them, in rounds ...
 _WIDTHS = (0.3, 0.1)  # ... of these widths, as shares of what is typical
@@ -21,55 +22,37 @@ _VARIED = 1e-3  # of what is typical, for derivatives
 _BEYOND = 1.3  # of a gear's wind-up under its load: how far a link may begin from the middle
 
 
-def struck_deflections(
-    responses: Sequence[LinkResponse], contacts: Sequence[Contact]
-) -> list[FloatArray]:
-    """Return the deflection of every link (N, 3): position, rate, second derivative.
-
-    inertia d_dd + drag d_d + pull d + load = -k dz(d) - c d_d while in contact, for all gears at
-    once: a link that strikes its flank throws the others through the off-diagonal inertia. A gear
-    without play is a spring. Where a link has dry friction, that is a fourth column. Where in
-    their play the links began, and how fast, is in no channel: it is chosen by what the first
-    moments of the log leave unexplained.
-
-    Args:
-        responses: of the n links along one log, under the same load.
-        contacts: the flanks of their gears.
-    """
-    links = CoupledLinks.of(responses)
-    # Where the links of a trial fly off, so do its numbers: it leaves infinity, and loses.
-    with np.errstate(over="ignore", invalid="ignore"):
-        start = _beginning(responses, links, contacts)
-    d, v, dry = links.follow(contacts, start)
-    found = []
-    for k, response in enumerate(responses):
-        # Averaged over the two neighbouring intervals, so that it belongs to the sample's time.
-        columns = [d[:, k], v[:, k], np.gradient(v[:, k], response.step)]
-        if response.friction is not None:
-            columns.append(np.convolve(dry[:, k], (0.5, 0.5))[: len(dry)])
-        found.append(np.stack(columns, axis=1))
-    return found
-
-
-def _beginning(
-    responses: Sequence[LinkResponse], links: CoupledLinks, contacts: Sequence[Contact]
+def striking_start(
+    responses: Sequence[LinkResponse],
+    links: DrivenLinks,
+    gears: Sequence[Flanks],
+    near: FloatArray | None = None,
 ) -> FloatArray:
     """Return deflections and rates (2, n) with which the log began.
 
-    Links that strike follow no gradient far: beginnings are drawn, then others around the best,
-    from which it is a short way. The same are drawn every time, so that what is left depends on
-    the gears alone.
+    Beginnings are drawn, then others around the best, from which it is a short way. The same are
+    drawn every time, so that what is left depends on the gears alone.
+
+    Args:
+        responses: of the n links along one log.
+        links: what drives them.
+        gears: in front of them.
+        near: a start close to which it lies; None where nothing is known.
     """
-    first = links.part(slice(0, int(START / links.step)))
-    typical = _typical(links, contacts)
+    first = links.part(slice(0, int(_START / links.step)))
+    typical = _typical(links, gears)
+
+    def left(trials: FloatArray, coarsest: float = 0.0) -> FloatArray:
+        starts = np.moveaxis(typical * trials, 0, -1)
+        return _left(responses, first.torques(gears, starts, coarsest))
+
+    if near is not None:
+        best = near / typical
+        return np.asarray(typical * _descended(best, left(best[None])[:, 0], left))
     random = np.random.default_rng(0)
-    size = (2, len(contacts))
-
-    def left(trials: FloatArray, finest: float = FINEST) -> FloatArray:
-        return _left(responses, first.torques(contacts, typical * trials, finest))
-
+    size = (2, len(gears))
     # In the middle, touching a flank, or wound up against it.
-    touching = 0.5 * np.array([contact.play for contact in contacts]) / typical[0]
+    touching = 0.5 * np.array([gear.play for gear in gears]) / typical[0]
     places = [sorted({-1.0, -float(t), 0.0, float(t), 1.0}) for t in touching]
     sides = np.array(list(product(*places)))
     drawn = random.uniform(-_BEYOND, _BEYOND, (_BEGINNINGS, *size))
@@ -79,18 +62,31 @@ def _beginning(
     for width in _WIDTHS:
         trials = best + width * random.standard_normal((_NEARBY, *size))
         best, residual = _best([best, *trials], np.c_[residual, left(trials)])
-    varied = _VARIED * np.eye(best.size).reshape(-1, *size)
+    return np.asarray(typical * _descended(best, residual, left))
+
+
+def _descended(
+    best: FloatArray, residual: FloatArray, left: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """Return a start (2, n) some steps of least squares further.
+
+    Args:
+        best: where to begin, as shares of what is typical.
+        residual: (R,) what it leaves.
+        left: starts (B, 2, n) -> what they leave (R, B).
+    """
+    varied = _VARIED * np.eye(best.size).reshape(-1, *best.shape)
     for _ in range(_STEPS):
         slopes = (left(best + varied) - residual[:, None]) / _VARIED
         if not np.isfinite(slopes).all():
             break
-        step = -np.linalg.lstsq(slopes, residual, rcond=1e-3)[0].reshape(size)
+        step = -np.linalg.lstsq(slopes, residual, rcond=1e-3)[0].reshape(best.shape)
         trials = np.array([best + length * step for length in _LENGTHS])
         before = best
         best, residual = _best([best, *trials], np.c_[residual, left(trials)])
         if best is before:
             break
-    return np.asarray(typical * best)
+    return best
 
 
 def _best(
@@ -101,11 +97,11 @@ def _best(
     return trials[k], left[:, k]
 
 
-def _typical(links: CoupledLinks, contacts: Sequence[Contact]) -> FloatArray:
+def _typical(links: DrivenLinks, gears: Sequence[Flanks]) -> FloatArray:
     """Return deflections and rates (2, n) as large as a gear's play and wind-up allow."""
     load, inertia = np.abs(links.load[0]), np.diagonal(links.inertia[0])
-    stiffness = np.array([max(contact.stiffness, 1e-9) for contact in contacts])
-    half = np.array([0.5 * contact.play for contact in contacts])
+    stiffness = np.array([max(gear.stiffness, 1e-9) for gear in gears])
+    half = np.array([0.5 * gear.play for gear in gears])
     away = half + load / stiffness
     fall = np.sqrt(2.0 * load * away / inertia)
     return np.stack([away, fall])

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.effects.flanks import Contact
-from wbc.effects.rubbing_link import rubbing_deflections, rubbing_start
-from wbc.effects.soft_search import best_springs
-from wbc.effects.striking_links import struck_deflections
-from wbc.robot import LinkFriction, LinkResponse
+from wbc.identification.choice.gears.springs import best_springs
+from wbc.links import Deflections, LinkFriction, LinkResponse, deflections
+from wbc.transmission import Flanks
 
 STEP = 0.002
 TIME = np.arange(1000) * STEP
+AT_REST = Deflections([], np.zeros((2, 1)))
 STEEP = 1e-4  # [rad/s] of the solver's friction
 INERTIA = np.array([[0.12, 0.03], [0.03, 0.05]])
 DRAG, PULL = np.array([0.05, 0.02]), np.array([0.7, 0.3])
@@ -30,7 +29,7 @@ def _motors(time: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return position, SIZE * OMEGA * np.cos(angle), -SIZE * OMEGA**2 * np.sin(angle)
 
 
-def _truth(gears: list[Contact], level: np.ndarray, start: np.ndarray) -> np.ndarray:
+def _truth(gears: list[Flanks], level: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return deflections and rates (N, 2, n) of the first n links."""
     n = len(gears)
     inverse = np.linalg.inv(INERTIA[:n, :n])
@@ -80,9 +79,9 @@ def _responses(truth: np.ndarray, level: np.ndarray) -> list[LinkResponse]:
 @pytest.mark.parametrize("level", [0.3, 1.5])
 def test_a_link_that_sticks_winds_up_its_spring(level: float) -> None:
     levels = np.array([level])
-    truth = _truth([Contact(300.0, 0.5, 0.0)], levels, np.zeros(2))
+    truth = _truth([Flanks(300.0, 0.5, 0.0)], levels, np.zeros(2))
     responses = _responses(truth, levels)
-    found = rubbing_deflections(responses, [(300.0, 0.5)], np.zeros(2))[0][0]
+    found = deflections(responses, [Flanks(300.0, 0.5)], AT_REST).paths[0]
     largest = np.abs(truth[:, 0, 0]).max()
     assert largest > level / 300.0
     assert found[:, 0] == pytest.approx(truth[:, 0, 0], abs=0.02 * largest)
@@ -96,37 +95,37 @@ def test_a_link_that_sticks_winds_up_its_spring(level: float) -> None:
 
 def test_links_that_shake_one_another_hold_one_another() -> None:
     levels = np.array([0.8, 0.4])
-    truth = _truth([Contact(300.0, 0.5, 0.0), Contact(150.0, 0.2, 0.0)], levels, np.zeros(4))
-    springs = [(300.0, 0.5), (150.0, 0.2)]
-    found, _ = rubbing_deflections(_responses(truth, levels), springs, np.zeros(4))
-    for k, path in enumerate(found):
+    truth = _truth([Flanks(300.0, 0.5, 0.0), Flanks(150.0, 0.2, 0.0)], levels, np.zeros(4))
+    springs = [Flanks(300.0, 0.5), Flanks(150.0, 0.2)]
+    found = deflections(_responses(truth, levels), springs, Deflections([], np.zeros((2, 2))))
+    for k, path in enumerate(found.paths):
         largest = np.abs(truth[:, 0, k]).max()
         assert path[:, 0] == pytest.approx(truth[:, 0, k], abs=0.03 * largest)
 
 
 def test_where_a_held_link_began_is_found() -> None:
     levels, start = np.array([0.3]), np.array([0.012, -0.3])
-    truth = _truth([Contact(300.0, 0.5, 0.0)], levels, start)
+    truth = _truth([Flanks(300.0, 0.5, 0.0)], levels, start)
     responses = _responses(truth, levels)
-    found = rubbing_start(responses, [(300.0, 0.5)])
-    for _ in range(3):
-        _, found = rubbing_deflections(responses, [(300.0, 0.5)], found)
-    assert found[0] == pytest.approx(0.012, rel=0.05)
-    assert found[1] == pytest.approx(-0.3, rel=0.1)
+    found = None
+    for _ in range(4):
+        found = deflections(responses, [Flanks(300.0, 0.5)], found)
+    assert found.start[0, 0] == pytest.approx(0.012, rel=0.05)
+    assert found.start[1, 0] == pytest.approx(-0.3, rel=0.1)
 
 
 def test_the_spring_behind_a_held_link_is_found() -> None:
     levels = np.array([1.5])
-    truth = _truth([Contact(300.0, 0.5, 0.0)], levels, np.zeros(2))
-    stiffness, _ = best_springs(_responses(truth, levels), count=1)[0]
-    assert stiffness == pytest.approx(300.0, rel=0.1)
+    truth = _truth([Flanks(300.0, 0.5, 0.0)], levels, np.zeros(2))
+    found = best_springs(_responses(truth, levels), count=1)[0]
+    assert found.stiffness == pytest.approx(300.0, rel=0.1)
 
 
 def test_a_loose_link_with_friction_bounces_less() -> None:
-    contact, levels = Contact(800.0, 6.0, 0.02), np.array([0.4])
+    contact, levels = Flanks(800.0, 6.0, 0.02), np.array([0.4])
     start = np.array([-0.01, 0.0])
     truth = _truth([contact], levels, start)
-    found = struck_deflections([_responses(truth, levels)[0]], [contact])[0]
+    found = deflections([_responses(truth, levels)[0]], [contact]).paths[0]
     assert found[:, 0] == pytest.approx(truth[:, 0, 0], abs=8e-4)
     speed = _motors(TIME)[1][:, 0]
     rubs = levels * np.tanh((speed + truth[:, 1, 0]) / STEEP)
