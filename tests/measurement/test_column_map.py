@@ -123,7 +123,7 @@ def test_repeated_stamps_missing_cells_and_files_without_a_clock(tmp_path: Path)
 def test_unsigned_encoders_are_unwrapped_across_pieces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import wbc.measurement.npz_table as npz
+    import wbc.measurement.formats.npz_table as npz
 
     monkeypatch.setattr(npz, "CHUNK_ROWS", 37)
     time = np.arange(500) * 0.01

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from wbc.errors import LogError
 from wbc.measurement import Log, load_log, load_logs, save_log
-from wbc.measurement.decimator import Decimator
+from wbc.measurement.columns.decimator import Decimator
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 SUFFIXES = [".csv", ".parquet", ".npz"]

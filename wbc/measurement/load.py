@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from wbc.errors import LogError
-from wbc.measurement.column_map import ColumnMap, read_column_map
+from wbc.measurement.checks.unit_check import require_plausible_units
+from wbc.measurement.columns.column_map import ColumnMap, read_column_map
+from wbc.measurement.columns.map_choice import for_table, native_map, restricted
+from wbc.measurement.columns.partition import count_rows, read_parts
+from wbc.measurement.formats.open_table import digest, open_table
 from wbc.measurement.log import Log
-from wbc.measurement.map_choice import for_table, native_map, restricted
-from wbc.measurement.open_table import digest, open_table
-from wbc.measurement.partition import count_rows, read_parts
 from wbc.measurement.source import LogSource
-from wbc.measurement.unit_check import require_plausible_units
 
 MAX_ROWS = 2_000_000
 """Longest log kept row by row (2e6 rows of 20 channels take 340 MB); a longer one is decimated."""

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from wbc.errors import LogError
-from wbc.measurement.table import Chunk
+from wbc.measurement.formats.table import Chunk
 
 
 def batch_columns(batch: Any, numbers: Sequence[str], keys: Sequence[str], label: str) -> Chunk:

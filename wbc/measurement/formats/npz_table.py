@@ -14,7 +14,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from wbc.errors import LogError
-from wbc.measurement.table import CHUNK_ROWS, Chunk, Table
+from wbc.measurement.formats.table import CHUNK_ROWS, Chunk, Table
 
 _SUFFIX = ".npy"
 _DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)

@@ -7,11 +7,11 @@ from math import log2, pi
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.measurement.finding import Finding
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.value_runs import jumps, plateau, resolution
 from wbc.measurement.gaps import gaps
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
-from wbc.measurement.value_runs import jumps, plateau, resolution
 
 _SATURATED_SHARE = 0.005
 _COARSE_SHARE = 0.1

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from wbc.errors import LogError, unknown_name
+from wbc.measurement.columns.units import unit_factor
 from wbc.measurement.schema import TIME
-from wbc.measurement.units import unit_factor
 
 _KEYS = ("from", "rate", "unit", "offset", "repeated")
 _REPEATED = ("error", "first")

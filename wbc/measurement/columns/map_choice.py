@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.bag_table import BagTable
-from wbc.measurement.column_map import ColumnMap
-from wbc.measurement.column_rule import ColumnRule, identity_rule
+from wbc.measurement.columns.column_map import ColumnMap
+from wbc.measurement.columns.column_rule import ColumnRule, identity_rule
+from wbc.measurement.formats.bag_table import BagTable
+from wbc.measurement.formats.table import Table
 from wbc.measurement.schema import TIME, is_column, likely_meant
-from wbc.measurement.table import Table
 
 _EFFORT = ".effort"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.measurement.local_polynomial import local_polynomial_operator
+from wbc.measurement.motion.local_polynomial import local_polynomial_operator
 
 _WINDOW_SAMPLES = 11
 _DEGREE = 4

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.csv as pc
 
 from wbc.errors import LogError
-from wbc.measurement.arrow_columns import batch_columns
-from wbc.measurement.table import Chunk, Table
+from wbc.measurement.formats.arrow_columns import batch_columns
+from wbc.measurement.formats.table import Chunk, Table
 
 _BLOCK_BYTES = 1 << 23
 

@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from wbc.measurement.finding import Finding
+from wbc.measurement.checks.finding import Finding
 from wbc.measurement.log import Log
 from wbc.measurement.repeats import find_duplicates
 

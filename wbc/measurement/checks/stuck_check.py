@@ -6,9 +6,9 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from wbc.arrays import FloatArray
-from wbc.measurement.finding import Finding
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.value_runs import longest_true_run
 from wbc.measurement.log import Log
-from wbc.measurement.value_runs import longest_true_run
 
 _SECONDS = 0.1
 _SAMPLES = 5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wbc.measurement.finding import SEVERITIES, Finding
+from wbc.measurement.checks.finding import SEVERITIES, Finding
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ import numpy as np
 
 from wbc.arrays import IntArray
 from wbc.errors import LogError
-from wbc.measurement.column_map import ColumnMap
-from wbc.measurement.intake import Intake
+from wbc.measurement.columns.column_map import ColumnMap
+from wbc.measurement.columns.intake import Intake
+from wbc.measurement.formats.table import Chunk, Table
 from wbc.measurement.log import Log
 from wbc.measurement.source import LogSource
-from wbc.measurement.table import Chunk, Table
 
 
 def count_rows(table: Table, rules: ColumnMap, pattern: str) -> dict[str, int]:

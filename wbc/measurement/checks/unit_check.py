@@ -9,7 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
 from wbc.measurement.log import Log
-from wbc.measurement.velocity_fit import fit_velocity
+from wbc.measurement.motion.velocity_fit import fit_velocity
 
 _TOLERANCE = 0.03
 _CORRELATION = 0.95

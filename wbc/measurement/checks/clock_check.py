@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.measurement.finding import Finding
+from wbc.measurement.checks.finding import Finding
 from wbc.measurement.gaps import CUT_FROM, GAP_STEPS, gaps
 from wbc.measurement.log import Log
 

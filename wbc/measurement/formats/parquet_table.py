@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wbc.errors import LogError
-from wbc.measurement.arrow_columns import batch_columns
-from wbc.measurement.table import CHUNK_ROWS, Chunk, Table
+from wbc.measurement.formats.arrow_columns import batch_columns
+from wbc.measurement.formats.table import CHUNK_ROWS, Chunk, Table
 
 
 class ParquetTable(Table):

@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any
 
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.column_rule import ColumnRule, parse_rule
-from wbc.measurement.row_choice import RowChoice, parse_rows
-from wbc.measurement.time_rule import TimeRule, parse_time
+from wbc.measurement.columns.column_rule import ColumnRule, parse_rule
+from wbc.measurement.columns.row_choice import RowChoice, parse_rows
+from wbc.measurement.columns.time_rule import TimeRule, parse_time
 
 _SECTIONS = ("rows", "time", "columns")
 

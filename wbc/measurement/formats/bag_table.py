@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import LogError, unknown_name
+from wbc.measurement.formats.table import Chunk, Table
 from wbc.measurement.schema import TIME
-from wbc.measurement.table import Chunk, Table
 
 _TYPE = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")

@@ -6,11 +6,11 @@ import hashlib
 from pathlib import Path
 
 from wbc.errors import LogError
-from wbc.measurement.bag_table import BagTable
-from wbc.measurement.csv_table import CsvTable
-from wbc.measurement.npz_table import NpzTable
-from wbc.measurement.parquet_table import ParquetTable
-from wbc.measurement.table import Table
+from wbc.measurement.formats.bag_table import BagTable
+from wbc.measurement.formats.csv_table import CsvTable
+from wbc.measurement.formats.npz_table import NpzTable
+from wbc.measurement.formats.parquet_table import ParquetTable
+from wbc.measurement.formats.table import Table
 
 _FORMATS = ".csv, .parquet, .npz, .mcap, .db3, or the folder of a rosbag2 recording"
 

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.measurement.channel_check import check_channels
-from wbc.measurement.clock_check import check_clock
-from wbc.measurement.finding import Finding
-from wbc.measurement.log import Log
-from wbc.measurement.log_quality import LogQuality, by_severity
-from wbc.measurement.log_set_check import check_set
-from wbc.measurement.motion_check import (
+from wbc.measurement.checks.channel_check import check_channels
+from wbc.measurement.checks.clock_check import check_clock
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.log_quality import LogQuality, by_severity
+from wbc.measurement.checks.log_set_check import check_set
+from wbc.measurement.checks.motion_check import (
     check_ranges,
     check_rotor_positions,
     check_velocities,
     velocity_fits,
 )
-from wbc.measurement.stuck_check import check_stuck
-from wbc.measurement.value_runs import resolution
+from wbc.measurement.checks.stuck_check import check_stuck
+from wbc.measurement.checks.value_runs import resolution
+from wbc.measurement.log import Log
 from wbc.robot import Robot
 
 

@@ -7,10 +7,10 @@ from math import pi
 
 import numpy as np
 
-from wbc.measurement.finding import Finding
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.value_runs import jumps
 from wbc.measurement.log import Log
-from wbc.measurement.value_runs import jumps
-from wbc.measurement.velocity_fit import VelocityFit, fit_velocity
+from wbc.measurement.motion.velocity_fit import VelocityFit, fit_velocity
 
 _SCALE_ERROR = 0.05
 _SCALE_TRUSTED = 0.99

@@ -8,9 +8,9 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError
-from wbc.measurement.column_map import ColumnMap
-from wbc.measurement.column_rule import ColumnRule
-from wbc.measurement.decimator import Decimator
+from wbc.measurement.columns.column_map import ColumnMap
+from wbc.measurement.columns.column_rule import ColumnRule
+from wbc.measurement.columns.decimator import Decimator
 from wbc.measurement.log import Log
 from wbc.measurement.source import LogSource
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.gear_side import side_factor
+from wbc.measurement.columns.gear_side import side_factor
+from wbc.measurement.columns.units import unit_factor
 from wbc.measurement.schema import column_units, likely_meant, split_column
-from wbc.measurement.units import unit_factor
 
 _KEYS = (
     "from",

@@ -7,10 +7,10 @@ from scipy.interpolate import CubicSpline
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
-from wbc.measurement.local_polynomial import local_polynomial_operator
+from wbc.measurement.checks.motion_check import velocity_fits
 from wbc.measurement.log import Log
-from wbc.measurement.motion_check import velocity_fits
-from wbc.measurement.velocity_fit import VelocityFit
+from wbc.measurement.motion.local_polynomial import local_polynomial_operator
+from wbc.measurement.motion.velocity_fit import VelocityFit
 
 _WINDOW_SAMPLES = 11
 _DEGREE = 3
