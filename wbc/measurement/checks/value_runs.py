@@ -75,14 +75,15 @@ def plateau(
         starts, ends = edges[::2], edges[1::2]
         counted = ends - starts >= 3
         if position is not None and counted.any():
-            counted &= _travel(position, starts, ends) > _least_travel(position)
+            long = np.flatnonzero(counted)
+            counted[long] = _travel(position, starts[long], ends[long]) > _least_travel(position)
         share += float(np.sum((ends - starts)[counted])) / values.size
         runs += int(np.count_nonzero(counted))
     return low, high, share, runs
 
 
 def _travel(position: FloatArray, starts: IntArray, ends: IntArray) -> FloatArray:
-    """Return the range of a position within each run of rows (its first row left out)."""
+    """Return the range of a position within runs of three rows or more (the first left out)."""
     bounds = np.stack([starts + 1, ends], axis=1).ravel()
     if bounds[-1] == position.size:
         bounds = bounds[:-1]

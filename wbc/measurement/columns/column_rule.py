@@ -14,7 +14,7 @@ from wbc.measurement.columns.gear_side import side_factor
 from wbc.measurement.columns.units import unit_factor
 from wbc.measurement.schema import column_units, likely_meant, split_column
 
-_KEYS = (
+RULE_KEYS = (
     "from",
     "unit",
     "scale",
@@ -27,7 +27,7 @@ _KEYS = (
     "missing",
     "optional",
 )
-_MISSING = ("error", "omit", "drop_rows")
+_MISSING = ("when_needed", "error", "omit", "drop_rows")
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,11 @@ class ColumnRule:
         factors: one per source: unit, scale, sign, weight and gear in one number.
         offset: added at the end, in the unit of the log.
         unwrap: period of the sources' jumps, in their own unit; 0 for none.
-        missing: what to do with NaN: `error`, `omit` the channel if it is NaN throughout, or
-            `drop_rows`.
+        missing: what to do with NaN: leave the channel out and refuse it `when_needed`, refuse the
+            file (`error`), `omit` the channel if it is NaN throughout, or `drop_rows`.
         optional: whether the file may lack the sources (the channel is then left out).
+        implied: whether the map named no source, so that the file's own column of the target's
+            name is meant.
     """
 
     target: str
@@ -50,8 +52,9 @@ class ColumnRule:
     factors: tuple[float, ...]
     offset: float = 0.0
     unwrap: float = 0.0
-    missing: str = "error"
+    missing: str = "when_needed"
     optional: bool = False
+    implied: bool = False
 
     def value(self, sources: Mapping[str, FloatArray]) -> FloatArray:
         """Return the channel, (N,), from the (unwrapped) foreign columns, each (N,)."""
@@ -71,7 +74,8 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
 
     Args:
         target: name of the channel, the key of the entry.
-        entry: the foreign name alone, or a table with the keys of this module.
+        entry: the foreign name alone, or a table with the keys of this module; without `from` the
+            file's column of the target's own name is meant.
         place: map file and key, for messages.
         ratios: gear ratio N of joints, where an entry does not give its own.
 
@@ -86,9 +90,9 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
     table: Mapping[str, Any] = {"from": entry} if isinstance(entry, str) else entry
     for key in table:
-        if key not in _KEYS:
-            raise LogError(f"{place}: " + unknown_name("key", key, _KEYS))
-    sources = _names(table.get("from"), f"{place}.from")
+        if key not in RULE_KEYS:
+            raise LogError(f"{place}: " + unknown_name("key", key, RULE_KEYS))
+    sources = _names(table.get("from", target), f"{place}.from")
     factor = _number(table, "scale", 1.0, place) * _number(table, "sign", 1.0, place)
     if factor == 0.0:
         raise LogError(f"{place}: scale and sign must not be 0.")
@@ -102,7 +106,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         sides = np.array([side_factor(str(table["side"]), parts[1], N, place) for N in gears])
     elif "gear_ratio" in table:
         raise LogError(f"{place}: gear_ratio without side; add side = rotor, motor or joint.")
-    missing = str(table.get("missing", "error"))
+    missing = str(table.get("missing", "when_needed"))
     if missing not in _MISSING:
         raise LogError(f"{place}.missing: " + unknown_name("choice", missing, _MISSING))
     return ColumnRule(
@@ -113,6 +117,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         unwrap=_number(table, "unwrap", 0.0, place),
         missing=missing,
         optional=bool(table.get("optional", False)),
+        implied="from" not in table,
     )
 
 

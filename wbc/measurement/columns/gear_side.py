@@ -11,7 +11,14 @@ from wbc.errors import LogError, unknown_name
 
 SIDES = ("rotor", "motor", "joint")
 
-_OUTPUT_MOTION = ("position", "velocity", "acceleration", "goal_position")
+_OUTPUT_MOTION = (
+    "position",
+    "velocity",
+    "acceleration",
+    "target_position",
+    "target_velocity",
+    "goal_position",
+)
 _ROTOR_MOTION = ("rotor_position", "rotor_velocity")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from wbc.errors import LogError
 from wbc.measurement.columns.column_map import ColumnMap
 from wbc.measurement.columns.column_rule import ColumnRule
 from wbc.measurement.columns.decimator import Decimator
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.log import Log
+from wbc.measurement.motion.align import align_velocity
 from wbc.measurement.source import LogSource
 
 
@@ -70,24 +73,27 @@ class Intake:
         notes = list(self._source.notes)
         time = self._channel(0)
         columns: dict[str, FloatArray] = {}
+        unusable: dict[str, str] = {}
         for k, rule in enumerate(self._map.rules, start=1):
             values = self._channel(k)
             if rule.missing == "omit" and np.isnan(values).all():
                 notes.append(f"{rule.target} left out: {', '.join(rule.sources)} is empty.")
+            elif rule.missing == "when_needed" and not np.isfinite(values).all():
+                unusable[rule.target] = _holes(rule.target, values)
             else:
                 columns[rule.target] = values
+        if unusable and not columns:
+            raise LogError(f"{label}: " + next(iter(unusable.values())))
         if self._dropped:
             notes.append(f"{self._dropped} of {self._seen} rows dropped by the column map.")
-        source = LogSource(
-            path=self._source.path,
-            sha256=self._source.sha256,
-            part=self._source.part,
-            mapping=self._source.mapping,
+        source = replace(
+            self._source,
             decimation=self._decimator.factor,
-            ignored=self._source.ignored,
             notes=tuple(notes),
+            unusable=unusable,
         )
-        return Log(time, columns, source)
+        log = Log(time, columns, source)
+        return align_velocity(log) if self._map.time.align_velocity else log
 
     def _keep(self, rows: FloatArray) -> None:
         if rows.size:
@@ -122,8 +128,12 @@ class Intake:
         place, fault = int(index[bad[0]]), _fault(float(steps[bad[0]]))
         raise LogError(
             f"{self._source.label}: time {fault} at row {self._seen + place} "
-            f"({time[place]:.9g} s). Sort the file; rows with one time stamp are dropped by a "
-            'column map with [time] repeated = "first".'
+            f"({time[place]:.9g} s). Sort the file"
+            + (
+                f"; or {say_so({'time': {'repeated': 'first'}}, 'keep the first of such rows')}"
+                if steps[bad[0]] == 0.0
+                else "."
+            )
         )
 
     def _unwrapped(
@@ -146,3 +156,13 @@ def _fault(step: float) -> str:
     if np.isnan(step):
         return "is NaN"
     return "repeats" if step == 0.0 else "goes back"
+
+
+def _holes(target: str, values: FloatArray) -> str:
+    """Return the message for a channel that cannot be used, and how it can."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    drop = say_so({"columns": {target: {"missing": "drop_rows"}}}, "drop these rows")
+    return (
+        f"column '{target}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
+        f"{values.size}). Repair the file, or {drop}"
+    )

@@ -8,48 +8,44 @@ from dataclasses import replace
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.columns.column_map import ColumnMap
 from wbc.measurement.columns.column_rule import ColumnRule, identity_rule
-from wbc.measurement.formats.bag_table import BagTable
+from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.formats.table import Table
-from wbc.measurement.schema import TIME, is_column, likely_meant
+from wbc.measurement.schema import TIME, column_units, is_column, known_as, likely_meant
 
 _EFFORT = ".effort"
 
 
-def native_map(table: Table) -> tuple[ColumnMap, tuple[str, ...]]:
-    """Return the map of a file that has our names, and the columns that it passes over.
+def patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...], tuple[str, ...]]:
+    """Return the map that reads a file: the columns with our names, changed as a map says.
+
+    Args:
+        rules: a map; one without entries changes nothing.
+        table: the file.
+
+    Returns:
+        The map with an entry for every channel, the columns that it passes over, and notes on what
+        was taken for granted.
 
     Raises:
-        LogError: no `time`, no column of the schema, or a name that looks misspelt.
+        LogError: no clock, no channel, a name that looks misspelt, or a column that the file lacks.
     """
-    names = table.names
-    for name in names:
-        meant = likely_meant(name)
-        if meant is not None and meant not in names:
-            raise LogError(
-                f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or state "
-                "what it is in a column map (--columns MAP.toml)."
-            )
-    if TIME not in names:
-        raise LogError(
-            f"{table.path}: " + unknown_name("column", TIME, names) + " Name the clock in a column "
-            "map (--columns MAP.toml): [time] from = ..., or rate = ... for a file without one."
-        )
-    rules = [identity_rule(name) for name in names if name != TIME and is_column(name)]
-    taken = {TIME, *(rule.target for rule in rules)}
-    if isinstance(table, BagTable):
-        efforts = [name for name in names if name.endswith(_EFFORT)]
-        rules += [_effort_rule(name) for name in efforts]
-        taken.update(efforts)
-    if not rules:
-        raise LogError(
-            f"{table.path}: none of its columns has a name of a log (<joint>.position, ...); map "
-            f"them with --columns MAP.toml. There are: {', '.join(names)}."
-        )
-    return ColumnMap(tuple(rules)), tuple(name for name in names if name not in taken)
-
-
-def _effort_rule(name: str) -> ColumnRule:
-    return replace(identity_rule(name), target=name.removesuffix(_EFFORT) + ".motor_torque")
+    own, notes = _own_rules(table)
+    stated = [_resolved(rule, own) for rule in rules.rules]
+    used = {source for rule in stated for source in rule.sources} | set(rules.rows.keys)
+    _require_spelling(table, rules, used)
+    taken = {name for rule in stated for name in known_as(rule.target)} | set(rules.left_out)
+    passed = [
+        rule
+        for target, rule in own.items()
+        if target not in taken and not used & set(rule.sources) and target != rules.time.source
+    ]
+    complete = replace(rules, rules=(*passed, *stated))
+    _require_clock(complete, table)
+    complete = _for_table(complete, table)
+    read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
+    ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
+    kept = {rule.target for rule in complete.rules}
+    return complete, ignored, tuple(note for target, note in notes.items() if target in kept)
 
 
 def restricted(rules: ColumnMap, only: Sequence[str] | None, label: str) -> ColumnMap:
@@ -66,7 +62,68 @@ def restricted(rules: ColumnMap, only: Sequence[str] | None, label: str) -> Colu
     return replace(rules, rules=tuple(rule for rule in rules.rules if rule.target in only))
 
 
-def for_table(rules: ColumnMap, table: Table) -> ColumnMap:
+def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
+    """Return the entries of the columns that need no map, by channel, and notes on some."""
+    rules: dict[str, ColumnRule] = {}
+    notes: dict[str, str] = {}
+    for name in table.names:
+        if name != TIME and is_column(name):
+            rules[name] = _in_unit(identity_rule(name), table.units.get(name, ""))
+    for name in table.names:
+        target = name.removesuffix(_EFFORT) + ".motor_torque"
+        if name.endswith(_EFFORT) and len(name) > len(_EFFORT) and target not in rules:
+            rules[target] = replace(identity_rule(name), target=target)
+            notes[target] = (
+                f"{name} is taken for {target}. If it is a current or the rotor's torque, say so "
+                "in a column map."
+            )
+    return rules, notes
+
+
+def _in_unit(rule: ColumnRule, unit: str) -> ColumnRule:
+    """Return a rule with the factor of the unit that the file itself states, if we know it."""
+    kind, factor = LOG_UNITS.get(unit, ("", 1.0))
+    return replace(rule, factors=(factor,)) if kind in (column_units(rule.target) or ()) else rule
+
+
+def _resolved(rule: ColumnRule, own: dict[str, ColumnRule]) -> ColumnRule:
+    """Return a rule that names no source with the one that its channel has in this file."""
+    if not rule.implied:
+        return rule
+    held = next((own[name] for name in known_as(rule.target) if name in own), None)
+    return rule if held is None else replace(rule, sources=held.sources)
+
+
+def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
+    """Raise where a column that nothing uses looks like one of ours misspelt."""
+    clock = rules.time.rate > 0.0 or rules.time.source != TIME
+    given = {*table.names, *rules.targets, *rules.left_out, *((TIME,) if clock else ())}
+    for name in table.names:
+        meant = likely_meant(name)
+        if meant is None or meant in given or name in used | set(rules.left_out):
+            continue
+        section = "time" if meant == TIME else f'columns."{meant}"'
+        raise LogError(
+            f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or say so in "
+            f'a column map (--columns MAP.toml):\n    {section} = {{ from = "{name}" }}'
+        )
+
+
+def _require_clock(rules: ColumnMap, table: Table) -> None:
+    if rules.time.source == TIME and TIME not in table.names:
+        raise LogError(
+            f"{table.path}: " + unknown_name("column", TIME, table.names) + " Name the clock in a "
+            "column map (--columns MAP.toml): in [time], from with the name of its column, or "
+            "rate in Hz for a file without one."
+        )
+    if not rules.rules:
+        raise LogError(
+            f"{table.path}: none of its columns has a name of a log (<joint>.position, ...); map "
+            f"them with --columns MAP.toml. There are: {', '.join(table.names)}."
+        )
+
+
+def _for_table(rules: ColumnMap, table: Table) -> ColumnMap:
     """Return the map without the optional channels that a file lacks.
 
     Raises:

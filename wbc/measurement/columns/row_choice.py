@@ -14,7 +14,7 @@ import numpy as np
 from wbc.arrays import BoolArray
 from wbc.errors import LogError, unknown_name
 
-_KEYS = ("split", "where", "between", "topic")
+_KEYS = ("split", "where", "between", "topic", "header")
 
 
 @dataclass(frozen=True)
@@ -22,16 +22,19 @@ class RowChoice:
     """Selection and partition of the rows of one file.
 
     Attributes:
-        split: column whose values tell the logs of one file apart, empty if it holds one log.
+        split: column whose values tell the logs of one file apart, empty if it holds one log; a
+            value that comes back later begins a log of its own.
         where: column -> shell pattern (`*`, `?`) that its values must match.
         between: first and last time [s] of a log, on its own clock.
         topic: JointState topic of a bag, empty for the only one.
+        header: names of the columns of a CSV file that has no header line.
     """
 
     split: str = ""
     where: Mapping[str, str] = field(default_factory=dict)
     between: tuple[float, float] = (-inf, inf)
     topic: str = ""
+    header: tuple[str, ...] = ()
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -66,9 +69,13 @@ def parse_rows(table: Any, place: str) -> RowChoice:
     numbers = isinstance(between, list) and all(isinstance(b, int | float) for b in between)
     if not numbers or len(between) != 2 or not between[0] < between[1]:
         raise LogError(f"{place}.between: [first, last] in seconds is expected, got {between!r}.")
+    header = table.get("header", [])
+    if not isinstance(header, list) or not all(isinstance(name, str) for name in header):
+        raise LogError(f"{place}.header: a list of column names is expected, got {header!r}.")
     return RowChoice(
         split=str(table.get("split", "")),
         where={str(column): str(pattern) for column, pattern in where.items()},
         between=(float(between[0]), float(between[1])),
         topic=str(table.get("topic", "")),
+        header=tuple(header),
     )

@@ -10,7 +10,7 @@ from wbc.errors import LogError, unknown_name
 from wbc.measurement.columns.units import unit_factor
 from wbc.measurement.schema import TIME
 
-_KEYS = ("from", "rate", "unit", "offset", "repeated")
+_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
 _REPEATED = ("error", "first")
 
 
@@ -24,6 +24,7 @@ class TimeRule:
         rate: rows per second of a file without a clock; 0 for none.
         offset: added at the end [s].
         repeated: `error`, or `first` to keep the first of several rows with one time stamp.
+        align_velocity: whether the delay of the velocities is taken out (see `align_velocity`).
     """
 
     source: str = TIME
@@ -31,6 +32,7 @@ class TimeRule:
     rate: float = 0.0
     offset: float = 0.0
     repeated: str = "error"
+    align_velocity: bool = False
 
 
 def parse_time(table: Any, place: str) -> TimeRule:
@@ -53,10 +55,14 @@ def parse_time(table: Any, place: str) -> TimeRule:
     repeated = str(table.get("repeated", "error"))
     if repeated not in _REPEATED:
         raise LogError(f"{place}.repeated: " + unknown_name("choice", repeated, _REPEATED))
+    align = table.get("align_velocity", False)
+    if not isinstance(align, bool):
+        raise LogError(f"{place}.align_velocity: true or false expected, got {align!r}.")
     return TimeRule(
         source="" if "rate" in table else str(table.get("from", TIME)),
         factor=unit_factor(str(table.get("unit", "s")), ("s",), f"{place}.unit"),
         rate=float(table.get("rate", 0.0)),
         offset=float(table.get("offset", 0.0)),
         repeated=repeated,
+        align_velocity=align,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 from wbc.errors import LogError
@@ -12,15 +13,16 @@ from wbc.measurement.formats.npz_table import NpzTable
 from wbc.measurement.formats.parquet_table import ParquetTable
 from wbc.measurement.formats.table import Table
 
-_FORMATS = ".csv, .parquet, .npz, .mcap, .db3, or the folder of a rosbag2 recording"
+_FORMATS = ".csv (also .csv.gz), .parquet, .npz, .mcap, .db3, or the folder of a rosbag2 recording"
 
 
-def open_table(path: Path, topic: str = "") -> Table:
+def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table:
     """Open a file by its suffix.
 
     Args:
         path: file, or folder of a rosbag2 recording.
         topic: JointState topic of a bag, empty for the only one.
+        header: names of the columns of a CSV file without a header line.
 
     Raises:
         LogError: no such file, a format that is not read, or a file that is not what it says.
@@ -28,6 +30,8 @@ def open_table(path: Path, topic: str = "") -> Table:
     if not path.exists():
         raise LogError(f"no log at '{path}'.")
     suffix = path.suffix.lower()
+    if suffix == ".gz":
+        suffix = Path(path.stem).suffix.lower()
     if suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").is_file()):
         return BagTable(path, topic)
     if path.is_dir():
@@ -39,7 +43,7 @@ def open_table(path: Path, topic: str = "") -> Table:
     if suffix == ".npz":
         return NpzTable(path)
     if suffix in (".csv", ".txt", ".tsv"):
-        return CsvTable(path)
+        return CsvTable(path, header)
     raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
 
 

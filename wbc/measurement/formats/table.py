@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
@@ -21,9 +22,13 @@ class Table(ABC):
 
     Attributes:
         path: the file or folder.
+        units: column -> unit that the file itself states, where it does.
+        notes: what the reader passed over at the head of the file.
     """
 
     path: Path
+    units: Mapping[str, str] = MappingProxyType({})
+    notes: tuple[str, ...] = ()
 
     @property
     @abstractmethod
