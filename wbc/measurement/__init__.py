@@ -3,14 +3,13 @@
 from wbc.measurement.checks.check import check_log, check_logs
 from wbc.measurement.checks.finding import Finding
 from wbc.measurement.checks.log_quality import LogQuality
-from wbc.measurement.checks.unit_check import require_plausible_units
 from wbc.measurement.columns.column_map import ColumnMap, parse_column_map, read_column_map
 from wbc.measurement.columns.column_rule import ColumnRule
 from wbc.measurement.columns.row_choice import RowChoice
 from wbc.measurement.columns.time_rule import TimeRule
 from wbc.measurement.formats.save import save_log
 from wbc.measurement.gaps import cut_at_gaps
-from wbc.measurement.load import MAX_ROWS, load_log, load_logs
+from wbc.measurement.load import MAX_ROWS, load_log, load_logs, read_logs
 from wbc.measurement.log import Log
 from wbc.measurement.motion.align import align_velocity
 from wbc.measurement.motion.local_noise import residual_noise
@@ -19,6 +18,12 @@ from wbc.measurement.motion.velocity_fit import VelocityFit, fit_velocity
 from wbc.measurement.motion.zero_phase import Derivatives, filtered_derivatives, low_pass
 from wbc.measurement.repeats import find_duplicates, find_repeats
 from wbc.measurement.source import LogSource
+from wbc.measurement.suspicions.find import (
+    SuspiciousLogError,
+    find_suspicions,
+    require_plausible_units,
+    suspicions,
+)
 from wbc.measurement.torque import rotor_torques, torque_quantity
 
 __all__ = [
@@ -31,6 +36,7 @@ __all__ = [
     "LogQuality",
     "LogSource",
     "RowChoice",
+    "SuspiciousLogError",
     "TimeRule",
     "VelocityFit",
     "align_velocity",
@@ -40,6 +46,7 @@ __all__ = [
     "filtered_derivatives",
     "find_duplicates",
     "find_repeats",
+    "find_suspicions",
     "fit_velocity",
     "load_log",
     "load_logs",
@@ -47,9 +54,11 @@ __all__ = [
     "low_pass",
     "parse_column_map",
     "read_column_map",
+    "read_logs",
     "require_plausible_units",
     "residual_noise",
     "rotor_torques",
     "save_log",
+    "suspicions",
     "torque_quantity",
 ]

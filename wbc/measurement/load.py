@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from wbc.errors import LogError
-from wbc.measurement.checks.unit_check import require_plausible_units
 from wbc.measurement.columns.column_map import ColumnMap, read_column_map
 from wbc.measurement.columns.map_choice import patched, restricted
 from wbc.measurement.columns.partition import find_parts, read_parts
@@ -16,6 +15,7 @@ from wbc.measurement.formats.open_table import digest, open_table
 from wbc.measurement.formats.table import Table
 from wbc.measurement.log import Log
 from wbc.measurement.source import LogSource
+from wbc.measurement.suspicions.find import require_plausible_units
 
 MAX_ROWS = 2_000_000
 """Longest log kept row by row (2e6 rows of 20 channels take 340 MB); a longer one is decimated."""

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.measurement.checks.finding import Finding
 from wbc.measurement.checks.value_runs import jumps, plateau, resolution
+from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.gaps import gaps
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
@@ -86,14 +87,15 @@ def _wraps(name: str, values: FloatArray, holes: IntArray) -> list[Finding]:
         return []
     size = float(np.abs(sizes).mean())
     period, text = _known_period(size)
+    mend: Mend = {"columns": {name: {"unwrap": period}}}
     return [
         Finding(
             "error",
             "wrap",
             name,
             f"{rows.size} jumps of {size:.6g} ({text}), the first at row {int(rows[0]) + 1}.",
-            f"State it in a column map: {name} = {{ from = ..., unwrap = {period:.15g} }} (in the "
-            "foreign unit).",
+            "If so, " + say_so(mend),
+            mend,
         )
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +18,11 @@ from wbc.measurement.checks.motion_check import (
     check_velocities,
     velocity_fits,
 )
+from wbc.measurement.checks.robot_check import check_robot
 from wbc.measurement.checks.stuck_check import check_stuck
 from wbc.measurement.checks.value_runs import resolution
 from wbc.measurement.log import Log
+from wbc.measurement.suspicions.find import find_suspicions, single_ratios
 from wbc.robot import Robot
 
 
@@ -28,19 +31,46 @@ def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
 
     Args:
         log: the log.
-        robot: gives gear ratios and joint limits, so that a wrong side of the gear and degrees
-            show; without it only contradictions inside the log do.
+        robot: gives gears, limits and the torques that the motion needs, so that wrong columns,
+            signs, sides and units show; without it only contradictions inside the log do.
     """
-    ratios = _serial_ratios(robot) if robot is not None else {}
+    return check_logs([log], robot)[0]
+
+
+def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQuality, ...]:
+    """Return the quality of each log; what speaks against using them together is in the first.
+
+    Args:
+        logs: logs said to be of one robot, at least one.
+        robot: as for `check_log`.
+    """
+    suspected = find_suspicions(logs, robot)
+    each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
+    together = check_set(logs)
+    if each and together:
+        first = each[0]
+        findings = by_severity([*first.findings, *together])
+        each[0] = replace(first, findings=findings)
+    return tuple(each)
+
+
+def _quality(log: Log, robot: Robot | None, suspected: Sequence[Finding]) -> LogQuality:
     fits = velocity_fits(log)
+    ratios = single_ratios(robot) if robot is not None else {}
+    named = {finding.column for finding in suspected}
+    kinds = {finding.kind for finding in suspected}
+    velocities = [f for f in check_velocities(log, fits) if f.column not in named]
+    ranges = check_ranges(log, _limits(robot) if robot is not None else {})
     findings = [
+        *suspected,
+        *(check_robot(log, robot) if robot is not None else ()),
         *check_clock(log),
         *check_channels(log),
         *check_stuck(log),
-        *check_velocities(log, fits, ratios),
+        *(velocities if "time_unit" not in kinds else ()),
         *check_rotor_positions(log, ratios),
-        *check_ranges(log, _limits(robot) if robot is not None else {}),
-        *_unread(log),
+        *(ranges if not kinds & {"degrees", "gear_side"} else ()),
+        *_reading(log),
     ]
     steps = np.diff(log.time)
     return LogQuality(
@@ -57,38 +87,16 @@ def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
     )
 
 
-def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQuality, ...]:
-    """Return the quality of each log; what speaks against using them together is in the first.
-
-    Args:
-        logs: logs said to be of one robot, at least one.
-        robot: as for `check_log`.
-    """
-    each = [check_log(log, robot) for log in logs]
-    together = check_set(logs)
-    if each and together:
-        first = each[0]
-        findings = by_severity([*first.findings, *together])
-        each[0] = LogQuality(**{**vars(first), "findings": findings})
-    return tuple(each)
-
-
-def _unread(log: Log) -> list[Finding]:
-    if not log.source.ignored:
-        return []
-    text = f"columns that were not read: {', '.join(log.source.ignored)}."
-    return [Finding("info", "unread", "", text, "Map them if they matter (--columns MAP.toml).")]
-
-
-def _serial_ratios(robot: Robot) -> dict[str, float]:
-    """Return N of the joints that one motor drives alone (row and column of D are the identity)."""
-    gears = robot.transmission
-    topology = np.abs(gears.topology - np.eye(gears.size)) > 0.0
-    return {
-        joint: float(gears.gear_ratio[k])
-        for k, joint in enumerate(gears.joints)
-        if not topology[k].any() and not topology[:, k].any()
-    }
+def _reading(log: Log) -> list[Finding]:
+    """Return what reading the file found."""
+    found = [Finding("info", "read", "", note, "") for note in log.source.notes]
+    for column, text in log.source.unusable.items():
+        found.append(Finding("warning", "missing", column, text, ""))
+    if log.source.ignored:
+        text = f"columns that were not read: {', '.join(log.source.ignored)}."
+        way_out = "Map them if they matter (--columns MAP.toml)."
+        found.append(Finding("info", "unread", "", text, way_out))
+    return found
 
 
 def _limits(robot: Robot) -> dict[str, tuple[float, float]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from wbc.measurement.columns.mend import Mend
 
 SEVERITIES = ("info", "warning", "error")
 
@@ -17,6 +19,8 @@ class Finding:
         column: the channel, `time`, or empty for the whole log.
         text: what was seen, with numbers.
         way_out: what to do.
+        mend: what a column map says so that the log is right; empty where no map can.
+        probability: that it is so.
     """
 
     severity: str
@@ -24,6 +28,8 @@ class Finding:
     column: str
     text: str
     way_out: str
+    mend: Mend = field(default_factory=dict)
+    probability: float = 1.0
 
     def __str__(self) -> str:
         """Return one line for people."""

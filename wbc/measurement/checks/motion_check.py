@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.measurement.checks.finding import Finding
 from wbc.measurement.checks.value_runs import jumps
+from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.motion.velocity_fit import VelocityFit, fit_velocity
 
@@ -34,15 +35,12 @@ def velocity_fits(log: Log) -> dict[str, VelocityFit]:
     return fits
 
 
-def check_velocities(
-    log: Log, fits: Mapping[str, VelocityFit], ratios: Mapping[str, float]
-) -> list[Finding]:
+def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[Finding]:
     """Return findings about velocities that are late, mis-scaled or of something else.
 
     Args:
         log: the log.
         fits: from `velocity_fits`.
-        ratios: gear ratio N of joints, to recognise the wrong side of the gear; may be empty.
     """
     findings: list[Finding] = []
     for joint, fit in fits.items():
@@ -59,35 +57,26 @@ def check_velocities(
             )
             continue
         if abs(fit.scale - 1.0) > _SCALE_ERROR and abs(fit.correlation) > _SCALE_TRUSTED:
-            findings.append(_scale_finding(name, fit.scale, ratios.get(joint)))
+            findings.append(_scale_finding(name, fit.scale))
         if abs(fit.delay) > max(_DELAY_SAMPLES * log.sample_time, 4.0 * fit.delay_error):
             findings.append(_delay_finding(name, fit, log.sample_time))
     return findings
 
 
 def _delay_finding(name: str, fit: VelocityFit, sample_time: float) -> Finding:
-    way_out = "Differentiate the position instead, or take it out of the velocity (align_velocity)."
+    aligned: Mend = {"time": {"align_velocity": True}}
+    left_out: Mend = {"columns": {name: False}}
+    way_out = f"To take it out, {say_so(aligned)}; to use the position instead, {say_so(left_out)}"
     if fit.filtered:
         text = f"it has gone through a low-pass with a time constant of {1e3 * fit.delay:.1f} ms."
-        return Finding("warning", "velocity_filtered", name, text, way_out)
+        return Finding("warning", "velocity_filtered", name, text, way_out, aligned)
     samples = abs(fit.delay) / sample_time
     side = "behind" if fit.delay > 0.0 else "ahead of"
     text = f"{abs(1e3 * fit.delay):.2f} ms ({samples:.1f} samples) {side} the position."
-    return Finding("warning", "clock_lag", name, text, way_out)
+    return Finding("warning", "clock_lag", name, text, way_out, aligned)
 
 
-def _scale_finding(name: str, scale: float, ratio: float | None) -> Finding:
-    if ratio is not None and abs(ratio) != 1.0:
-        for factor, side in ((ratio, "rotor"), (1.0 / ratio, "joint (and the position: rotor)")):
-            if abs(scale / factor - 1.0) < _SCALE_ERROR:
-                return Finding(
-                    "error",
-                    "gear_side",
-                    name,
-                    f"it is {scale:.4g} times the derivative of the position, the gear ratio being "
-                    f"{ratio:g}: this velocity is on the {side} side.",
-                    'State the side in a column map: side = "rotor".',
-                )
+def _scale_finding(name: str, scale: float) -> Finding:
     return Finding(
         "warning",
         "velocity_scale",
@@ -143,6 +132,8 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Fi
         seen = f"it runs from {low:.4g} to {high:.4g}"
         if low < lower - margin or high > upper + margin:
             fits = lower - margin <= np.radians(low) and np.radians(high) <= upper + margin
+            mend: Mend = {"columns": _in_degrees(log, joint)} if fits else {}
+            way = "If so, " + say_so(mend) if fits else "State unit, side and offset in a map."
             findings.append(
                 Finding(
                     "error" if fits else "warning",
@@ -150,7 +141,8 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Fi
                     f"{joint}.position",
                     f"{seen}, the joint allows {lower:.4g} to {upper:.4g}"
                     f"{'; read as degrees it would fit' if fits else ''}.",
-                    "State unit, side and offset in a column map.",
+                    way,
+                    mend,
                 )
             )
         elif high - low > _MANY_TURNS and not np.isfinite(upper - lower):
@@ -160,8 +152,13 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Fi
                     "range",
                     f"{joint}.position",
                     f"{seen}: {(high - low) / (2.0 * pi):.1f} turns if that is rad.",
-                    'If it is degrees or on the rotor side, say so in a column map: unit = "deg", '
-                    'or side = "rotor".',
+                    f"If it is degrees, {say_so({'columns': _in_degrees(log, joint)})}",
                 )
             )
     return findings
+
+
+def _in_degrees(log: Log, joint: str) -> dict[str, dict[str, str]]:
+    units = {"position": "deg", "velocity": "deg/s"}
+    names = {f"{joint}.{quantity}": {"unit": unit} for quantity, unit in units.items()}
+    return {name: unit for name, unit in names.items() if name in log.columns}

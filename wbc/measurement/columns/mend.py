@@ -25,7 +25,10 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 def say_so(mend: Mend, what: str = "say so") -> str:
     """Return the sentence that ends a message: what to do, and the lines of the map that do it."""
-    return f"{what} in a column map (--columns MAP.toml):\n    " + "\n    ".join(lines(mend))
+    stated = lines(mend)
+    if len(stated) == 1:
+        return f"{what} in a column map (--columns MAP.toml): {stated[0]}"
+    return f"{what} in a column map (--columns MAP.toml):\n    " + "\n    ".join(stated)
 
 
 def lines(mend: Mend) -> list[str]:
