@@ -15,9 +15,9 @@ from wbc.effects import (
     TransmissionEfficiency,
     load_robot,
 )
-from wbc.identification.merging import merged
-from wbc.identification.problem import Problem
-from wbc.identification.selection import Selector
+from wbc.identification.choice.merging import merged
+from wbc.identification.choice.selection import Selector
+from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 
 LEG = load_robot("planar_leg_fixed").lossless()

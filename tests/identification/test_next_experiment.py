@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset
-from wbc.identification.diagnosis import Finding
-from wbc.identification.verdict import next_experiment
+from wbc.identification.answer.diagnosis import Finding
+from wbc.identification.answer.verdict import next_experiment
 from wbc.robot import Effect
 
 

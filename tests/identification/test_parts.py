@@ -13,12 +13,12 @@ from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFri
 from wbc.effects.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
-from wbc.identification.design_matrix import DesignMatrix
-from wbc.identification.floor import drawn_noise, find_repeats, noise_floor
-from wbc.identification.preparation import prepare
-from wbc.identification.problem import Problem
-from wbc.identification.residual import condensed_residual
-from wbc.identification.smoothing import low_pass, white_level
+from wbc.identification.choice.design_matrix import DesignMatrix
+from wbc.identification.model.problem import Problem
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.noise_floor import drawn_noise, find_repeats, noise_floor
+from wbc.identification.records.preparation import prepare
+from wbc.identification.records.smoothing import low_pass, white_level
 from wbc.measurement import Log
 
 

@@ -6,8 +6,8 @@ import pytest
 import wbc
 from sims.excitation import record_with
 from wbc.effects import JointSpring, TorqueRipple
-from wbc.identification.credibility import credible
-from wbc.identification.problem import Problem
+from wbc.identification.choice.credibility import credible
+from wbc.identification.model.problem import Problem
 from wbc.robot import Motion
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.effects import CoulombFriction, TorqueConstant, TorqueOffset, ViscousFriction
-from wbc.identification.stacks import without_little_terms
+from wbc.identification.choice.stacks import without_little_terms
 from wbc.robot import Effect
 
 ROBOT = load_robot("planar_leg_fixed").lossless()

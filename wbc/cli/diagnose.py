@@ -24,7 +24,7 @@ from wbc.cli.outputs import require_outputs
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
-from wbc.identification.discovery import discover
+from wbc.identification.formulas import discover
 from wbc.robot import Effect
 
 _EPILOG = """example:

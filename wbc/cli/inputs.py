@@ -17,7 +17,7 @@ from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis
-from wbc.identification.discovery import Discovery
+from wbc.identification.formulas import Discovery
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 

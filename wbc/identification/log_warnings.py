@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.fit import Fit
-from wbc.identification.folds import ROWS_PER_SAMPLE
-from wbc.identification.record import Record
+from wbc.identification.model.fit import Fit
+from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.identification.records.record import Record
 from wbc.measurement import Log, find_duplicates
 from wbc.robot import Robot
 
