@@ -71,7 +71,9 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
     while len(found) < _MOST:
         tables = {k: _judged(robot, log) for k, log in enumerate(current)}
         judged = {k: table for k, table in tables.items() if table is not None}
-        mistakes = _of_all(robot, judged) or _of_some(judged)
+        mistakes = _of_all(robot, judged)
+        if not mistakes or _better_alone(judged, mistakes[0]):
+            mistakes = _of_some(judged) or mistakes
         if not mistakes:
             return found
         found += mistakes
@@ -119,6 +121,19 @@ def _of_all(robot: Robot, judged: Mapping[int, _Table]) -> list[Mistake]:
     texts = [text for text in first if text in shared]
     score = [_score(text, judged) for text in texts]
     return _another_ratio(robot, score, judged) or _likely(texts, np.array(score), judged)
+
+
+def _better_alone(judged: Mapping[int, _Table], shared: Mistake) -> bool:
+    """Whether a mistake of one log explains the logs better than one that all of them share."""
+    if len(judged) < 2 or not shared.mend:
+        return False
+    best = max(
+        _score(text, {k: table}, [one[""] for other, one in judged.items() if other != k])
+        for k, table in judged.items()
+        for text in table
+        if text
+    )
+    return best - np.log(len(judged)) > _score(shared.text, judged)
 
 
 def _score(text: str, judged: Mapping[int, _Table], beside: Sequence[_Judged] = ()) -> float:
