@@ -133,7 +133,7 @@ def _better_alone(judged: Mapping[int, _Table], shared: Mistake) -> bool:
         for text in table
         if text
     )
-    return best - np.log(len(judged)) > _score(shared.text, judged)
+    return bool(best - np.log(len(judged)) > _score(shared.text, judged))
 
 
 def _score(text: str, judged: Mapping[int, _Table], beside: Sequence[_Judged] = ()) -> float:
