@@ -16,6 +16,7 @@ from wbc.measurement.schema import (
     JOINT_QUANTITIES,
     TIME,
     is_column,
+    known_as,
     likely_meant,
     owners,
 )
@@ -97,11 +98,11 @@ class Log:
 
     def has(self, *names: str) -> bool:
         """Whether all of these channels are there."""
-        return all(name == TIME or name in self.columns for name in names)
+        return all(name == TIME or any(n in self.columns for n in known_as(name)) for name in names)
 
     def with_quantity(self, quantity: str) -> tuple[str, ...]:
         """Return the joints that have a channel of this quantity."""
-        return owners(self.columns, [quantity])
+        return owners(self.columns, [name[1:] for name in known_as(f".{quantity}")])
 
     def column(self, name: str) -> FloatArray:
         """Return one channel, (N,), read-only.
@@ -112,13 +113,16 @@ class Log:
         """
         if name == TIME:
             return self.time
-        if name not in self.columns:
+        held = next((known for known in known_as(name) if known in self.columns), None)
+        if held is None:
+            if name in self.source.unusable:
+                raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
             message = f"{self.source.label}: " + unknown_name("column", name, self.names)
             if self.source.ignored:
                 left_out = ", ".join(self.source.ignored)
                 message += f" Not read, for want of a known name: {left_out} (map them: --columns)."
             raise LogError(message)
-        return self.columns[name]
+        return self.columns[held]
 
     def stack(self, quantity: str, owner_names: Sequence[str] | None = None) -> FloatArray:
         """Return one quantity of several joints (or contacts) as columns, (N, n).

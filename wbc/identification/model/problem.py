@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.agreement import agreement
 from wbc.identification.log_warnings import moving_bases
 from wbc.identification.model.fit import Fit, refine
 from wbc.identification.model.friction_sides import best_sides
@@ -30,9 +29,7 @@ from wbc.identification.records.noise_floor import (
 from wbc.identification.records.preparation import REVERSAL, prepare
 from wbc.identification.records.record import Record
 from wbc.identification.silent_drives import reported_torque, silent_drives
-from wbc.identification.swapped_joints import swapped_joints
-from wbc.identification.wrong_columns import require_right_side, reversed_torques
-from wbc.measurement import Log, cut_at_gaps
+from wbc.measurement import Log, cut_at_gaps, suspicions
 from wbc.robot import Effect, Robot
 
 ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
@@ -65,14 +62,10 @@ class Problem:
     def from_logs(cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> Problem:
         """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors."""
         pieces, warnings = cut_at_gaps(logs)
-        warnings += moving_bases(robot, logs)
+        warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         prepared = prepare(robot, pieces, reversal)
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         parts = [condensed_residual(robot, [record]) for record in records]
-        agreements = [agreement(r, part) for r, part in zip(records, parts, strict=True)]
-        require_right_side(robot, pieces, agreements)
-        warnings += reversed_torques(robot, pieces, agreements)
-        warnings += swapped_joints(records, agreements)
         floor = noise_floor(records, parts, drawn)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
