@@ -9,18 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.active_set_guess import ActiveSetGuess
 from wbc.control.command import Status
-from wbc.control.direction_search import GUESSES, SMALL, DirectionSearch, Found
-from wbc.control.gears import GearLaw
-from wbc.control.inputs import Complaint, all_finite
-from wbc.control.level_lock import LevelLock
-from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPProblem, QPSolution
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.level_lock import LevelLock
+from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
-from wbc.control.task_stack import TaskStack
-from wbc.control.torque_stage import Realised, RotorTorqueStage
-from wbc.control.verdict import judged
+from wbc.control.safety.inputs import Complaint, all_finite
+from wbc.control.safety.verdict import judged
+from wbc.control.solvers import QPProblem, QPSolution
+from wbc.control.solvers.active_set_guess import ActiveSetGuess
+from wbc.control.torque.direction_search import GUESSES, SMALL, DirectionSearch, Found
+from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
 from wbc.robot import Motion
 
 _BINDS = 1e-6

@@ -15,7 +15,7 @@ from wbc.compiled import (
     Vector,
     compiled,
 )
-from wbc.control.positive_definite import factorise, substitute
+from wbc.control.solvers.positive_definite import factorise, substitute
 
 _SOLVES = 2
 

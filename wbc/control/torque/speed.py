@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.blending import place_advanced, place_certainty, place_corrected
+from wbc.control.torque.blending import place_advanced, place_certainty, place_corrected
 from wbc.errors import ControlError
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.orthonormal_rows import extend_basis
-from wbc.control.program import ContactForceProgram
-from wbc.control.task_stack import TaskStack
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.program.task_stack import TaskStack
 
 
 class LevelLock:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.control.direction_branching import DirectionBranching
-from wbc.control.gears import Slopes
-from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPProblem, QPSolution, QPStatus, Solver, make_solver
-from wbc.control.solution_torques import Limits, beyond_limits
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.solvers import QPProblem, QPSolution, QPStatus, Solver, make_solver
+from wbc.control.torque.direction_branching import DirectionBranching
+from wbc.control.torque.gears import Slopes
+from wbc.control.torque.solution_torques import Limits, beyond_limits
 
 _ACTIVE = 1e-6
 SMALL = 1e-6

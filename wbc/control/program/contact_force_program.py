@@ -7,17 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.control.balance import place_balance
-from wbc.control.contact_force_cost import ContactForceCost
-from wbc.control.contact_set import ContactSet
-from wbc.control.effort_cost import EffortCost
+from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.inequality_rows import InequalityRows
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
-from wbc.control.qp import QPProblem
+from wbc.control.program.balance import place_balance
+from wbc.control.program.contact_force_cost import ContactForceCost
+from wbc.control.program.effort_cost import EffortCost
+from wbc.control.program.inequality_rows import InequalityRows
+from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
-from wbc.control.task_stack import TaskStack
+from wbc.control.solvers import QPProblem
 
 
 class ContactForceProgram:

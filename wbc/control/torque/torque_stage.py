@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.blending import place_torques
-from wbc.control.gears import GearLaw
-from wbc.control.qp import QPProblem, make_solver
+from wbc.control.solvers import QPProblem, make_solver
+from wbc.control.torque.blending import place_torques
+from wbc.control.torque.gears import GearLaw
 from wbc.transmission import Transmission
 
 

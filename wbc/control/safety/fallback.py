@@ -8,11 +8,11 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Command
-from wbc.control.direction_search import Found
-from wbc.control.inputs import Complaint, state_complaint
-from wbc.control.motors import Motors
 from wbc.control.plant import Plant
-from wbc.control.safety import LastGood, SafetyPolicy
+from wbc.control.safety.inputs import Complaint, state_complaint
+from wbc.control.safety.policies import LastGood, SafetyPolicy
+from wbc.control.torque.direction_search import Found
+from wbc.control.torque.motors import Motors
 from wbc.robot import Motion, Robot
 
 

@@ -7,7 +7,7 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
+from wbc.control.solvers.problem import QPProblem, QPSolution, QPStatus
 from wbc.errors import ControlError
 
 _EQUALITY = 5

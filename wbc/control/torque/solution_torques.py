@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.control.gears import Slopes
-from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPSolution
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.solvers import QPSolution
+from wbc.control.torque.gears import Slopes
 
 Limits = tuple[FloatArray, FloatArray]
 """Least and greatest N tau_phi (m,) [N m]."""

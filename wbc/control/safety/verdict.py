@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from wbc.control.command import Status
-from wbc.control.conflict import Conflict
-from wbc.control.direction_search import Found
-from wbc.control.inputs import Complaint, all_finite
-from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPStatus
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.safety.conflict import Conflict
+from wbc.control.safety.inputs import Complaint, all_finite
+from wbc.control.solvers import QPStatus
+from wbc.control.torque.direction_search import Found
 
 
 def judged(found: Found, program: ContactForceProgram) -> Complaint:

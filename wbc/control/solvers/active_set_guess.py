@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.one_sided import OneSidedRows
-from wbc.control.program import ContactForceProgram
-from wbc.control.qp import QPSolution, QPStatus
-from wbc.control.row_system import excess, meet_rows, place_tasks
-from wbc.control.task_stack import TaskStack
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.task_stack import TaskStack
+from wbc.control.solvers import QPSolution, QPStatus
+from wbc.control.solvers.one_sided import OneSidedRows
+from wbc.control.solvers.row_system import excess, meet_rows, place_tasks
 
 ROOM = 24
 """How many constraints may bind besides the equalities."""

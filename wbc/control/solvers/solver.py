@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from wbc.control.qp.active_set import ActiveSetSolver
-from wbc.control.qp.foreign import ForeignSolver
-from wbc.control.qp.problem import QPProblem, QPSolution
-from wbc.control.qp.proxqp import ProxQPSolver
+from wbc.control.solvers.daqp import ActiveSetSolver
+from wbc.control.solvers.foreign import ForeignSolver
+from wbc.control.solvers.problem import QPProblem, QPSolution
+from wbc.control.solvers.proxqp import ProxQPSolver
 
 
 class Solver(Protocol):

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.contact_set import ContactSet
+from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.limits import JointLimit
-from wbc.control.qp import INFINITE
+from wbc.control.solvers import INFINITE
 
 
 class InequalityRows:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.arrays import IntArray
-from wbc.control.contact_set import ContactSet
+from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask
 from wbc.control.reference import Reference
 

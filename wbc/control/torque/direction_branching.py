@@ -9,10 +9,10 @@ from itertools import count
 import numpy as np
 
 from wbc.arrays import BoolArray
-from wbc.control.gears import Slopes
-from wbc.control.program import ContactForceProgram
-from wbc.control.qp import INFINITE, QPProblem, QPSolution, QPStatus, Solver
-from wbc.control.solution_torques import Limits, beyond_limits, cost_of
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.solvers import INFINITE, QPProblem, QPSolution, QPStatus, Solver
+from wbc.control.torque.gears import Slopes
+from wbc.control.torque.solution_torques import Limits, beyond_limits, cost_of
 
 Run = Callable[[Solver, QPProblem], QPSolution]
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
+from wbc.control.program.stacking import place_rates, place_wanted
 from wbc.control.reference import Reference
-from wbc.control.stacking import place_rates, place_wanted
 from wbc.control.tasks import Task
 from wbc.robot import Robot
 

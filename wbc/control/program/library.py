@@ -8,21 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray
-from wbc.control.active_set_guess import ROOM, ActiveSetGuess
-from wbc.control.contact_set import ContactSet
 from wbc.control.contacts import BoundContact
-from wbc.control.direction_search import DirectionSearch
+from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.gears import GearLaw
-from wbc.control.level import Level
-from wbc.control.level_lock import LevelLock, greatest_lock
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
-from wbc.control.program import ContactForceProgram
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.level import Level
+from wbc.control.program.level_lock import LevelLock, greatest_lock
+from wbc.control.program.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.task_stack import TaskStack
-from wbc.control.torque_stage import RotorTorqueStage
-from wbc.control.warm_start import WarmStart
+from wbc.control.solvers.active_set_guess import ROOM, ActiveSetGuess
+from wbc.control.solvers.warm_start import WarmStart
+from wbc.control.torque.direction_search import DirectionSearch
+from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.torque_stage import RotorTorqueStage
 
 # A level decides up to the tolerance; what binds it must still let the next one keep that.
 _SLACK = 30.0

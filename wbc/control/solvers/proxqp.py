@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
+from wbc.control.solvers.problem import QPProblem, QPSolution, QPStatus
 
 _STATUS = {
     proxqp.PROXQP_SOLVED: QPStatus.SOLVED,

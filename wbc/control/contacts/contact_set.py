@@ -9,7 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.contacts import BoundContact
 from wbc.control.kinematics import Kinematics
-from wbc.control.stacking import place_rest
+from wbc.control.program.stacking import place_rest
 
 
 class ContactSet:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.control.program import ContactForceProgram
+from wbc.control.program.contact_force_program import ContactForceProgram
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.inequality_rows import InequalityRows
-from wbc.control.qp import INFINITE
+from wbc.control.program.inequality_rows import InequalityRows
+from wbc.control.solvers import INFINITE
 
 
 class OneSidedRows:

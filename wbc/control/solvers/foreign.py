@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 import qpsolvers
 
-from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
+from wbc.control.solvers.problem import INFINITE, QPProblem, QPSolution, QPStatus
 from wbc.errors import ControlError, unknown_name
 
 
