@@ -15,9 +15,10 @@ from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
 from wbc.control.program.inequality_rows import InequalityRows
+from wbc.control.program.placing import place_tasks
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
-from wbc.control.solvers import QPProblem
+from wbc.control.solvers import BlockProblem
 
 
 class ContactForceProgram:
@@ -38,9 +39,12 @@ class ContactForceProgram:
         force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
             accelerations and forces are of one size and tolerances mean the same on any robot.
         force_cost: cost of the contact forces.
-        effort_cost: cost of the efforts, with its rows in `stacked` below those of tasks.
-        A, b: the equalities, part of `stacked` and `stacked_right`.
-        cost_rows: rows of tasks and efforts in `stacked`, above the equalities.
+        effort_cost: cost of the efforts, with its rows below those of tasks.
+        A, b: the equalities.
+        cost_rows: rows of tasks and efforts, above the equalities.
+        most_rows: greatest number of rows, tasks, efforts and equalities.
+        blocks: the whole program.
+        unbound: the program without its torque limits.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
@@ -57,7 +61,6 @@ class ContactForceProgram:
         force_tasks: Sequence[ContactForceTask] = (),
         locked: int = 0,
         task_rows: int = 0,
-        room: int = 0,
         slack: float = 0.0,
     ) -> None:
         """Lay out the rows.
@@ -71,8 +74,7 @@ class ContactForceProgram:
             efforts: costs on the torques of the gears.
             force_tasks: costs on contact forces; those of inactive contacts stay idle.
             locked: greatest number of equality rows that a more important level hands down.
-            task_rows: rows kept free for tasks, for who solves them with the equalities.
-            room: rows kept free below them.
+            task_rows: rows of the tasks.
             slack: how far every inequality's bound lies beyond what it stands for.
         """
         robot = plant.robot
@@ -89,22 +91,20 @@ class ContactForceProgram:
         self.force_cost = ContactForceCost(
             contacts, force_tasks, weights[1], weight, self.force_scale
         )
-        self.H = np.zeros((self.n, self.n))
-        self._diagonal = np.arange(self.nv) * (self.n + 1)
-        self.g = np.zeros(self.n)
         self.efforts = tuple(efforts)
-        self._cost_H, self._cost_g = self.H, self.g
-        if self.efforts:
-            self._cost_H, self._cost_g = self.H.copy(), self.g.copy()
+        self.diagonal, self.pull = np.full(self.n, weights[0]), np.zeros(self.n)
+        self._take_forces()
         rest = self.undriven + contacts.rows
         cost_rows = task_rows + robot.transmission.size * len(self.efforts)
         self.unlocked, self.cost_rows = rest, cost_rows
-        size = cost_rows + rest + locked + room
-        self.stacked, self.stacked_right = np.zeros((size, self.n)), np.zeros(size)
+        size = cost_rows + rest + locked
+        self.most_rows = size
+        self._stacked, self._right = np.zeros((size, self.n)), np.zeros(size)
+        self._softness = np.zeros(size)
+        self._softness[:cost_rows] = 1.0
         mine = slice(task_rows, cost_rows)
-        memory = self.stacked[mine], self.stacked_right[mine]
-        self.effort_cost = EffortCost(efforts, plant, *memory)
-        self._count_equalities(rest)
+        self.effort_cost = EffortCost(efforts, plant, self._stacked[mine], self._right[mine])
+        self.A, self.b = self._stacked[cost_rows:size], self._right[cost_rows:size]
         balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
         self._balance, self._balance_right = self.A[balance], self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
@@ -114,19 +114,9 @@ class ContactForceProgram:
         scale = self.force_scale
         self.rows = InequalityRows(gears, contacts, joint_limit, self.nv, scale, slack)
         self._write_normal_bounds(None)
+        self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
         self._scaled_map = np.zeros_like(self.torque_map)
-
-    @property
-    def problem(self) -> QPProblem:
-        """The program as assembled last; the arrays are this object's own."""
-        rows = self.rows
-        return QPProblem(self.H, self.g, self.A, self.b, rows.C, rows.lower, rows.upper)
-
-    @property
-    def cost_gradient(self) -> FloatArray:
-        """g (n,) of the tasks alone, before the efforts."""
-        return self._cost_g
 
     def assemble_constraints(
         self,
@@ -157,19 +147,23 @@ class ContactForceProgram:
             low, high = self.joint_limit.bounds(position, velocity, step, strength)
             self.rows.write_joints(low, high)
 
-    def assemble_cost(self, tasks: TaskStack) -> None:
-        """Write H and g from the tasks' rows and the cost of the contact forces."""
-        nv, H, g = self.nv, self._cost_H, self._cost_g
-        H[:nv, :nv], g[:nv] = tasks.cost()
-        H.reshape(-1)[self._diagonal] += self.weights[0]
-        places = np.arange(nv, self.n)
-        H[places, places] = self.force_cost.diagonal
-        g[nv:] = self.force_cost.pull
+    def assemble_tasks(self, tasks: TaskStack) -> bool:
+        """Write the tasks' rows and diagonal; return whether all that they want is finite."""
+        return place_tasks(
+            *(tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull),
+            *(self.weights[0], self._stacked, self._right, self._softness),
+            *(self.diagonal, self.pull),
+        )
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
         """Take what the force tasks ask, where there are any."""
         if self.force_cost.tracks:
             self.force_cost.fill(references)
+            self._take_forces()
+
+    def _take_forces(self) -> None:
+        self.diagonal[self.nv :] = self.force_cost.diagonal
+        np.negative(self.force_cost.pull, out=self.pull[self.nv :])
 
     def assemble_torque_map(self) -> None:
         """Write the map from x to T; call after the constraints."""
@@ -186,12 +180,8 @@ class ContactForceProgram:
             speed: expected dpsi (m,) [rad/s].
             last: T (m,) of the last tick [N m].
         """
-        if not self.efforts:
-            return
-        np.copyto(self.H, self._cost_H)
-        np.copyto(self.g, self._cost_g)
-        self.effort_cost.fill(self.torque_map, slopes, speed, last)
-        self.effort_cost.add_to(self.H, self.g)
+        if self.efforts:
+            self.effort_cost.fill(self.torque_map, slopes, speed, last)
 
     def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
         """Write the rows (k, n) that a more important level has decided, and values (k,)."""
@@ -199,8 +189,22 @@ class ContactForceProgram:
         self.A[self.unlocked :], self.b[self.unlocked :] = matrix, values
 
     def _count_equalities(self, count: int) -> None:
-        where = slice(self.cost_rows, self.cost_rows + count)
-        self.A, self.b = self.stacked[where], self.stacked_right[where]
+        top, end, rows = self.cost_rows, self.cost_rows + count, self.rows
+        self.A, self.b = self._stacked[top:end], self._right[top:end]
+        self.blocks = BlockProblem(
+            *(self.diagonal, self.pull),
+            rows=self._stacked[:end],
+            right=self._right[:end],
+            softness=self._softness[:end],
+            soft=top,
+            C=rows.C,
+            lower=rows.lower,
+            upper=rows.upper,
+        )
+        free = slice(rows.torque.stop, None)
+        self.unbound = self.blocks._replace(
+            C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free]
+        )
 
     def assemble_torque_limits(
         self, slopes: FloatArray, lower: FloatArray, upper: FloatArray

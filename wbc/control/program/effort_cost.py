@@ -50,8 +50,3 @@ class EffortCost:
                 rows[:, :nv] += (cost.rotor * root)[:, None] * plant.rotor
                 offset += cost.rotor * root * plant.rotor_bias
             np.negative(offset, out=self.right[where])
-
-    def add_to(self, H: FloatArray, g: FloatArray) -> None:
-        """Add the rows as last written to a Hessian (n, n) and a gradient (n,)."""
-        H += self.rows.T @ self.rows
-        g -= self.right @ self.rows

@@ -23,7 +23,6 @@ class InequalityRows:
         lower, upper: (n_in,).
         torque, cone, normal, joint: slices of the rows of each kind.
         labels: (n_in,) what every row is called in messages.
-        revision: how often bounds other than those of torques have changed.
     """
 
     def __init__(
@@ -46,7 +45,6 @@ class InequalityRows:
             slack: how far every bound lies beyond what it stands for.
         """
         self._force_scale, self._slack = force_scale, slack
-        self.revision = 0
         faces, normals = len(contacts.cone), len(contacts.contacts)
         joints = () if joint_limit is None else joint_limit.joints
         ends = np.cumsum([0, len(gears), faces, normals, len(joints)]).tolist()
@@ -70,13 +68,11 @@ class InequalityRows:
         scale, slack = self._force_scale, self._slack
         self.lower[self.normal] = np.minimum(least, greatest) / scale - slack
         self.upper[self.normal] = np.minimum(greatest / scale, INFINITE) + slack
-        self.revision += 1
 
     def write_joints(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (j,) of the joints' accelerations."""
         slack = self._slack
         self.lower[self.joint], self.upper[self.joint] = least - slack, greatest + slack
-        self.revision += 1
 
     def write_torques(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (t,) [N m] of the torque rows."""

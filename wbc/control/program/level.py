@@ -16,8 +16,7 @@ from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint, all_finite
 from wbc.control.safety.verdict import judged
-from wbc.control.solvers import QPProblem, QPSolution
-from wbc.control.solvers.active_set_guess import ActiveSetGuess
+from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution
 from wbc.control.torque.direction_search import GUESSES, SMALL, DirectionSearch, Found
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
@@ -76,7 +75,7 @@ class Level:
         program: ContactForceProgram,
         lock: LevelLock | None,
         search: DirectionSearch,
-        guess: ActiveSetGuess | None,
+        guess: DualActiveSet | None,
         law: GearLaw,
         stage: RotorTorqueStage,
         time_step: float,
@@ -97,7 +96,7 @@ class Level:
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._time_step = time_step
         self._output = np.zeros(0)
-        self._saturated = self._whole = False
+        self._saturated = self._whole = self._finite = False
 
     def assemble(
         self,
@@ -117,6 +116,7 @@ class Level:
         program = self.program
         program.assemble_constraints(motion.position, motion.velocity, self._time_step, contacts)
         program.assemble_forces(references)
+        self._finite = program.assemble_tasks(self._tasks)
         if self._lock is not None and decided is not None:
             self._lock.assemble(decided)
 
@@ -128,6 +128,8 @@ class Level:
             first: T (m,) whose signs are the first guess, of the last tick or the level above.
         """
         self._whole = False
+        if not self._finite:
+            return Refusal(None, None)
         if self._guess is not None and not self._saturated:
             found = self._guessed(self._guess, gears, first)
             if found is not None:
@@ -144,20 +146,20 @@ class Level:
             slope = self._law.slopes(gears.sigma).at(self._output > 0.0)
             self.program.assemble_torque_limits(slope, *gears.limits)
             self.program.assemble_efforts(slope, gears.speed, gears.last_output)
-        return self.program.problem.copied()
+        return self.program.blocks.dense().copied()
 
-    def _guessed(self, guess: ActiveSetGuess, gears: GearState, first: FloatArray) -> Found | None:
+    def _guessed(self, guess: DualActiveSet, gears: GearState, first: FloatArray) -> Found | None:
         """Return the solution if no torque limit binds, None where the guess fails."""
         if self.program.efforts:
             return self._guessed_with_efforts(guess, gears, first)
         start = perf_counter()
-        solution = guess.solve()
+        solution = guess.guess(self.program.unbound)
         if solution is None:
             return None
         return self._found(solution, 1, perf_counter() - start)
 
     def _guessed_with_efforts(
-        self, guess: ActiveSetGuess, gears: GearState, first: FloatArray
+        self, guess: DualActiveSet, gears: GearState, first: FloatArray
     ) -> Found | None:
         """Return the same where what efforts cost depends on the directions of the gears."""
         program, slopes, spent = self.program, self._law.slopes(gears.sigma), 0.0
@@ -168,7 +170,7 @@ class Level:
                 program.torque_map, slopes.at(positive), gears.speed, gears.last_output
             )
             start = perf_counter()
-            solution = guess.solve()
+            solution = guess.guess(program.unbound)
             spent += perf_counter() - start
             if solution is None:
                 return None
@@ -181,13 +183,16 @@ class Level:
         return None
 
     def _found(self, solution: QPSolution, rounds: int, spent: float) -> Found:
+        """Return a solution of the program without torque limits as one of the program."""
+        unpushed = np.zeros(self.program.rows.torque.stop)
+        solution = solution._replace(z=np.concatenate([unpushed, solution.z]))
         self._output = output = self.program.output_torque(solution.x)
         return Found(solution, output, rounds, spent, True, solution.x[: self.program.nv])
 
     def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         self._assemble_whole()
         program = self.program
-        if not all_finite(program.cost_gradient, program.b):
+        if not all_finite(program.b):
             return Refusal(None, None)
         found = self._search.solve(
             first > 0.0,
@@ -203,7 +208,7 @@ class Level:
         push = found.solution.z[program.rows.torque]
         self._saturated = bool((abs(push) > _BINDS).any())
         if self._guess is not None:
-            self._guess.learn(found.solution)
+            self._guess.learn(found.solution.z[program.rows.torque.stop :])
         return Answer(found, self._realise(found, gears), verdict)
 
     def _realise(self, found: Found, gears: GearState) -> Realised:
@@ -211,5 +216,4 @@ class Level:
         return self._stage.solve(found.output, share, gears.sigma, gears.limits)
 
     def _assemble_whole(self) -> None:
-        self.program.assemble_cost(self._tasks)
         self.program.assemble_torque_map()

@@ -27,10 +27,8 @@ class LevelLock:
             above: tasks of the more important level; those without a weight decide nothing.
         """
         self._program, self._above = program, above
-        self._weighed = np.flatnonzero(np.isfinite(above.softness))
-        chosen = np.flatnonzero(above.diagonal)
-        self._rows = np.zeros((len(self._weighed) + len(chosen), program.n))
-        self._rows[np.arange(len(self._weighed), len(self._rows)), chosen] = 1.0
+        self._chosen = above.chosen
+        self._rows = np.zeros((greatest_lock(above), program.n))
         size = program.unlocked + len(self._rows)
         self._left, self._kept = np.zeros((size, program.n)), np.zeros((size, program.n))
 
@@ -39,8 +37,10 @@ class LevelLock:
 
         Call after the constraints of the program.
         """
-        program, weighed = self._program, self._weighed
-        self._rows[: len(weighed), : program.nv] = self._above.jacobian[weighed]
+        program, above, k = self._program, self._above, len(self._above.wanted)
+        self._rows[:k, : program.nv] = above.jacobian * (above.weight > 0.0)[:, None]
+        places = np.arange(k, len(self._rows))
+        self._rows[places, self._chosen] = above.diagonal[self._chosen] > 0.0
         first = extend_basis(program.A[: program.unlocked], self._left, self._kept, 0)
         last = extend_basis(self._rows, self._left, self._kept, first)
         rows = self._kept[first:last]
@@ -49,4 +49,4 @@ class LevelLock:
 
 def greatest_lock(above: TaskStack) -> int:
     """Return how many rows a lock of these tasks can have."""
-    return len(above.wanted) + int(np.count_nonzero(above.diagonal))
+    return len(above.wanted) + len(above.chosen)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from wbc.arrays import BoolArray
 from wbc.control.contacts import BoundContact
 from wbc.control.contacts.contact_set import ContactSet
@@ -18,7 +16,8 @@ from wbc.control.program.level import Level
 from wbc.control.program.level_lock import LevelLock, greatest_lock
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.solvers.active_set_guess import ROOM, ActiveSetGuess
+from wbc.control.solvers import DualActiveSet
+from wbc.control.solvers.cascade import Cascade
 from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.torque.direction_search import DirectionSearch
 from wbc.control.torque.gears import GearLaw
@@ -94,21 +93,45 @@ class ProgramLibrary:
             recipe.force_tasks if last else (),
             0 if above is None else greatest_lock(above),
             len(tasks.wanted),
-            ROOM,
             _SLACK * settings.tolerance if rank else 0.0,
         )
+        own_first = settings.warm_start is WarmStart.ACTIVE_SET
+        whole, gears = len(program.rows.labels), len(program.gears)
         search = DirectionSearch(
             program,
-            settings.solver,
-            settings.tolerance,
-            settings.max_iterations,
+            _cascade(program, settings, whole, own_first),
+            _cascade(program, settings, whole + gears, own_first),
             settings.max_rounds,
         )
-        diagonal = settings.force_weight > 0.0 and bool(np.isfinite(tasks.softness).all())
-        guess = None
-        if diagonal and settings.warm_start is WarmStart.ACTIVE_SET:
-            guess = ActiveSetGuess(program, tasks, settings.tolerance)
+        guess = _own_solver(program, settings, whole - gears) if own_first else None
         lock = None if above is None else LevelLock(program, above)
         return Level(
             tasks, program, lock, search, guess, recipe.law, recipe.stage, settings.time_step
         )
+
+
+def _own_solver(
+    program: ContactForceProgram, settings: ControllerSettings, inequalities: int
+) -> DualActiveSet | None:
+    """Return the controller's own solver, None where the program's diagonal has zeros."""
+    if not settings.force_weight > 0.0:
+        return None
+    return DualActiveSet(
+        program.n,
+        program.most_rows,
+        inequalities,
+        tolerance=settings.tolerance,
+        max_iterations=settings.max_iterations,
+    )
+
+
+def _cascade(
+    program: ContactForceProgram, settings: ControllerSettings, inequalities: int, own_first: bool
+) -> Cascade:
+    return Cascade(
+        _own_solver(program, settings, inequalities),
+        settings.solver,
+        own_first=own_first,
+        tolerance=settings.tolerance,
+        max_iterations=settings.max_iterations,
+    )

@@ -44,7 +44,8 @@ class TaskStack:
     Attributes:
         jacobian: J (k, nv) of the tasks with rows.
         wanted: wanted - drift (k,).
-        softness: 1/w (k,) of the rows, infinite for rows without weight.
+        weight: w (k,) of the rows.
+        chosen: (c,) coordinates of the selecting tasks, one for each of their rows.
         diagonal: (nv,) summed weights of the selecting tasks.
         pull: (nv,) their weighted wanted accelerations.
     """
@@ -73,15 +74,13 @@ class TaskStack:
             self._place(self.tasks[i], slice(start, start + sizes[i]), total)
             start += sizes[i]
         self._own = [entry for entry in self._entries if entry.own]
-        self._weight = np.concatenate([weights[i] for i in rowed] or [np.zeros(0)])
-        self._chosen = np.concatenate(
+        self.weight = np.concatenate([weights[i] for i in rowed] or [np.zeros(0)])
+        self.chosen = np.concatenate(
             [np.arange(nv)[selections[i]] for i in selecting] or [np.zeros(0, np.int_)]
         )
         self._chosen_weight = np.concatenate([weights[i] for i in selecting] or [np.zeros(0)])
         self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
-        np.add.at(self.diagonal, self._chosen, self._chosen_weight)
-        with np.errstate(divide="ignore"):
-            self.softness = 1.0 / self._weight
+        np.add.at(self.diagonal, self.chosen, self._chosen_weight)
         self._last: dict[str, Reference] = {}
 
     def _place(self, task: Task, rows: slice, total: int) -> None:
@@ -112,12 +111,12 @@ class TaskStack:
         self._asked.fill(0.0)
         for entry in self._entries:
             self._evaluate(entry, kinematics, references)
-        place_rates(self.jacobian, kinematics.velocity, self._chosen, self._rates)
+        place_rates(self.jacobian, kinematics.velocity, self.chosen, self._rates)
         for entry in self._own:
             reference = self._last[entry.task.name]
             entry.acceleration[:] = entry.task.command(kinematics, reference, entry.rate)
         place_wanted(
-            *(self._parts, self._gains, self._chosen, self._chosen_weight),
+            *(self._parts, self._gains, self.chosen, self._chosen_weight),
             *(self._all_wanted, self.pull),
         )
 
@@ -139,13 +138,6 @@ class TaskStack:
             if reference.acceleration is not None:
                 entry.acceleration[:] = reference.acceleration
         self._last[task.name] = reference
-
-    def cost(self) -> tuple[FloatArray, FloatArray]:
-        """Return Hessian (nv, nv) and gradient (nv,) of the cost of all tasks on qdd."""
-        weighted = self._weight[:, None] * self.jacobian
-        hessian = weighted.T @ self.jacobian
-        hessian.reshape(-1)[:: len(hessian) + 1] += self.diagonal
-        return hessian, -(self.wanted @ weighted) - self.pull
 
     def _held(self, task: Task, kinematics: Kinematics, reference: Reference) -> Reference:
         """Return a reference with the position of the last one, or with the present value."""

@@ -8,6 +8,7 @@ import numpy as np
 from proxsuite import proxqp
 
 from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.solvers import QPProblem
 
 
 @dataclass(frozen=True)
@@ -34,14 +35,13 @@ class Conflict:
         return f"{self.name} cannot be kept: {self.missing:.3g} {self.unit} missing."
 
     @classmethod
-    def of(cls, program: ContactForceProgram) -> Conflict:
-        """Return the worst row of the program as assembled last.
+    def of(cls, problem: QPProblem, program: ContactForceProgram) -> Conflict:
+        """Return the worst row of a problem whose rows are those of `program`.
 
         Solves a second program that is allowed to break constraints in the least-squares sense;
-        this happens only in ticks that have no solution.
+        this may take a hundred times as long as a tick.
         """
-        problem = program.problem
-        qp = proxqp.dense.QP(program.n, len(problem.b), len(problem.lower))
+        qp = proxqp.dense.QP(len(problem.g), len(problem.b), len(problem.lower))
         qp.settings.primal_infeasibility_solving = True
         qp.settings.max_iter = 200
         qp.settings.max_iter_in = 200

@@ -60,6 +60,57 @@ class QPProblem(NamedTuple):
             raise ControlError(f"'{path}' holds no saved program: {cause}.") from cause
 
 
+class BlockProblem(NamedTuple):
+    """A program that keeps its structure: a diagonal, and rows that are soft or hard.
+
+        min   1/2 x'D x - p'x + 1/2 sum over the soft rows of (G x - t)^2 / s
+        s.t.  G x = t in the hard rows, lower <= C x <= upper
+
+    Attributes:
+        diagonal: D (n,).
+        pull: p (n,).
+        rows: G (k, n), soft rows first.
+        right: t (k,).
+        softness: s (k,), the inverse of a soft row's weight, zero for a hard row.
+        soft: how many rows are soft.
+        C: (r, n).
+        lower: (r,); -INFINITE or less is no bound.
+        upper: (r,); INFINITE or more is no bound.
+    """
+
+    diagonal: FloatArray
+    pull: FloatArray
+    rows: FloatArray
+    right: FloatArray
+    softness: FloatArray
+    soft: int
+    C: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    def dense(self) -> QPProblem:
+        """Return the same program with its Hessian and gradient written out."""
+        k = self.soft
+        weighted = self.rows[:k] / self.softness[:k, None]
+        H = weighted.T @ self.rows[:k]
+        H.reshape(-1)[:: len(H) + 1] += self.diagonal
+        g = -(self.right[:k] @ weighted) - self.pull
+        return QPProblem(H, g, self.rows[k:], self.right[k:], self.C, self.lower, self.upper)
+
+    def copied(self) -> BlockProblem:
+        """Return a copy that the next tick does not overwrite."""
+        D, p, rows, right, softness, soft, *bounds = self
+        own = D.copy(), p.copy(), rows.copy(), right.copy(), softness.copy()
+        return BlockProblem(*own, soft, *(part.copy() for part in bounds))
+
+    def cost(self, x: FloatArray) -> float:
+        """Return the cost of x (n,)."""
+        k = self.soft
+        miss = self.rows[:k] @ x - self.right[:k]
+        soft = miss @ (miss / self.softness[:k])
+        return float(0.5 * (x @ (self.diagonal * x) + soft) - self.pull @ x)
+
+
 class QPStatus(Enum):
     """How solving ended."""
 

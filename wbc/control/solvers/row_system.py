@@ -2,41 +2,22 @@
 
 from __future__ import annotations
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Count,
     Dense,
     Flag,
-    Matrix,
     Nothing,
     Number,
     OutDense,
+    OutPlaces,
     OutVector,
     Vector,
     compiled,
 )
 from wbc.control.solvers.positive_definite import factorise, substitute
 
-_SOLVES = 2
-
-
-@compiled(Nothing, Matrix, Vector, Vector, Vector, OutDense, OutVector, OutVector)
-def place_tasks(
-    jacobian: FloatArray,
-    wanted: FloatArray,
-    pull: FloatArray,
-    inverse: FloatArray,
-    G: FloatArray,
-    right: FloatArray,
-    free: FloatArray,
-) -> None:
-    """Write task rows (k, nv) = `wanted` (k,) on top of G, and qdd = D^-1 pull (nv,) into free."""
-    for i in range(len(wanted)):
-        right[i] = wanted[i]
-        for j in range(len(pull)):
-            G[i, j] = jacobian[i, j]
-    for j in range(len(pull)):
-        free[j] = inverse[j] * pull[j]
+_SOLVES = 4  # two suffice but where rows all but repeat each other
 
 
 @compiled(
@@ -106,14 +87,107 @@ def meet_rows(
     return False
 
 
-@compiled(Number, Dense, Vector, Vector, OutVector)
-def excess(rows: FloatArray, bounds: FloatArray, x: FloatArray, beyond: FloatArray) -> float:
-    """Write rows @ x - bounds (r,) into `beyond`; return the greatest, -inf without rows."""
-    worst = -float("inf")
-    for i in range(len(bounds)):
-        reached = -bounds[i]
+@compiled(Nothing, *[Dense, *[Vector] * 4, OutDense, *[OutVector] * 4])
+def place_blocks(
+    rows: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    diagonal: FloatArray,
+    pull: FloatArray,
+    G: FloatArray,
+    all_right: FloatArray,
+    all_softness: FloatArray,
+    inverse: FloatArray,
+    free: FloatArray,
+) -> None:
+    """Copy a program's rows (k, n) to the top of G, and write D^-1 and D^-1 pull (n,)."""
+    for i in range(len(right)):
+        all_right[i], all_softness[i] = right[i], softness[i]
+        for j in range(len(pull)):
+            G[i, j] = rows[i, j]
+    for j in range(len(pull)):
+        inverse[j] = 1.0 / diagonal[j]
+        free[j] = inverse[j] * pull[j]
+
+
+@compiled(Count, Dense, *[Vector] * 2, Count, OutPlaces, OutPlaces, OutDense, *[OutVector] * 2)
+def place_active(
+    C: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    base: int,
+    active: IntArray,
+    taken: IntArray,
+    G: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+) -> int:
+    """Write the rows that bind below the first `base` rows of G.
+
+    Args:
+        C, lower, upper: inequalities (r, n), (r,).
+        base: rows in front.
+        active: result, the rows that bind.
+        taken: (r,) +1 where the upper bound binds, -1 where the lower does, else 0.
+        G, right, softness: results.
+
+    Returns:
+        how many rows there are, -1 where there is no room for them.
+    """
+    size = base
+    for i in range(len(taken)):
+        if taken[i] != 0:
+            if size == len(right):
+                return -1
+            active[size - base] = i
+            right[size] = upper[i] if taken[i] > 0 else lower[i]
+            softness[size] = 0.0
+            for j in range(G.shape[1]):
+                G[size, j] = C[i, j]
+            size += 1
+    return size
+
+
+@compiled(Flag, *[Vector] * 2, Number, *[Vector] * 2, Count, Count, OutPlaces, OutPlaces)
+def revise(
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float,
+    values: FloatArray,
+    force: FloatArray,
+    base: int,
+    size: int,
+    active: IntArray,
+    taken: IntArray,
+) -> bool:
+    """Let go of rows that pull and take rows that are violated; return whether any changed.
+
+    Args:
+        lower, upper: bounds (r,).
+        tolerance: how far beyond its bound a row may be, and a push below zero.
+        values: C x (r,).
+        force: of every row (.., ); a row that pushes from its upper bound has a negative one.
+        base, size: where the rows that bind start and end in `force`.
+        active, taken: as `place_active` left them; `taken` is the result.
+    """
+    changed = False
+    for i in range(len(taken)):
+        if taken[i] == 0:
+            if values[i] - upper[i] > tolerance:
+                taken[i], changed = 1, True
+            elif lower[i] - values[i] > tolerance:
+                taken[i], changed = -1, True
+    for k in range(size - base):
+        if -force[base + k] * taken[active[k]] <= tolerance:
+            taken[active[k]], changed = 0, True
+    return changed
+
+
+@compiled(Nothing, Dense, Vector, OutVector)
+def place_values(rows: FloatArray, x: FloatArray, values: FloatArray) -> None:
+    """Write rows @ x (r,) into `values`."""
+    for i in range(len(rows)):
+        reached = 0.0
         for j in range(len(x)):
             reached += rows[i, j] * x[j]
-        beyond[i] = reached
-        worst = max(worst, reached)
-    return worst
+        values[i] = reached

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from heapq import heappop, heappush
 from itertools import count
 
@@ -10,11 +9,10 @@ import numpy as np
 
 from wbc.arrays import BoolArray
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.solvers import INFINITE, QPProblem, QPSolution, QPStatus, Solver
+from wbc.control.solvers import INFINITE, BlockProblem, QPSolution, QPStatus
+from wbc.control.solvers.cascade import Cascade
 from wbc.control.torque.gears import Slopes
-from wbc.control.torque.solution_torques import Limits, beyond_limits, cost_of
-
-Run = Callable[[Solver, QPProblem], QPSolution]
+from wbc.control.torque.solution_torques import Limits, beyond_limits
 
 
 class DirectionBranching:
@@ -26,12 +24,13 @@ class DirectionBranching:
     least bound first, so that few rounds leave little to be gained.
 
     Attributes:
+        solver: of the nodes.
         last: the last solution of any node.
     """
 
-    def __init__(self, program: ContactForceProgram, solver: Solver, run: Run) -> None:
-        """Take the program, a solver with a second row for every gear, and what runs it."""
-        self._program, self._solver, self._run = program, solver, run
+    def __init__(self, program: ContactForceProgram, solver: Cascade) -> None:
+        """Take the program and a solver with a second row for every gear."""
+        self._program, self.solver = program, solver
         self.last: QPSolution
 
     def solve(
@@ -53,7 +52,7 @@ class DirectionBranching:
             positive: (m,) where T > 0 in the incumbent.
             rounds: programs solved at most.
         """
-        lowest = np.inf if incumbent is None else cost_of(self._program, incumbent)
+        lowest = np.inf if incumbent is None else self._program.blocks.cost(incumbent.x)
         order = count()
         nodes: list[tuple[float, int, dict[int, bool]]] = []
         decided: dict[int, bool] = {}
@@ -62,17 +61,19 @@ class DirectionBranching:
             decided[gear] = bool(positive[gear])
         dive: list[dict[int, bool]] = [] if incumbent is not None else [{}]
         for _ in range(rounds):
+            if self.solver.exhausted:
+                break
             if dive:
                 node = dive.pop()
             elif nodes and nodes[0][0] < lowest:
                 node = heappop(nodes)[2]
             else:
                 return self._plain(incumbent, slopes, limits), True
-            solution = self.last = self._run(self._solver, self._problem(node, slopes, limits))
+            solution = self.last = self.solver.solve(self._problem(node, slopes, limits))
             if solution.status is not QPStatus.SOLVED:
                 dive = self._resumed(nodes, incumbent, dive)
                 continue
-            cost = cost_of(self._program, solution)
+            cost = self._program.blocks.cost(solution.x)
             if cost >= lowest:
                 continue
             beyond = np.flatnonzero(beyond_limits(self._program, solution, slopes, limits))
@@ -124,7 +125,7 @@ class DirectionBranching:
         z[program.rows.torque] = np.where(own, z[program.rows.torque], solution.z[rows:])
         return solution._replace(z=z)
 
-    def _problem(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> QPProblem:
+    def _problem(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> BlockProblem:
         """Return the program with the convex rows of all gears and one half-space of some.
 
         `decided` maps a gear to whether its half-space is that of T > 0.
@@ -143,7 +144,7 @@ class DirectionBranching:
         rows = own.torque
         more = (own.C[rows].copy(), own.lower[rows].copy(), own.upper[rows].copy())
         program.assemble_torque_limits(slopes.positive, *bounds[0])
-        plain = program.problem
+        plain = program.blocks
         return plain._replace(
             C=np.vstack([plain.C, more[0]]),
             lower=np.concatenate([plain.lower, more[1]]),

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.solvers import QPProblem, QPSolution, QPStatus, Solver, make_solver
+from wbc.control.solvers import QPSolution, QPStatus
+from wbc.control.solvers.cascade import Cascade
 from wbc.control.torque.direction_branching import DirectionBranching
 from wbc.control.torque.gears import Slopes
 from wbc.control.torque.solution_torques import Limits, beyond_limits
@@ -32,6 +32,7 @@ class Found(NamedTuple):
         solve_time: [s] in the solver.
         proven: whether no other choice of directions can cost less.
         acceleration: qdd (nv,).
+        blocking: what could not be kept beside the other constraints, "" where that is unknown.
     """
 
     solution: QPSolution
@@ -40,6 +41,7 @@ class Found(NamedTuple):
     solve_time: float
     proven: bool
     acceleration: FloatArray
+    blocking: str = ""
 
 
 class DirectionSearch:
@@ -59,28 +61,18 @@ class DirectionSearch:
     """
 
     def __init__(
-        self,
-        program: ContactForceProgram,
-        solver_name: str,
-        tolerance: float,
-        iterations: int,
-        rounds: int,
+        self, program: ContactForceProgram, plain: Cascade, branching: Cascade, rounds: int
     ) -> None:
-        """Make the solver of one program.
+        """Take the solvers of one program.
 
         Args:
             program: the program; its torque rows are written by the search.
-            solver_name, tolerance, iterations: see `make_solver`.
+            plain: solves it.
+            branching: solves it with a second row for every gear that has a limit.
             rounds: programs solved at most in one tick.
         """
-        self.program = program
-        self._solver_name, self._tolerance = solver_name, tolerance
-        self._iterations, self._rounds = iterations, rounds
-        self._equalities = -1
-        self._solver: Solver
-        self._branching: DirectionBranching | None
-        self._spent = 0.0
-        self._count = 0
+        self.program, self._plain, self._rounds = program, plain, rounds
+        self._branching = DirectionBranching(program, branching)
 
     def solve(
         self,
@@ -99,15 +91,14 @@ class DirectionSearch:
             speed: expected dpsi (m,) [rad/s], for efforts.
             last_output: T (m,) of the last tick [N m], for efforts.
         """
-        self._spent, self._count = 0.0, 0
         program = self.program
-        if len(program.b) != self._equalities:
-            self._make_solvers()
+        self._plain.start_tick()
+        self._branching.solver.start_tick()
         for _ in range(min(GUESSES, self._rounds)):
             slope = slopes.at(positive)
             program.assemble_torque_limits(slope, *limits)
             program.assemble_efforts(slope, speed, last_output)
-            solution = self._run(self._solver, program.problem)
+            solution = self._plain.solve(program.blocks)
             if solution.status is not QPStatus.SOLVED:
                 break
             output = program.output_torque(solution.x)
@@ -129,34 +120,18 @@ class DirectionSearch:
             return self._found(solution, False)
         return self._branch(slopes, limits, None, _NONE, positive, solution)
 
-    def _make_solvers(self) -> None:
-        """Make the solver anew: what a more important level decides has other rows than before."""
-        self._equalities = len(self.program.b)
-        self._solver = self._make(len(self.program.rows.labels))
-        self._branching = None
-
-    def _make(self, rows: int) -> Solver:
-        return make_solver(
-            self._solver_name,
-            self.program.n,
-            len(self.program.b),
-            rows,
-            tolerance=self._tolerance,
-            max_iterations=self._iterations,
-        )
-
-    def _run(self, solver: Solver, problem: QPProblem) -> QPSolution:
-        start = perf_counter()
-        solution = solver.solve(problem)
-        self._spent += perf_counter() - start
-        self._count += 1
-        return solution
-
     def _found(self, solution: QPSolution, proven: bool, output: FloatArray | None = None) -> Found:
         if output is None:
             output = self.program.output_torque(solution.x)
         acceleration = solution.x[: self.program.nv].copy()
-        return Found(solution, output, self._count, self._spent, proven, acceleration)
+        plain, branching = self._plain, self._branching.solver
+        rounds, spent = plain.count + branching.count, plain.spent + branching.spent
+        return Found(solution, output, rounds, spent, proven, acceleration, self._blocking())
+
+    def _blocking(self) -> str:
+        """Return what could not be kept beside the other constraints."""
+        row = self._plain.blocking
+        return "" if row < 0 else self.program.rows.labels[row]
 
     def _turned(
         self,
@@ -199,10 +174,8 @@ class DirectionSearch:
         unsolved: QPSolution | None,
     ) -> Found:
         """Return the best solution over all directions, or the best within the rounds left."""
-        if self._branching is None:
-            rows = len(self.program.rows.labels) + len(self.program.gears)
-            self._branching = DirectionBranching(self.program, self._make(rows), self._run)
-        left = self._rounds - self._count
+        self._branching.solver.start_tick(self._plain.iterations)
+        left = self._rounds - self._plain.count
         found, proven = self._branching.solve(
             slopes, limits, incumbent, contested.tolist(), positive, left
         )

@@ -22,9 +22,3 @@ def beyond_limits(
     torque = slopes.at(output > 0.0) * output + share
     slack = 1e-5 * (1.0 + np.abs(torque))
     return np.asarray((torque < limits[0] - slack) | (torque > limits[1] + slack))
-
-
-def cost_of(program: ContactForceProgram, solution: QPSolution) -> float:
-    """Return the cost of a solution by the program as assembled last."""
-    x = solution.x
-    return float(0.5 * x @ program.H @ x + program.g @ x)
