@@ -17,9 +17,9 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.direction_search import DirectionSearch
-from wbc.control.level import Level, Refusal
-from wbc.control.orthonormal_rows import extend_basis
+from wbc.control.program.level import Level, Refusal
+from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.torque.direction_search import DirectionSearch
 from wbc.effects import load_robot
 from wbc.robot import Motion
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from wbc.arrays import FloatArray
-from wbc.control.gears import gear_directions
-from wbc.control.qp import QPSolution
+from wbc.control.solvers import QPSolution
+from wbc.control.torque.gears import gear_directions
 
 
 class Status(Enum):

@@ -17,32 +17,32 @@ from wbc.control.admission import (
 )
 from wbc.control.command import Command, Status
 from wbc.control.contacts import Contact
-from wbc.control.direction_search import Found
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.fallback import Fallback
-from wbc.control.gears import GearLaw
-from wbc.control.inputs import (
+from wbc.control.kinematics import Kinematics
+from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.outcome import Outcome
+from wbc.control.plant import Plant
+from wbc.control.program.level import Answer, GearState, Level, Refusal
+from wbc.control.program.library import ProgramLibrary, Recipe
+from wbc.control.reference import Reference
+from wbc.control.safety.fallback import Fallback
+from wbc.control.safety.inputs import (
     Complaint,
     as_motion,
     name_complaint,
     overflow_complaint,
     state_complaint,
 )
-from wbc.control.kinematics import Kinematics
-from wbc.control.level import Answer, GearState, Level, Refusal
-from wbc.control.limits import JointLimit, RotorTorqueLimit
-from wbc.control.motors import Motors
-from wbc.control.outcome import Outcome
-from wbc.control.plant import Plant
-from wbc.control.program_library import ProgramLibrary, Recipe
-from wbc.control.qp import QPProblem, check_solver
-from wbc.control.reference import Reference
 from wbc.control.settings import ControllerSettings
-from wbc.control.speed import SpeedBlend
+from wbc.control.solvers import QPProblem, check_solver
 from wbc.control.state import State
 from wbc.control.tasks import Task
-from wbc.control.torque_stage import RotorTorqueStage
+from wbc.control.torque.direction_search import Found
+from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.motors import Motors
+from wbc.control.torque.speed import SpeedBlend
+from wbc.control.torque.torque_stage import RotorTorqueStage
 from wbc.robot import Motion, Robot
 
 _NO_REFERENCES: Mapping[str, Reference] = {}

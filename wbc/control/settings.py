@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from wbc.control.gears import RestPolicy
-from wbc.control.safety import Damped, SafetyPolicy
-from wbc.control.speed import SpeedBlend
-from wbc.control.warm_start import WarmStart
+from wbc.control.safety.policies import Damped, SafetyPolicy
+from wbc.control.solvers.warm_start import WarmStart
+from wbc.control.torque.gears import RestPolicy
+from wbc.control.torque.speed import SpeedBlend
 from wbc.errors import ControlError
 
 
