@@ -142,6 +142,11 @@ class Effect(ABC):
         return len(self.parameters)
 
     @property
+    def implausibility(self) -> float:
+        """What its numbers cost that no machine is likely to have [nats]."""
+        return 0.0
+
+    @property
     def values(self) -> dict[str, float]:
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}

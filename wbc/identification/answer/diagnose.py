@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 
 import numpy as np
@@ -26,7 +26,7 @@ from wbc.identification.choice.certainty import Support, support_of
 from wbc.identification.choice.find_causes import Found, find_causes
 from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.near_rest import look_closer
-from wbc.identification.choice.odds import odds_of
+from wbc.identification.choice.odds import Odds, odds_of
 from wbc.identification.choice.trials import Trials
 from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.model.fit import Fit
@@ -44,6 +44,9 @@ _SILENT = (
     "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
     "judged, or its torque constant, unit or column is wrong."
 )
+
+
+_BELIEVED = 0.5  # probability from which on a cause is more likely than not
 
 
 def diagnose(
@@ -86,16 +89,11 @@ def diagnose(
     found = find_causes(problem, classes, progress, until)
     found = look_closer(found, robot, different, classes, progress)
     warnings += _about_the_search(found)
-    trials, final = found.trials, found.final
+    trials = found.trials
     problem, first = trials.problem, trials.nothing
-    level = attainable(problem, trials.fit(final))
-    odds = odds_of(trials)
-    more = unexplained(problem, first.error, final, level.excess)
-    support = support_of(trials, final, odds, level.excess, not more)
+    final, odds, level, support, more = _believed(found)
     verdict = verdict_of(problem, first, final, list(support.values()), more)
     rivals = dict(zip(final.keys, odds.rivals(final), strict=True))
-    if verdict == "partial":
-        final = _believed(trials, final, support)
     fit = trials.fit(final)
     alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
     left = remainders(problem, fit) if more else ()
@@ -134,10 +132,27 @@ def _about_the_search(found: Found) -> list[str]:
     return texts
 
 
-def _believed(trials: Trials, final: Hypothesis, support: Mapping[Key, Support]) -> Hypothesis:
-    """Return the hypothesis with those causes only that are more probable than not."""
-    kept = [e for e in final.effects if support[e.key].group_probability > 0.5]
-    return trials.of(kept) or final
+def _believed(
+    found: Found,
+) -> tuple[Hypothesis, Odds, Attainable, dict[Key, Support], bool]:
+    """Return the hypothesis with those causes only that are more probable than not.
+
+    With the odds of all that was tried, what it leaves, what speaks for its causes, and whether
+    more must be missing.
+    """
+    trials, final = found.trials, found.final
+    problem, first = trials.problem, trials.nothing
+    while True:
+        odds = odds_of(trials)
+        level = attainable(problem, trials.fit(final))
+        more = unexplained(problem, first.error, final, level.excess)
+        support = support_of(trials, final, odds, level.excess, not more)
+        kept = [e for e in final.effects if support[e.key].group_probability >= _BELIEVED]
+        fewer = trials.of(kept) if len(kept) < len(final.effects) else None
+        if fewer is None:
+            # Where something was found and nothing of it is believed, something else is there.
+            return final, odds, level, support, more or bool(found.final.effects and not kept)
+        final = fewer
 
 
 def _outputs(problem: Problem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:

@@ -18,7 +18,7 @@ from wbc.robot import Effect
 
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
-_SUBSTANTIAL = 0.1  # share of the mean square error that is no small part
+_SUBSTANTIAL = 0.5  # share of the mean square error of one output that is no small part
 _ASKED = 2  # experiments for what is left, the worst output first
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
@@ -59,10 +59,17 @@ def verdict_of(
     """
     if more:
         certain = any(s.group_probability >= CERTAIN for s in support)
-        return "partial" if certain and explained_share(first, final) > _SUBSTANTIAL else "unknown"
+        return "partial" if certain and _substantial(first, final) else "unknown"
     if not final.effects:
         return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
     return "ambiguous" if any(s.group > s.odds for s in support) else "named"
+
+
+def _substantial(first: Hypothesis, final: Hypothesis) -> bool:
+    """Whether the causes found explain a substantial part of what was missing at some output."""
+    before = np.maximum(first.outputs - 1.0, 1e-300)
+    share = 1.0 - np.maximum(final.outputs - 1.0, 0.0) / before
+    return bool(np.any((share > _SUBSTANTIAL) & (before > 1.0)))
 
 
 def explained_share(first: Hypothesis, final: Hypothesis) -> float:

@@ -13,7 +13,7 @@ from wbc.identification.choice.trials import Trials
 
 # Logistic regression on 318 causes found in the generated corpus, 250 of them true; see
 # docs/data/corpus.md. Of those with a probability of 0.95 or more 95 % were true.
-_LEVEL, _REMAINDER, _COVERAGE, _EXPLAINED = -0.54, 0.64, 1.67, 1.72
+_LEVEL, _REMAINDER, _COVERAGE, _EXPLAINED = -0.44, 0.58, 1.59, 2.02
 _NONE = 1e-3  # of what a cause explains, that filters distort at least: no remainder is smaller
 
 
@@ -29,6 +29,7 @@ class Support:
         coverage: (k - 1) k / n where the same effect was found at k of n joints.
         explained: whether too little is left altogether to ask for one cause more.
         expected: log prior odds of the effect on real machines [nats] (`Effect.expected`).
+        implausible: what its numbers cost that no machine is likely to have [nats].
     """
 
     odds: float
@@ -37,14 +38,15 @@ class Support:
     coverage: float
     explained: bool
     expected: float = 0.0
+    implausible: float = 0.0
 
     @property
     def probability(self) -> float:
         """That the cause is there: its odds among the list, and that it is no stand-in.
 
         What is outside the list can be approached by what is in it, and then leaves a remainder
-        at the same outputs. One cause outside the list does not imitate one effect at several
-        joints.
+        at the same outputs, or asks for numbers that no machine has. One cause outside the list
+        does not imitate one effect at several joints.
         """
         return self.odds * self._no_stand_in
 
@@ -56,7 +58,7 @@ class Support:
     @property
     def _no_stand_in(self) -> float:
         score = _LEVEL + self.expected + _COVERAGE * self.coverage + _EXPLAINED * self.explained
-        score -= _REMAINDER * np.log(max(self.remainder, _NONE))
+        score -= _REMAINDER * np.log(max(self.remainder, _NONE)) + self.implausible
         return float(1.0 / (1.0 + np.exp(-score)))
 
 
@@ -73,20 +75,22 @@ def support_of(
         explained: whether that is too little to ask for one cause more.
     """
     names = [effect.name for effect in final.effects]
+    first = np.maximum(trials.nothing.outputs, 1e-300)
     joints = trials.problem.robot.transmission.size
     result = {}
     for effect, rivals in zip(final.effects, odds.rivals(final), strict=True):
         smaller = trials.of(without(final.effects, effect))
         gain = np.zeros_like(excess) if smaller is None else smaller.outputs - final.outputs
-        gain = np.maximum(gain, 0.0)
+        share = np.maximum(gain, 0.0) / first
         places = names.count(effect.name)
         result[effect.key] = Support(
             odds=odds.of(effect.key),
             group=odds.of_any((effect.key, *rivals)),
-            remainder=_ratio(float(gain @ excess), float(gain @ gain)),
+            remainder=_ratio(float(share @ (excess / first)), float(share @ share)),
             coverage=(places - 1) * places / joints,
             explained=explained,
             expected=effect.expected,
+            implausible=max(final.implausible - (smaller or final).implausible, 0.0),
         )
     return result
 

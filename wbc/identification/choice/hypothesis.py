@@ -25,7 +25,8 @@ class Hypothesis:
         blocks: (B,) held-out mean squares of each block, all outputs together.
         samples: (outputs,) independent samples per row of what this hypothesis leaves.
         rows: (F,) rows of each fold.
-        prior: log prior [nats].
+        asked: what its names, places and numbers cost [nats].
+        implausible: what numbers cost that no machine is likely to have [nats].
     """
 
     effects: tuple[Effect, ...]
@@ -33,7 +34,13 @@ class Hypothesis:
     blocks: FloatArray
     samples: FloatArray
     rows: FloatArray
-    prior: float
+    asked: float
+    implausible: float
+
+    @property
+    def prior(self) -> float:
+        """Log prior [nats]."""
+        return -self.asked - self.implausible
 
     @property
     def outputs(self) -> FloatArray:

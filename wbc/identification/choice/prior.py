@@ -20,29 +20,30 @@ _AT_END = 3.0  # [nats] for one that lies there
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
-def log_prior(problem: Problem, fit: Fit) -> float:
-    """Return the log prior of a fitted set of causes [nats].
+def asked(fit: Fit) -> float:
+    """Return what the names, places and numbers of a fitted set of causes cost [nats]."""
+    names = {effect.name for effect in fit.effects}
+    numbers = sum(effect.freedom for effect in fit.effects)
+    return _NAME * len(names) + _PLACE * len(fit.effects) + _NUMBER * numbers
 
-    It falls with names, places and numbers, with masses that leave a link and with drives that
-    deliver something else than they report, and for numbers at the end of what physics allows.
+
+def implausible(problem: Problem, fit: Fit) -> float:
+    """Return what fitted numbers cost that no machine is likely to have [nats].
+
+    Numbers at the end of what physics allows, effects that these motions cannot show, masses that
+    leave a link, drives that deliver something else than they report.
 
     Args:
         problem: the logs.
         fit: of the causes.
     """
-    return -(
-        _told(fit)
+    return (
+        sum(effect.implausibility for effect in fit.effects)
         + _ends(problem, fit)
         + _not_shown(problem, fit)
         + _lost_mass(problem, fit)
         + _wrong_drives(problem, fit)
     )
-
-
-def _told(fit: Fit) -> float:
-    names = {effect.name for effect in fit.effects}
-    numbers = sum(effect.freedom for effect in fit.effects)
-    return _NAME * len(names) + _PLACE * len(fit.effects) + _NUMBER * numbers
 
 
 def _ends(problem: Problem, fit: Fit) -> float:

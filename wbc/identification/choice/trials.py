@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.errors import IdentificationError
 from wbc.identification.choice.hypothesis import Hypothesis
-from wbc.identification.choice.prior import log_prior
+from wbc.identification.choice.prior import asked, implausible
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.problem import Problem
@@ -123,5 +123,6 @@ def hypothesis_of(problem: Problem, fit: Fit) -> Hypothesis:
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),
         rows=rows,
-        prior=log_prior(problem, fit),
+        asked=asked(fit),
+        implausible=implausible(problem, fit),
     )
