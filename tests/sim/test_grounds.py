@@ -43,18 +43,18 @@ def test_a_block_that_slides_into_a_riser_stops_there(dt: float) -> None:
 
 
 def test_no_leg_thrown_at_stairs_has_a_step_that_makes_energy() -> None:
-    """60 passive legs; 17 of them made over 1 J in one step when faces took each other's points."""
-    leg = load_robot("planar_leg").lossless()
+    """Where the nearest face took another face's point, seeds 11, 29 and 40 made up to 5 kJ."""
+    leg = load_robot("planar_leg")
     stairs = Stairs(np.array([0.2, 0.5, 0.8]), np.array([0.0, 0.1, 0.2, 0.3]))
-    for seed in range(60):
+    for seed in (*range(12), 29, 40):
         rng = np.random.default_rng(seed)
         plant = Plant(leg, stairs)
-        q = leg.configuration(hip=rng.uniform(-1, 1), knee=rng.uniform(-1.5, 1.5), base_z=2.0)
-        state = plant.state(q)
-        q[1] -= plant.gaps(state).min() - 0.05
-        v = rng.normal(size=5) * [2.0, 1.0, 2.0, 4.0, 4.0]
-        gain, _ = _worst_gain(plant, plant.state(q, v), 1e-3, 0.25)
-        assert gain < 0.02, seed
+        hip, knee = rng.uniform(-1, 1), rng.uniform(-1.5, 1.5)
+        q = leg.configuration(hip=hip, knee=knee, base_z=2.0, base_x=rng.uniform(-0.4, 0.1))
+        q[1] -= plant.gaps(plant.state(q)).min() - 0.02
+        v = rng.normal(size=5) * [1.0, 1.0, 2.0, 4.0, 4.0] + [2.0, 0, 0, 0, 0]
+        gain, _ = _worst_gain(plant, plant.state(q, v), 1e-3, 0.2)
+        assert gain < 1e-6, seed
 
 
 def test_a_fall_off_an_edge_keeps_the_speed() -> None:
@@ -93,7 +93,7 @@ def test_a_start_beyond_a_stop_is_refused_or_brought_back() -> None:
     model = robot.model.copy()
     model.upperPositionLimit = np.array([3.2, 0.5])
     plant = Plant(replace(robot, model=model))
-    with pytest.raises(SimulationError, match="joint 'knee' at its upper limit is 0.1 rad"):
+    with pytest.raises(SimulationError, match=r"joint 'knee' at its upper limit is 0\.1 rad"):
         plant.step(plant.state([0.0, 0.6]), [0.0, 0.0], 1e-3)
     assert plant.state([0.0, 0.6], lifted=True).position == pytest.approx([0.0, 0.5])
 
@@ -208,7 +208,7 @@ def test_a_rolling_ball_keeps_rolling() -> None:
 def _rest(robot: Robot, terrain: Terrain, start: tuple[float, float, float]) -> SimState:
     plant, q = Plant(robot, terrain), robot.neutral()
     q[:3] = start
-    gain, state = _worst_gain(plant, plant.state(q), 2e-3, 0.6)
+    gain, state = _worst_gain(plant, plant.state(q), 2e-3, 1.2)
     assert gain < 1e-3
     return state
 
@@ -217,8 +217,8 @@ def test_a_ball_comes_to_rest_on_a_box_and_in_a_corner() -> None:
     floor = Together((Plane(), Box(np.array([0.0, 0.0, 0.1]), np.array([0.4, 0.4, 0.4]))))
     on_top = _rest(ball(0.05, 0.8), floor, (0.0, 0.0, 0.5))
     assert on_top.position[2] == pytest.approx(0.35, abs=1e-5)
-    slide = Together((Plane.slope(0.3, height=0.3), floor))
-    corner = _rest(ball(0.05, 0.1), slide, (0.45, 0.0, 0.6))
+    slide = Together((Plane.slope(0.3), floor))
+    corner = _rest(ball(0.05, 0.1), slide, (0.45, 0.0, 0.25))
     gaps = [solid.gap(corner.position[None, :3])[0][0] - 0.05 for solid in slide.solids]
     assert np.sort(np.abs(gaps))[:2] == pytest.approx([0.0, 0.0], abs=2e-5)
 
@@ -229,7 +229,7 @@ def test_a_ball_rolls_over_an_edge_round_it() -> None:
     box = Box(np.array([-0.5, 0.0, -0.5]), np.array([1.0, 2.0, 1.0]))
     plant, q = Plant(robot, box), robot.neutral()
     q[:3] = [-0.05, 0.0, 0.1]
-    gain, state = _worst_gain(plant, plant.state(q, [0.2, 0, 0, 0, 2.0, 0]), 1e-3, 0.5)
+    gain, state = _worst_gain(plant, plant.state(q, [0.2, 0, 0, 0, 2.0, 0]), 1e-3, 0.8)
     assert gain < 1e-4
     assert state.position[2] < -0.05
 
@@ -243,12 +243,12 @@ def test_a_ball_on_a_ball_and_in_a_bowl() -> None:
     plant, q = Plant(robot, bowl), robot.neutral()
     q[:3] = [0.05, 0.0, 0.5 * 0.05**2]
     turns, state = [], plant.state(q)
-    for _ in range(1500):
+    for _ in range(550):
         before, state = state, plant.step(state, [], 1e-3).state
-        if before.position[0] < 0.0 <= state.position[0]:
+        if before.position[0] > 0.0 >= state.position[0]:
             turns.append(state.time)
     # A frictionless point in z = x^2/2 swings at sqrt(g).
-    assert turns[0] == pytest.approx(0.75 * 2 * np.pi / np.sqrt(9.81), rel=5e-3)
+    assert turns[0] == pytest.approx(0.25 * 2 * np.pi / np.sqrt(9.81), rel=5e-3)
 
 
 def test_bad_grounds_are_refused() -> None:

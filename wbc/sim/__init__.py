@@ -25,6 +25,7 @@ from wbc.sim.solve.residuals import Residuals
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
+from wbc.sim.step.events import StepEvent
 from wbc.sim.step.impact import Impact
 from wbc.sim.step.program import StepProgram, Unilateral
 from wbc.sim.step.step_result import StepResult
@@ -49,6 +50,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "Stairs",
+    "StepEvent",
     "StepProgram",
     "StepResult",
     "StepSolution",

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import BoolArray, FloatArray, checked
 from wbc.errors import SimulationError
 from wbc.robot import Robot
-from wbc.sim.energy.kinetic_energy import kinetic_energy
+from wbc.sim.energy.kinetic_energy import mechanical_energy
 from wbc.sim.ground.barriers import TOUCH
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.terrain import Terrain
@@ -133,7 +133,7 @@ class Plant:
         if state.memory or setup.memory:
             state = state.replace(memory=checked_memory(setup.robot, setup.memory, state.memory))
         struck = kept = np.zeros(setup.barriers.size, dtype=bool)
-        left = dt
+        start, left = state, dt
         if len(state.closed) != setup.barriers.size:
             state, impact, fresh = settle(setup, state)
             if impact is not None:
@@ -154,7 +154,7 @@ class Plant:
             state, impact, fresh = settle(setup, part.state, ~struck)
             impacts += [impact] if impact is not None else []
             kept, struck = kept | (struck & fresh), struck | fresh
-        return StepResult(part.state, dt, command, tuple(parts), tuple(impacts))
+        return StepResult(part.state, dt, command, tuple(parts), tuple(impacts), start, setup)
 
     def run(
         self,
@@ -173,11 +173,7 @@ class Plant:
 
     def mechanical_energy(self, state: SimState) -> float:
         """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
-        setup = self._setup
-        motor = MotorMotion.of(setup.drive, state)
-        height = pin.computePotentialEnergy(setup.space.model, setup.space.data, state.position)
-        kinetic = kinetic_energy(setup, state.position, state.velocity, motor.speed)
-        return float(kinetic + height + setup.drive.spring_energy(motor.deflection))
+        return mechanical_energy(self._setup, state)
 
     def encoders(self, state: SimState) -> SimState:
         """Return the state with q and v as encoders on the motors show them.

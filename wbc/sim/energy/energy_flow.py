@@ -11,8 +11,8 @@ class EnergyFlow:
 
     Motor and external work are exact for the impulses and displacements of the step; each loss is
     impulse times the speed at the end of the step, which makes it non-negative, and differs from
-    the exact one by O(h^2) per step. That, and the work of normal impulses that bring a drifted
-    contact back onto the ground, is the audit's residual.
+    the exact one by O(h^2) per step. That, and the weight that is lifted where an overlap is
+    taken back, is the audit's residual.
 
     Attributes:
         motor: work of the rotor torques.
@@ -22,7 +22,7 @@ class EnergyFlow:
         rotor_friction: lost in rotor bearings and motors.
         gear_damping: lost between mesh and joint, where gears are compliant or have play.
         joint_friction: lost in joint friction.
-        contact: lost in sliding contacts.
+        contact: lost in sliding contacts, and where one closes without an impact.
         impact_mesh: lost in the meshes during impacts.
         impact: lost in contacts and joint limits during impacts.
     """

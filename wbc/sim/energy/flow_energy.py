@@ -68,8 +68,21 @@ def flow_energy(part: Transit) -> EnergyFlow:
         rotor_friction=float(rotor_loss.sum()),
         gear_damping=damped,
         joint_friction=rub,
-        contact=-float(solution.impulse[tangent] @ solution.speed[tangent]),
+        contact=_contact_loss(part) - float(solution.impulse[tangent] @ solution.speed[tangent]),
     )
+
+
+def _contact_loss(part: Transit) -> float:
+    """Return what barriers that close without an impact take [J].
+
+    A barrier that is closed already moves by drift alone, of either sign: that is no loss.
+    """
+    normal = part.solution.reduced.normal_rows
+    if normal.start == normal.stop:
+        return 0.0
+    rows = part.solution.reduced.program.rows()[normal]
+    mean = 0.5 * (rows @ part.velocity + part.solution.speed[normal])
+    return float(np.maximum(-part.solution.impulse[normal] * mean, 0.0).sum())
 
 
 def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[FloatArray, float]:

@@ -1,4 +1,4 @@
-"""Kinetic energy of links and rotors."""
+"""Kinetic energy of links and rotors, and all that a state stores."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.sim.laws.coupling import step_coupling
+from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
+from wbc.sim.state import SimState
 
 
 def kinetic_energy(
@@ -31,3 +33,11 @@ def kinetic_energy(
     if coupling is not None:
         energy += float(speed @ (coupling.inertia @ velocity))
     return energy
+
+
+def mechanical_energy(setup: Setup, state: SimState) -> float:
+    """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
+    motor = MotorMotion.of(setup.drive, state)
+    height = pin.computePotentialEnergy(setup.space.model, setup.space.data, state.position)
+    kinetic = kinetic_energy(setup, state.position, state.velocity, motor.speed)
+    return float(kinetic + height + setup.drive.spring_energy(motor.deflection))

@@ -29,6 +29,8 @@ class Drivetrain:
         rubs: whether any rotor has friction.
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row.
+        shares: (m,) whether a gear can; a self-locking one cannot: the set of impulses that it
+            holds at rest has a hole, which friction beside it fills.
         actuated: (m,) rows of v.
         every: (m,) 0 .. m - 1.
         zero: (m,) zeros.
@@ -48,6 +50,7 @@ class Drivetrain:
     any_loose: bool
     rubs: bool
     direct: bool
+    shares: BoolArray
     actuated: IntArray
     every: IntArray
     zero: FloatArray
@@ -85,6 +88,7 @@ def drivetrain(robot: Robot) -> Drivetrain:
         any_loose=bool(loose.any()),
         rubs=bool(gears.rotor_coulomb_friction.any() or gears.rotor_viscous_friction.any()),
         direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
+        shares=frozen(gears.backward_efficiency >= 0.0, np.bool_),
         actuated=robot.actuated,
         every=frozen(np.arange(gears.size), np.int_),
         zero=frozen(np.zeros(gears.size)),

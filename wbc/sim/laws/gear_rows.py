@@ -75,8 +75,8 @@ def gear_rows(
     if friction is not None:
         level = step * friction
         if drive.direct:
-            shared = level[drive.actuated]
-            level[drive.actuated] = 0.0
+            shared = np.where(drive.shares, level[drive.actuated], 0.0)
+            level[drive.actuated] -= shared
         alone = np.flatnonzero(level > 0.0)
     elements = Elements(
         drive.rows,

@@ -113,7 +113,7 @@ def reduce_program(program: StepProgram) -> Reduced:
         1e-9 * diagonal,
         np.array(slopes),
         slopes,
-        _laws(elements, slopes[:m]),
+        row_laws(elements, slopes[:m]),
         unilateral.target.tolist(),
         unilateral.friction.tolist(),
         m,
@@ -126,11 +126,12 @@ def reduce_program(program: StepProgram) -> Reduced:
 def with_slope(reduced: Reduced, slope: FloatArray) -> Reduced:
     """Return the same step looked at along lines of another slope (r,)."""
     slopes = slope.tolist()
-    laws = _laws(reduced.program.elements, slopes[: reduced.elements])
+    laws = row_laws(reduced.program.elements, slopes[: reduced.elements])
     return replace(reduced, slope=slope, slopes=slopes, laws=laws)
 
 
-def _laws(elements: Elements, slopes: list[float]) -> list[tuple[float, ...]]:
+def row_laws(elements: Elements, slopes: list[float]) -> list[tuple[float, ...]]:
+    """Return `Reduced.laws` of some elements on lines of some slopes."""
     return list(
         zip(
             elements.up.tolist(),

@@ -22,7 +22,8 @@ class StepSolution:
         impulse: (r,) of every row, in the order of `StepProgram.rows`.
         speed: (r,) of every row.
         iterations: linear systems solved.
-        method: "newton", "proximal", "sweeps" or "qp", whichever found it.
+        method: "newton", "proximal", "sweeps" or "qp", whichever found it; "ranges" where
+            self-locking gears were held to every range of their laws.
         reduced: the program, as the solvers saw it.
     """
 

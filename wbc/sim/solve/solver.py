@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -13,9 +14,9 @@ from wbc.sim.solve.newton import newton
 from wbc.sim.solve.proximal import proximal
 from wbc.sim.solve.qp import qp_candidates
 from wbc.sim.solve.reduced import Reduced, reduce_program
+from wbc.sim.solve.self_locking import solve_in_ranges, undecided_rows
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.sweeps import sweep
-from wbc.sim.solve.uniqueness import check_uniqueness
 from wbc.sim.step.program import StepProgram
 
 TOLERANCE = 1e-10
@@ -25,13 +26,16 @@ _PROXIMAL_TRIES = 8
 """Quadratic programs whose solutions are worth proximal rounds, which cost as much as they do."""
 
 
-def solve_program(program: StepProgram, guess: FloatArray | None = None) -> StepSolution:
+def solve_program(
+    program: StepProgram, guess: FloatArray | None = None, names: Sequence[str] = ()
+) -> StepSolution:
     """Return the velocity and row impulses that satisfy every law of a step at once.
 
     Args:
         program: the step.
         guess: row impulses (r,) to start from, those of the previous step; their branches are
             usually the right ones already.
+        names: of the dissipative rows, for messages.
 
     Raises:
         SimulationError: no solution was found, or a self-locking gear leaves several.
@@ -41,14 +45,21 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     tolerance = TOLERANCE * (
         1.0 + max(map(abs, reduced.free.tolist() + reduced.targets), default=0)
     )
+    if any(law[4] < 0.0 for law in reduced.laws):
+        rows = undecided_rows(reduced)
+        if rows.size:
+            impulse, used = solve_in_ranges(reduced, rows, start, tolerance, names)
+            return _solution(reduced, impulse, used, "ranges")
     # With more rows than freedoms shortened steps crawl along directions that move nothing.
     shortened = 0 if len(reduced.free) > len(program.free_velocity) else 12
     impulse, used, done = newton(reduced, start, tolerance, shortened)
     method = "newton"
     if not done:
         impulse, used, method = _fall_back(reduced, start, tolerance, used)
-    if any(law[4] < 0.0 for law in reduced.laws):
-        check_uniqueness(reduced)
+    return _solution(reduced, impulse, used, method)
+
+
+def _solution(reduced: Reduced, impulse: FloatArray, used: int, method: str) -> StepSolution:
     return StepSolution(
         reduced.velocity(impulse), impulse, reduced.speeds(impulse), used, method, reduced
     )

@@ -169,15 +169,18 @@ def _solve(
     drive, velocity = setup.drive, state.velocity
     inertia = setup.space.data.M.copy()
     motor = MotorMotion.of(drive, state).speed
+    joints = setup.robot.transmission.joints
+    names = [joints[i] for i in np.flatnonzero(~drive.loose).tolist()]
     if coupling is None:
         elements = impact_elements(drive, motor, np.zeros(drive.size))
-        return solve_program(StepProgram(inertia, velocity, elements, unilateral))
+        return solve_program(StepProgram(inertia, velocity, elements, unilateral), None, names)
     last = velocity
     for _ in range(COUPLING_ROUNDS):
         change = last - velocity
         elements = impact_elements(drive, motor, -coupling.inertia @ change)
         back = np.linalg.solve(inertia, coupling.inertia.T @ (drive.rows @ change))
-        solution = solve_program(StepProgram(inertia, velocity - back, elements, unilateral))
+        program = StepProgram(inertia, velocity - back, elements, unilateral)
+        solution = solve_program(program, None, names)
         moved = np.abs(solution.velocity - last).max(initial=0.0)
         if moved <= COUPLING_TOLERANCE * (1.0 + np.abs(last).max(initial=0.0)):
             return solution

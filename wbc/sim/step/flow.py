@@ -302,4 +302,7 @@ def _solve(
     guess = setup.layout.recall(state.impulse, places)
     free = problem.velocity + change
     program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
-    return gears, places, solve_program(program, guess)
+    names = setup.robot.transmission.joints
+    if len(gears.engaged) < len(names):
+        names = tuple(names[i] for i in gears.engaged.tolist())
+    return gears, places, solve_program(program, guess, names)

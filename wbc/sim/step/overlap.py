@@ -58,21 +58,22 @@ def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
     space, barriers = setup.space, setup.barriers
     q = barriers.within_limits(position)
     stiff = np.zeros(space.model.nv)
-    gap = np.zeros(0)
+    gap = worst = np.zeros(0)
     for _ in range(_TRIES):
         pin.crba(space.model, space.data, q, pin.Convention.WORLD)
         clearance = barriers.clearance(q)
         gap = clearance.gap
         if gap.min(initial=0.0) >= -0.5 * TOUCH:
             return q
+        worst = gap if not worst.size else worst
         near = barriers.rows(gap < _NEAR, clearance, np.zeros(barriers.size))
         stiff[setup.robot.actuated] = _STIFF * space.data.M.diagonal().max()
         metric = space.data.M + np.diag(stiff)
         q = pin.integrate(space.model, q, shift_out(metric, near, gap[gap < _NEAR], _NEAR))
-    worst = int(np.argmin(gap))
+    place = int(np.argmin(worst))
     raise SimulationError(
-        f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[worst]} stays "
-        f"{-gap[worst]:.3g} m (rad) inside."
+        f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
+        f"{-worst[place]:.3g} m (rad) inside, and no motion of its free joints brings it out."
     )
 
 

@@ -9,9 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.sim.energy.audit import EnergyAudit
 from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.energy.kinetic_energy import mechanical_energy
+from wbc.sim.setup import Setup
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.state import SimState
+from wbc.sim.step.events import StepEvent, events_of
 from wbc.sim.step.flow import Flow
 from wbc.sim.step.impact import Impact
 
@@ -27,6 +31,8 @@ class StepResult:
             several steps are joined.
         parts: the smooth parts of the step; more than one where something landed in between.
         impacts: those that happened in the step.
+        start: the state it started from.
+        setup: the plant's.
     """
 
     state: SimState
@@ -34,6 +40,8 @@ class StepResult:
     command: FloatArray
     parts: tuple[Flow, ...]
     impacts: tuple[Impact, ...]
+    start: SimState
+    setup: Setup
 
     @property
     def contact_impulse(self) -> FloatArray:
@@ -66,6 +74,17 @@ class StepResult:
             total = total + EnergyFlow(impact_mesh=impact.mesh_loss, impact=impact.contact_loss)
         return total
 
+    @cached_property
+    def balance(self) -> EnergyAudit:
+        """Work in, energy stored, losses, and what they do not close by."""
+        stored = mechanical_energy(self.setup, self.state)
+        return EnergyAudit(self.energy, stored - mechanical_energy(self.setup, self.start))
+
+    @cached_property
+    def events(self) -> tuple[StepEvent, ...]:
+        """Energy that the step made, overlaps that are left; empty in a good step."""
+        return events_of(self.setup, self.parts, self.impacts, self.balance)
+
     @property
     def solutions(self) -> tuple[StepSolution, ...]:
         """Of the step programs, one per part of the step."""
@@ -81,6 +100,8 @@ class StepResult:
             command=_sum([result.duration / duration * result.command for result in results]),
             parts=tuple(part for result in results for part in result.parts),
             impacts=tuple(impact for result in results for impact in result.impacts),
+            start=results[0].start,
+            setup=results[0].setup,
         )
 
 
