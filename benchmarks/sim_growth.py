@@ -121,7 +121,7 @@ def growth() -> dict[str, float]:
     table = Table(title=f"cost of a step of {1e3 * DT:g} ms over the size of the robot")
     for head in ("", "gears", "contacts", "plant [us]", "MuJoCo [us]", "ratio", "x real time"):
         table.add_column(head, justify="left" if not head else "right")
-    found, console = {}, Console(width=110)
+    found, console = {}, Console(width=110, markup=False)
     for name, sizes in SERIES.items():
         rows, found[name], peer = series(name, sizes)
         for row in rows:
