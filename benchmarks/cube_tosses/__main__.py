@@ -120,7 +120,7 @@ def main() -> dict[str, dict[str, np.ndarray]]:
         table.add_row(*row(name, found[name], contact, f"{1e6 * spent / steps:.0f}"))
         if name == "wbc":
             table.add_row(*row("two starts", between_starts(held_out, parameters), "", ""))
-    Console(width=150).print(table)
+    Console(width=150, markup=False).print(table)
     versions = ", ".join(f"{name} {number}" for name, number in engines.items())
     print(f"{versions}, numpy {np.__version__}, Python {platform.python_version()}, {processor()}")
     if len(sys.argv) > 1:

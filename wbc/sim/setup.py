@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import pinocchio as pin
+from scipy.linalg import lapack
+
 from wbc.dynamics import Workspace
+from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.ground.barriers import Barriers
 from wbc.sim.ground.terrain import Terrain
 from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
+from wbc.sim.solve.reduced import NOT_POSITIVE
 from wbc.sim.state import EffectMemory
 from wbc.sim.step.flight import FreeBase, free_bases
 from wbc.sim.step.forces import first_memory
@@ -43,8 +48,15 @@ class Setup:
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
-    """Return the setup of `robot` on `terrain`."""
+    """Return the setup of `robot` on `terrain`.
+
+    Raises:
+        SimulationError: a robot with a body without mass that moves freely.
+    """
     space = Workspace(robot)
+    inertia = pin.crba(space.model, space.data, robot.neutral())
+    if lapack.dpotrf(inertia)[1] != 0:
+        raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
     barriers = Barriers(robot, terrain, space)
     drive = drivetrain(robot)
     layout = ImpulseLayout.of(drive.size, space.model.nv, barriers)

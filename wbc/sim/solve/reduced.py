@@ -13,9 +13,26 @@ from wbc.sim.laws.elements import Elements
 from wbc.sim.step.program import StepProgram
 
 NOT_POSITIVE = (
-    "the inertia matrix of the links is not positive definite (or not finite): some body without "
-    "mass moves freely. Give every moving body a mass."
+    "the inertia matrix of the links is not positive definite: some body without mass moves "
+    "freely. Give every moving body a mass."
 )
+
+
+def blown_up(inertia: FloatArray, velocity: FloatArray) -> SimulationError:
+    """Return the error for a step whose inertia was good once and is no longer.
+
+    Args:
+        inertia: H_l (n, n).
+        velocity: v (n,) before the step.
+    """
+    symmetric = np.triu(inertia) + np.triu(inertia, 1).T
+    with np.errstate(all="ignore"):
+        energy = 0.5 * float(velocity @ symmetric @ velocity)
+        fastest = float(np.abs(velocity).max(initial=0.0))
+    return SimulationError(
+        f"the state has blown up: {energy:.3g} J of kinetic energy, fastest coordinate "
+        f"{fastest:.3g} rad/s (m/s). Look at the events of the steps before, and at the torques."
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,6 +103,8 @@ def reduce_program(program: StepProgram) -> Reduced:
     m, k = elements.size, len(unilateral.normals)
     _, response, info = lapack.dposv(program.inertia, rows.T)
     if info != 0:
+        if not np.isfinite(program.inertia).all():
+            raise blown_up(program.inertia, program.free_velocity)
         raise SimulationError(NOT_POSITIVE)
     delassus = rows @ response
     free = rows @ program.free_velocity

@@ -95,7 +95,7 @@ def solve_in_ranges(
                 found.append(impulse)
     if len(found) == 1:
         return found[0], used
-    several = f"{len(found)} solutions" if found else "no solution"
+    several = f"{len(found)} solutions" if found else "no solution that could be found"
     raise SimulationError(
         f"the step has {several} with the self-locking gears {called}: they turn against rotors "
         "too light for what their gears lock. Give these gears more rotor inertia or a backward "

@@ -13,7 +13,7 @@ from wbc.sim.solve.branches import branches_at
 from wbc.sim.solve.newton import newton
 from wbc.sim.solve.proximal import proximal
 from wbc.sim.solve.qp import qp_candidates
-from wbc.sim.solve.reduced import Reduced, reduce_program
+from wbc.sim.solve.reduced import Reduced, blown_up, reduce_program
 from wbc.sim.solve.self_locking import solve_in_ranges, undecided_rows
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.sweeps import sweep
@@ -69,9 +69,7 @@ def _fall_back(
     reduced: Reduced, start: FloatArray, tolerance: float, used: int
 ) -> tuple[FloatArray, int, str]:
     if not np.isfinite(reduced.delassus).all() or not np.isfinite(reduced.free).all():
-        raise SimulationError(
-            "the step holds values that are no numbers: the state is not finite or has blown up."
-        )
+        raise blown_up(reduced.program.inertia, reduced.program.free_velocity)
     for origin in (start, np.zeros_like(start)):
         impulse, count, done = proximal(reduced, origin, tolerance)
         used += count

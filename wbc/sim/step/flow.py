@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 from typing import TypeAlias
 
 import numpy as np
@@ -31,7 +32,7 @@ from wbc.sim.laws.coupling import (
 from wbc.sim.laws.gear_rows import GearRows, gear_rows
 from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
-from wbc.sim.solve.reduced import NOT_POSITIVE
+from wbc.sim.solve.reduced import blown_up
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
@@ -127,6 +128,8 @@ def flow(
     motor = MotorMotion.of(setup.drive, state)
     problem = _Problem(setup, state, middle.velocity, motor, step, forces, force, held)
     gears, places, solution = _solve_released(problem, coupling)
+    if not isfinite(solution.velocity.sum()):
+        raise blown_up(setup.space.data.M, state.velocity)
     mesh, speed = gears.passed(solution)
     motor_after = motor.after(setup.drive, solution.velocity, speed, step)
     end = _arrive(setup, middle, solution, closed, held, step)
@@ -296,7 +299,7 @@ def _solve(
         driven = driven - on_rotors
     _, change, info = lapack.dposv(inertia, push)
     if info != 0:
-        raise SimulationError(NOT_POSITIVE)
+        raise blown_up(setup.space.data.M, state.velocity)
     gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, released)
     places = setup.layout.places(gears, problem.held)
     guess = setup.layout.recall(state.impulse, places)

@@ -12,6 +12,9 @@ from wbc.sim.laws.elements import Elements
 from wbc.sim.solve.solution import StepSolution
 
 
+_STOPPED = 1e-9
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Impact:
     """One impact.
@@ -78,7 +81,9 @@ def impact_mesh_loss(
     It is what the rotors and their coupling to the housings give and the links do not get: with
     the mesh impulse T and the coupling's C on the rotor, (M (w - w') + C - T) (w + w')/2 per gear.
     A gear that reverses has a bent path: its rotor gives all it has, of which (1 - eta_f) is lost,
-    then takes new energy E from the mesh, which costs (1/eta_b - 1) E.
+    then takes new energy E from the mesh, which costs (1/eta_b - 1) E. A self-locking gear that
+    stops carries any more impulse at rest, where it does no work: driving it has lost
+    (1 - eta_f) of the rotor's energy, driven it all of that and 1/|eta_b| times as much again.
 
     Args:
         drive: the gears.
@@ -92,4 +97,11 @@ def impact_mesh_loss(
     straight = given - taken + 0.5 * net * (before + after)
     eta_b = np.where(drive.backward[rigid] > 0.0, drive.backward[rigid], 1.0)
     bent = (1.0 - drive.forward[rigid]) * given + (1.0 / eta_b - 1.0) * taken
-    return float(np.where(before * after < 0.0, bent, straight).sum())
+    lost = np.where(before * after < 0.0, bent, straight)
+    locked = drive.backward[rigid] < 0.0
+    if locked.any():
+        driving = net * before < 0.0
+        again = 1.0 - 1.0 / np.where(locked, drive.backward[rigid], -1.0)
+        stopped = given * np.where(driving, 1.0 - drive.forward[rigid], again)
+        lost = np.where(locked & (np.abs(after) <= _STOPPED * np.abs(before)), stopped, lost)
+    return float(lost.sum())
