@@ -62,7 +62,7 @@ def add_to(commands: Any) -> None:
     add("--seed", type=int, default=0, help="of the samples (default 0)")
     add("--simulate", default="", metavar="NAME,...",
         help=f"also simulate: {', '.join(SIMULATIONS)}")  # fmt: skip
-    add("--contact", metavar="NAME", help="default: the first one")
+    add("--contact", metavar="NAME", help="or a frame; default: the first contact")
     add("--pose", metavar="NAME|J=V,...", help="a named pose or joint positions [rad, m]")
     add("--axes", default="xz", help="world axes (default xz)")
     add("--load", type=float, metavar="N", help="force to hold [N]; default: each one's weight")
