@@ -230,3 +230,21 @@ def test_parameters_check_themselves() -> None:
     assert SweepParameter("reduction", "", 2.0, 2.0, 1).grid.tolist() == [2.0]
     with pytest.raises((RobotError, TransmissionError)):
         Study("nowhere", (parse_sweep("reduction=1:2"),), "foot", POSE)
+
+
+@pytest.mark.parametrize(
+    ("robot", "extra"),
+    [
+        ("solo12", ["--sweep", "reduction=5:20:5", "--sweep", "length.FL_LOWER_LEG=0.1:0.2:3"]),
+        ("staubli_tx40", ["--sweep", "reduction=10:200:5", "--contact", "link_6"]),
+    ],
+)
+def test_a_quadruped_and_an_arm(
+    robot: str, extra: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arm = ["--pose", "joint_2=0.4,joint_3=1.2"] if robot == "staubli_tx40" else []
+    assert main(["design", robot, *extra, *arm, "--axes", "xyz", "--json", "f.json"]) == 0
+    table = read_designs("designs.parquet")
+    assert np.all(np.isfinite(table["backward_inertia"]))
+    assert np.all(np.diff(table["backward_inertia"].reshape(5, -1)[:, 0]) > 0.0)

@@ -62,7 +62,7 @@ def add_to(commands: Any) -> None:
     add("--seed", type=int, default=0, help="of the samples (default 0)")
     add("--simulate", default="", metavar="NAME,...",
         help=f"also simulate: {', '.join(SIMULATIONS)}")  # fmt: skip
-    add("--contact", metavar="NAME", help="default: the first one")
+    add("--contact", metavar="NAME", help="or a frame; default: the first contact")
     add("--pose", metavar="NAME|J=V,...", help="a named pose or joint positions [rad, m]")
     add("--axes", default="xz", help="world axes (default xz)")
     add("--load", type=float, metavar="N", help="force to hold [N]; default: each one's weight")
@@ -140,7 +140,7 @@ def _progress(console: Console) -> Iterator[Any]:
 
 
 def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:
-    varied = [parameter.column for parameter in study.parameters]
+    varied = [p.column for p in study.parameters if p.low < p.high]
     return list(dict.fromkeys([*varied, *(objective.column for objective in objectives)]))
 
 
@@ -155,8 +155,10 @@ def _print(
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
     title = f"Pareto front: {len(front)} of {study.size} designs ({aims})"
     columns = _columns(study, objectives)
-    heads = [name if units[name] == "1" else f"{name} [{units[name]}]" for name in columns]
-    shown = Table(*heads, title=title, box=None)
+    shown = Table(title=title, box=None)
+    for name in columns:
+        unit = "" if units[name] == "1" else f"\n[{units[name]}]"
+        shown.add_column(name.replace("_", " ") + unit, justify="right")
     chosen = front
     if len(front) > _SHOWN:
         chosen = front[np.linspace(0, len(front) - 1, _SHOWN).round().astype(np.int_)]

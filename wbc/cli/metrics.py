@@ -16,7 +16,7 @@ from wbc.cli.outputs import require_outputs
 from wbc.cli.sites import checked_axes, first_contact, pose_from
 from wbc.effects import load_robot
 from wbc.errors import ViewError
-from wbc.metrics import Metric, summary
+from wbc.metrics import Metric, summary, with_contact_at
 from wbc.robot import Robot
 
 
@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
         epilog="example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
     )
     parser.add_argument("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
-    parser.add_argument("--contact", metavar="NAME", help="default: the first one")
+    parser.add_argument("--contact", metavar="NAME", help="or a frame; default: the first contact")
     parser.add_argument(
         "--pose", metavar="NAME|J=V,...", help="a named pose or joint positions [rad, m]"
     )
@@ -53,6 +53,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         raise ViewError(f"--figures are drawn in two axes, not in '{options.axes}'.")
     robot = load_robot(options.robot)
     contact = options.contact or first_contact(robot)
+    robot = with_contact_at(robot, contact)
     position = pose_from(robot, options.pose)
     metrics = summary(robot, position, contact, checked_axes(options.axes), options.load)
     shown = table_console(options, console)

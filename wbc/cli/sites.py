@@ -16,16 +16,22 @@ def first_contact(robot: Robot) -> str:
         RobotError: a robot without contacts.
     """
     if not robot.contacts:
-        raise RobotError(f"'{robot.name}' has no contact; add [[contacts]] to its description.")
+        raise RobotError(
+            f"'{robot.name}' has no contact; add [[contacts]] to its description, or name a frame: "
+            f"--contact {robot.model.frames[-1].name}."
+        )
     return robot.contacts[0].name
 
 
 def pose_from(robot: Robot, text: str | None) -> FloatArray:
-    """Return the pose q (nq,) of `NAME`, of `JOINT=VALUE,...`, or the robot's usual one.
+    """Return the pose q (nq,) of `NAME`, of `JOINT=VALUE,...`, or the robot's usual one
+    (the neutral one of a robot without poses).
 
     Raises:
         RobotError: an unknown pose or joint, or text of another form.
     """
+    if text is None and not robot.poses:
+        return robot.neutral()
     if text is None or "=" not in text:
         return robot.pose(text)
     joints: dict[str, float] = {}

@@ -18,7 +18,7 @@ from wbc.design.simulated import SIMULATIONS, simulate_design
 from wbc.design.sweep_parameter import GEAR_PARAMETERS, SweepParameter
 from wbc.effects import load_robot
 from wbc.errors import DesignError, unknown_name
-from wbc.metrics import DesignMetrics, Designs, design_metrics
+from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
 from wbc.robot import Robot
 
 _UNITS = {
@@ -41,7 +41,7 @@ class Study:
     Attributes:
         robot: shipped robot's name or path of its description, loaded anew by every worker.
         parameters: what varies.
-        contact: name of the contact point.
+        contact: name of the contact point, or of a frame whose origin stands in for one.
         position: q of the pose that the designs share.
         axes: world axes; one-direction metrics go along `direction`.
         direction: along `axes`.
@@ -74,7 +74,7 @@ class Study:
                 raise DesignError(unknown_name("simulation", name, SIMULATIONS))
         if self.samples < 0:
             raise DesignError(f"samples must be >= 0, got {self.samples}.")
-        robot = loaded(self.robot)
+        robot = loaded(self.robot, self.contact)
         for parameter in self.parameters:
             _check_place(robot, parameter)
 
@@ -89,7 +89,7 @@ class Study:
         """Return what the results depend on: equal keys, equal tables."""
         return {
             **json.loads(json.dumps(asdict(self))),
-            "fingerprint": fingerprint(loaded(self.robot)),
+            "fingerprint": fingerprint(loaded(self.robot, self.contact)),
             "version": version("wbc"),
         }
 
@@ -117,7 +117,7 @@ class Study:
         Raises:
             DynamicsError, TransmissionError: a value outside its range.
         """
-        robot, values = loaded(self.robot), self.values(start, stop)
+        robot, values = loaded(self.robot, self.contact), self.values(start, stop)
         count, gears = stop - start, robot.transmission
         q = np.tile(np.array(self.position), (count, 1))
         given: dict[str, FloatArray] = {}
@@ -162,9 +162,9 @@ def describe_columns(study: Study) -> dict[str, str]:
 
 
 @lru_cache(maxsize=8)
-def loaded(robot: str) -> Robot:
-    """Return a robot, read once per process."""
-    return load_robot(robot)
+def loaded(robot: str, contact: str) -> Robot:
+    """Return a robot with a contact or frame called `contact`, read once per process."""
+    return with_contact_at(load_robot(robot), contact)
 
 
 def fingerprint(robot: Robot) -> str:

@@ -1,7 +1,7 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
 from wbc.metrics.batch import DesignMetrics, Designs, design_metrics, link_length
-from wbc.metrics.contact_task import ContactTask, contact_task
+from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
 from wbc.metrics.directional_inertia import (
     DirectionalInertia,
     directional_inertia,
@@ -49,4 +49,5 @@ __all__ = [
     "pose_sweep",
     "share_of_accelerations_forward",
     "summary",
+    "with_contact_at",
 ]

@@ -14,7 +14,20 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import drawing, new_figure
 
-MAPPED = ("lift", "hold", "backward_inertia", "impact_mitigation", "heat_saved", "holding_torque")
+MAPPED = (
+    "lift",
+    "hold",
+    "backward_inertia",
+    "impact_mitigation",
+    "heat_saved",
+    "holding_torque",
+    "drop_impulse",
+    "standing_heat",
+    "hop_height",
+    "landing_error",
+    "landing_error_high",
+    "landing_error_low",
+)
 _DECADE = 20.0  # largest over smallest value from which colours are spread by the logarithm
 _SPREAD = 1e-6  # relative; a column that varies less than that shows nothing
 
@@ -37,13 +50,12 @@ def design_map(
         table: columns (k,) of the study.
         varied: its parameters, the first two are drawn across and up.
         units: column -> unit.
-        columns: metrics to draw; `MAPPED` and what was simulated when left out. Those that are
+        columns: metrics to draw; those of `MAPPED` that there are when left out. Those that are
             constant or nowhere finite are left out.
         logarithmic: parameters to draw on a logarithmic axis.
         theme: page colours.
     """
-    simulated = list(table)[list(table).index("heat_saved") + 1 :] if "heat_saved" in table else []
-    wanted = columns or [*(name for name in MAPPED if name in table), *simulated]
+    wanted = columns or [name for name in MAPPED if name in table]
     shown = [name for name in wanted if _varies(table[name])] or list(wanted)[:1]
     wide = min(3, len(shown))
     rows = -(-len(shown) // wide)
