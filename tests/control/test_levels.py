@@ -78,7 +78,7 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     lower = FrameOrientationTask(name="trunk", frame=TRUNK["solo12"], level=1)
     alone = Controller(robot, upper, feet(robot))
     both = Controller(robot, [*upper, lower], feet(robot))
-    gave_up = Refusal((Status.FAILED, "the solver gave up."), None)
+    gave_up = Refusal((Status.FAILED, "the solver gave up."), None, None)
     solve = Level.solve
     second = both._programs.levels(None)[1]
     monkeypatch.setattr(Level, "solve", lambda s, *a: gave_up if s is second else solve(s, *a))

@@ -14,7 +14,15 @@ from wbc.control.efforts import (
 )
 from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
 from wbc.control.reference import Reference
-from wbc.control.safety.policies import Damped, Hold, RepeatLast, SafetyPolicy
+from wbc.control.safety.explain import explain
+from wbc.control.safety.policies import (
+    Damped,
+    Hold,
+    LetDown,
+    RepeatLast,
+    SafetyPolicy,
+    Situation,
+)
 from wbc.control.settings import ControllerSettings
 from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.state import State
@@ -52,6 +60,7 @@ __all__ = [
     "Hold",
     "JointLimit",
     "JouleHeatEffort",
+    "LetDown",
     "LinearMomentumTask",
     "MeshLossEffort",
     "MotorBraking",
@@ -65,10 +74,12 @@ __all__ = [
     "RotorTorqueEffort",
     "RotorTorqueLimit",
     "SafetyPolicy",
+    "Situation",
     "SpeedBlend",
     "State",
     "Status",
     "SurfaceContact",
     "Task",
     "WarmStart",
+    "explain",
 ]

@@ -66,5 +66,6 @@ class Outcome:
             solve_time=found.solve_time,
             tick_time=perf_counter() - start,
             rounds=found.rounds,
+            iterations=found.iterations,
             solution=found.solution,
         )

@@ -147,10 +147,14 @@ class ContactForceProgram:
             low, high = self.joint_limit.bounds(position, velocity, step, strength)
             self.rows.write_joints(low, high)
 
-    def assemble_tasks(self, tasks: TaskStack) -> bool:
-        """Write the tasks' rows and diagonal; return whether all that they want is finite."""
+    def assemble_tasks(self, tasks: TaskStack) -> float:
+        """Write the tasks' rows and diagonal; call after the constraints.
+
+        Returns:
+            the sum of the sizes of all that tasks and equalities want, not finite if one is not.
+        """
         return place_tasks(
-            *(tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull),
+            *(tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b),
             *(self.weights[0], self._stacked, self._right, self._softness),
             *(self.diagonal, self.pull),
         )
@@ -253,3 +257,7 @@ class ContactForceProgram:
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
         return "what the more important tasks have decided", "m/s^2"
+
+    def inequality_label(self, row: int) -> tuple[str, float, str]:
+        """Return what an inequality is called, the scale of a violation, and its unit."""
+        return self.rows.labels[row], *self.rows.scale_and_unit(row)

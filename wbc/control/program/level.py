@@ -14,7 +14,7 @@ from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level_lock import LevelLock
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
-from wbc.control.safety.inputs import Complaint, all_finite
+from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
 from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution
 from wbc.control.torque.direction_search import GUESSES, SMALL, DirectionSearch, Found
@@ -56,10 +56,11 @@ class Answer(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Why there is no usable solution; no complaint where a number of the program is not finite."""
+    """Why there is no usable solution; no complaint where the program's numbers are too large."""
 
     complaint: Complaint | None
     found: Found | None
+    level: Level
 
 
 class Level:
@@ -78,7 +79,7 @@ class Level:
         guess: DualActiveSet | None,
         law: GearLaw,
         stage: RotorTorqueStage,
-        time_step: float,
+        tolerance: float,
     ) -> None:
         """Take the parts.
 
@@ -90,19 +91,21 @@ class Level:
             guess: tried before the search; None where every tick goes to the solver.
             law: of the meshes.
             stage: finds the rotor torques.
-            time_step: time until the next tick [s].
+            tolerance: of the solvers.
         """
+        # beyond this a row's own rounding is more than the tolerance
+        self._greatest = float(tolerance / np.finfo(np.float64).eps)
         self._tasks, self._lock, self.program = tasks, lock, program
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
-        self._time_step = time_step
         self._output = np.zeros(0)
-        self._saturated = self._whole = self._finite = False
+        self._saturated = self._whole = self._solvable = False
 
     def assemble(
         self,
         motion: Motion,
         references: Mapping[str, Reference],
         contacts: Mapping[str, float] | None,
+        dt: float,
         decided: FloatArray | None,
     ) -> None:
         """Write what both ways of solving need.
@@ -111,14 +114,15 @@ class Level:
             motion: the state.
             references: of the tick.
             contacts: greatest normal force [N] of each active contact, or None.
+            dt: time until the next tick [s].
             decided: x (n,) of the level above.
         """
         program = self.program
-        program.assemble_constraints(motion.position, motion.velocity, self._time_step, contacts)
+        program.assemble_constraints(motion.position, motion.velocity, dt, contacts)
         program.assemble_forces(references)
-        self._finite = program.assemble_tasks(self._tasks)
         if self._lock is not None and decided is not None:
             self._lock.assemble(decided)
+        self._solvable = program.assemble_tasks(self._tasks) < self._greatest
 
     def solve(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         """Return the solution with the directions of its own torques, or why there is none.
@@ -128,8 +132,8 @@ class Level:
             first: T (m,) whose signs are the first guess, of the last tick or the level above.
         """
         self._whole = False
-        if not self._finite:
-            return Refusal(None, None)
+        if not self._solvable:
+            return Refusal(None, None, self)
         if self._guess is not None and not self._saturated:
             found = self._guessed(self._guess, gears, first)
             if found is not None:
@@ -142,11 +146,16 @@ class Level:
     def problem(self, gears: GearState | None) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of its solution."""
         if not self._whole and gears is not None:
-            self._assemble_whole()
-            slope = self._law.slopes(gears.sigma).at(self._output > 0.0)
-            self.program.assemble_torque_limits(slope, *gears.limits)
-            self.program.assemble_efforts(slope, gears.speed, gears.last_output)
+            return self.built(gears, self._output)
         return self.program.blocks.dense().copied()
+
+    def built(self, gears: GearState, output: FloatArray) -> QPProblem:
+        """Return the program as assembled, in the directions of some output torques T (m,)."""
+        self._assemble_whole()
+        program, slope = self.program, self._law.slopes(gears.sigma).at(output > 0.0)
+        program.assemble_torque_limits(slope, *gears.limits)
+        program.assemble_efforts(slope, gears.speed, gears.last_output)
+        return program.blocks.dense().copied()
 
     def _guessed(self, guess: DualActiveSet, gears: GearState, first: FloatArray) -> Found | None:
         """Return the solution if no torque limit binds, None where the guess fails."""
@@ -187,13 +196,12 @@ class Level:
         unpushed = np.zeros(self.program.rows.torque.stop)
         solution = solution._replace(z=np.concatenate([unpushed, solution.z]))
         self._output = output = self.program.output_torque(solution.x)
-        return Found(solution, output, rounds, spent, True, solution.x[: self.program.nv])
+        acceleration = solution.x[: self.program.nv]
+        return Found(solution, output, rounds, spent, True, acceleration, solution.iterations)
 
     def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         self._assemble_whole()
         program = self.program
-        if not all_finite(program.b):
-            return Refusal(None, None)
         found = self._search.solve(
             first > 0.0,
             self._law.slopes(gears.sigma),
@@ -204,7 +212,7 @@ class Level:
         self._output = found.output
         verdict = judged(found, program)
         if not verdict[0].usable:
-            return Refusal(verdict, found)
+            return Refusal(verdict, found, self)
         push = found.solution.z[program.rows.torque]
         self._saturated = bool((abs(push) > _BINDS).any())
         if self._guess is not None:

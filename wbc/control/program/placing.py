@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from wbc.arrays import FloatArray
 from wbc.compiled import (
-    Flag,
     Matrix,
     Number,
     OutDense,
@@ -14,20 +13,21 @@ from wbc.compiled import (
 )
 
 
-@compiled(Flag, Matrix, *[Vector] * 4, Number, OutDense, *[OutVector] * 4)
+@compiled(Number, Matrix, *[Vector] * 5, Number, OutDense, *[OutVector] * 4)
 def place_tasks(
     jacobian: FloatArray,
     wanted: FloatArray,
     weight: FloatArray,
     chosen: FloatArray,
     chosen_pull: FloatArray,
+    equalities: FloatArray,
     regularisation: float,
     rows: FloatArray,
     right: FloatArray,
     softness: FloatArray,
     diagonal: FloatArray,
     pull: FloatArray,
-) -> bool:
+) -> float:
     """Write task rows (k, nv) = `wanted` (k,), and the diagonal of the accelerations (nv,).
 
     Rows of no weight are written as nothing, 0 = 0.
@@ -35,12 +35,13 @@ def place_tasks(
     Args:
         jacobian, wanted, weight: of the tasks with rows.
         chosen, chosen_pull: weights (nv,) of the tasks that select joints, and weighted wanted.
+        equalities: what the equalities must be (e,).
         regularisation: of the accelerations, added to `chosen`.
         rows, right, softness: results (.., n), (..,), (..,).
         diagonal, pull: results (n,).
 
     Returns:
-        whether everything wanted is finite.
+        the sum of the sizes of everything wanted, and of the equalities.
     """
     nv = len(chosen)
     total = 0.0
@@ -58,4 +59,6 @@ def place_tasks(
         diagonal[j] = chosen[j] + regularisation
         pull[j] = chosen_pull[j]
         total += abs(pull[j])
-    return bool(total < 1e300)
+    for i in range(len(equalities)):
+        total += abs(equalities[i])
+    return total

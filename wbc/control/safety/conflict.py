@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.command import RowNames
 from wbc.control.solvers import QPProblem
 
 
@@ -31,12 +31,12 @@ class Conflict:
     def message(self) -> str:
         """The sentence for a command's message."""
         if self.residual <= 1e-4:
-            return "the solver stopped early although a feasible motion exists."
+            return "a motion that keeps all constraints exists; the solver did not find it."
         return f"{self.name} cannot be kept: {self.missing:.3g} {self.unit} missing."
 
     @classmethod
-    def of(cls, problem: QPProblem, program: ContactForceProgram) -> Conflict:
-        """Return the worst row of a problem whose rows are those of `program`.
+    def of(cls, problem: QPProblem, names: RowNames) -> Conflict:
+        """Return the worst row of a problem whose rows have these names.
 
         Solves a second program that is allowed to break constraints in the least-squares sense;
         this may take a hundred times as long as a tick.
@@ -58,7 +58,7 @@ class Conflict:
         in_balance = float(balance[worst_balance]) if balance.size else 0.0
         in_rows = float(beyond[worst_row]) if beyond.size else 0.0
         if in_balance >= in_rows:
-            name, unit = program.equality_label(worst_balance)
+            name, unit = names.equality_label(worst_balance)
             return cls(name, in_balance, in_balance, unit)
-        scale, unit = program.rows.scale_and_unit(worst_row)
-        return cls(program.rows.labels[worst_row], in_rows, scale * in_rows, unit)
+        name, scale, unit = names.inequality_label(worst_row)
+        return cls(name, in_rows, scale * in_rows, unit)

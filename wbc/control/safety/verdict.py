@@ -16,7 +16,12 @@ def judged(found: Found, program: ContactForceProgram) -> Complaint:
     solution = found.solution
     if solution.status is QPStatus.SOLVED:
         if all_finite(solution.x):
-            return Status.SOLVED, ""
+            if found.settled:
+                return Status.SOLVED, ""
+            return (
+                Status.INACCURATE,
+                "directions of power not settled; torques clipped.",
+            )
         return Status.FAILED, "the solver returned values that are not finite."
     if solution.status is QPStatus.INFEASIBLE:
         what = found.blocking or "a constraint"

@@ -79,14 +79,24 @@ def place_direction(
 
 @compiled(Number, Dense, Count, OutVector, OutVector)
 def project(basis: FloatArray, count: int, rest: FloatArray, along: FloatArray) -> float:
-    """Take `count` orthonormal rows out of `rest`, twice; return what is left of it, squared.
+    """Take `count` orthonormal rows out of `rest`; return what is left of it, squared.
 
+    A second time where less than half is left (twice is enough: Giraud & others, 2005).
     `along` (count,) gets the components taken out.
     """
     length = len(rest)
+    whole = 0.0
+    for j in range(length):
+        whole += rest[j] * rest[j]
     for i in range(count):
         along[i] = 0.0
-    for _ in range(2):
+    for again in range(2):
+        if again == 1:
+            total = 0.0
+            for j in range(length):
+                total += rest[j] * rest[j]
+            if total > 0.5 * whole:
+                return total
         for i in range(count):
             product = 0.0
             for j in range(length):
@@ -133,7 +143,7 @@ def drop(
 
 @compiled(
     types.UniTuple(Count, 2),
-    *(Dense, Vector, Vector, Vector, Number, OutPlaces, OutVector),
+    *(Dense, Vector, Vector, Vector, Number, OutPlaces, Vector, OutVector),
 )
 def most_violated(
     C: FloatArray,
@@ -142,25 +152,30 @@ def most_violated(
     upper: FloatArray,
     reach: float,
     taken: IntArray,
+    scales: FloatArray,
     values: FloatArray,
 ) -> tuple[int, int]:
-    """Return the row furthest beyond a bound and the side of it, +1 upper, -1 lower; -1 if none.
+    """Return the row furthest beyond a bound for its size, -1 if none, and which bound.
+
+    The bound is +1 for the upper, -1 for the lower one.
 
     Args:
         C, lower, upper: rows (r, n) and bounds (r,).
         x: (n,).
         reach: how far beyond its bound a row may be.
         taken: (r,) other than 0 for rows that are active.
+        scales: (r,) what violations are compared by.
         values: result C x (r,).
     """
     place_values(C, x, values)
-    best, side, worst = -1, 0, reach
+    best, side, worst = -1, 0, 0.0
     for i in range(len(values)):
         if taken[i] == 0:
-            if values[i] - upper[i] > worst:
-                best, side, worst = i, 1, values[i] - upper[i]
-            if lower[i] - values[i] > worst:
-                best, side, worst = i, -1, lower[i] - values[i]
+            above, below = values[i] - upper[i], lower[i] - values[i]
+            if above > reach and scales[i] * above > worst:
+                best, side, worst = i, 1, scales[i] * above
+            if below > reach and scales[i] * below > worst:
+                best, side, worst = i, -1, scales[i] * below
     return best, side
 
 
@@ -217,23 +232,34 @@ def climb(
         active: result (.., ), rows that bind.
         taken: result (r,), +1 upper bound, -1 lower bound, 0 does not bind.
         push: result (..,), how hard each active row pushes, >= 0.
-        basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (5, .. or r).
+        basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (10, n + size or r).
 
     Returns:
-        SOLVED, CONTRADICTION or UNFINISHED; how many rows bind; the row that failed or the steps.
+        SOLVED, CONTRADICTION or UNFINISHED; steps; the row that failed, -1 where none did.
     """
     n, room, count = len(x), len(push), 0
     along, fall, w, left = memory[0], memory[1], memory[2], memory[3]
     rest, z, row, values = memory[4], memory[5], memory[6], memory[7, : len(lower)]
     taken[:] = 0
+    roots = memory[8]
+    for j in range(n):
+        roots[j] = 1.0 / sqrt(inverse[j])
+    for i in range(size):
+        roots[n + i] = sqrt(softness[i])
+    scales = memory[9, : len(lower)]
+    for i in range(len(lower)):
+        length = 0.0
+        for j in range(n):
+            length += C[i, j] * C[i, j] * inverse[j]
+        scales[i] = 1.0 / sqrt(length) if length > 0.0 else 1.0
     steps, chosen, side, fresh = 0, -1, 0, True
     gap, own, free_size, whole = 0.0, 0.0, 0.0, 0.0
     while steps < most:
         steps += 1
         if fresh:
-            chosen, side = most_violated(C, x, lower, upper, tolerance, taken, values)
+            chosen, side = most_violated(C, x, lower, upper, tolerance, taken, scales, values)
             if chosen < 0:
-                return SOLVED, count, steps
+                return SOLVED, steps, -1
             whole = 0.0
             for j in range(n):
                 row[j] = side * C[chosen, j]
@@ -243,10 +269,10 @@ def climb(
             place_direction(G, softness, inverse, factor, size, row[:n], w, z[:n], left)
         own_size = 0.0
         for j in range(n):
-            rest[j] = z[j] / sqrt(inverse[j])
+            rest[j] = z[j] * roots[j]
             own_size += rest[j] * rest[j]
         for i in range(size):
-            rest[n + i] = w[i] * sqrt(softness[i])
+            rest[n + i] = w[i] * roots[n + i]
             own_size += rest[n + i] * rest[n + i]
         free_size = project(basis, count, rest[: n + size], along)
         free = free_size > _DECIDED * whole and free_size > _DEPENDENT * own_size
@@ -257,7 +283,7 @@ def climb(
             fall[i] = value / triangle[i, i]
         leaving = first_to_leave(push, fall, count)
         if leaving < 0 and not free:
-            return CONTRADICTION, count, chosen
+            return CONTRADICTION, steps, chosen
         share = gap / free_size if free else 0.0
         leaves = leaving >= 0 and (not free or push[leaving] / fall[leaving] < share)
         if leaves:
@@ -268,17 +294,18 @@ def climb(
         if free:
             gap -= share * free_size
             for j in range(n):
-                move = z[j]
-                for i in range(count):
-                    move -= fall[i] * moves[i, j]
-                x[j] -= share * move
+                x[j] -= share * z[j]
+            for i in range(count):
+                back = share * fall[i]
+                for j in range(n):
+                    x[j] += back * moves[i, j]
         if leaves:
             taken[active[leaving]] = 0
             drop(basis, triangle, moves, push, active, count, leaving)
             count -= 1
             continue
         if count == room:
-            return UNFINISHED, count, steps
+            return UNFINISHED, steps, -1
         scale = 1.0 / sqrt(free_size)
         for j in range(n + size):
             basis[count, j] = scale * rest[j]
@@ -290,4 +317,4 @@ def climb(
             moves[count, j] = z[j]
         push[count], active[count], taken[chosen], fresh = own, chosen, side, True
         count += 1
-    return UNFINISHED, count, steps
+    return UNFINISHED, steps, -1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isqrt
 from typing import final
 
 import numpy as np
@@ -29,8 +30,8 @@ class ProxQPSolver:
     feasible and stationary, but pushes against a bound that has moved away, is returned as the
     solution after no iteration at all. From far off it still calls programs infeasible that leave
     hardly any room, so that a failure is believed only of a start from nothing. Iterations are
-    bounded inside and outside, so that no tick can stall. The caller makes sure that every number
-    is finite and lower <= upper; ProxQP would not return otherwise.
+    bounded inside and outside; together they are at most `max_iterations` per start. The caller
+    makes sure that every number is finite and lower <= upper; ProxQP would not return otherwise.
     """
 
     def __init__(
@@ -48,8 +49,8 @@ class ProxQPSolver:
         settings.eps_duality_gap_abs = 10.0 * tolerance
         settings.eps_duality_gap_rel = tolerance
         settings.eps_primal_inf = 1e-14
-        settings.max_iter = max_iterations
-        settings.max_iter_in = max_iterations
+        settings.max_iter = max(isqrt(2 * max_iterations), 1)
+        settings.max_iter_in = max(max_iterations // settings.max_iter, 1)
         self._started = False
 
     def solve(self, problem: QPProblem) -> QPSolution:

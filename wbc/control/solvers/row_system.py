@@ -68,13 +68,15 @@ def meet_rows(
         system[i, i] += softness[i]
     if not factorise(system, size):
         return False
+    x[:] = free
     for _ in range(_SOLVES):
+        # x moves by corrections alone: summed anew from `force`, large terms that all but cancel
+        # would leave 1e-16 of the largest, which is a thousand times what the rows may miss
         substitute(system, size, left)
-        x[:] = free
         for i in range(size):
             force[i] += left[i]
             for j in range(n):
-                x[j] += scaled[i, j] * force[i]
+                x[j] += scaled[i, j] * left[i]
         total = 0.0
         for i in range(size):
             missing = right[i] - softness[i] * force[i]

@@ -25,13 +25,11 @@ class DirectionBranching:
 
     Attributes:
         solver: of the nodes.
-        last: the last solution of any node.
     """
 
     def __init__(self, program: ContactForceProgram, solver: Cascade) -> None:
         """Take the program and a solver with a second row for every gear."""
         self._program, self.solver = program, solver
-        self.last: QPSolution
 
     def solve(
         self,
@@ -69,7 +67,7 @@ class DirectionBranching:
                 node = heappop(nodes)[2]
             else:
                 return self._plain(incumbent, slopes, limits), True
-            solution = self.last = self.solver.solve(self._problem(node, slopes, limits))
+            solution = self.solver.solve(self._problem(node, slopes, limits))
             if solution.status is not QPStatus.SOLVED:
                 dive = self._resumed(nodes, incumbent, dive)
                 continue

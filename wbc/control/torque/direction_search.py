@@ -32,6 +32,9 @@ class Found(NamedTuple):
         solve_time: [s] in the solver.
         proven: whether no other choice of directions can cost less.
         acceleration: qdd (nv,).
+        iterations: of the solvers.
+        settled: whether the solution agrees with the directions it was computed with, as far as
+            limits depend on them.
         blocking: what could not be kept beside the other constraints, "" where that is unknown.
     """
 
@@ -41,7 +44,9 @@ class Found(NamedTuple):
     solve_time: float
     proven: bool
     acceleration: FloatArray
+    iterations: int = 0
     blocking: str = ""
+    settled: bool = True
 
 
 class DirectionSearch:
@@ -107,7 +112,7 @@ class DirectionSearch:
                 contested = self._contested(slopes, solution)
                 if not contested.size:
                     return self._found(solution, True, output)
-                return self._branch(slopes, limits, solution, contested, positive, None)
+                return self._branch(slopes, limits, solution, contested, positive, solution)
             positive = np.where(turned, ~positive, positive)
         solved = solution.status is QPStatus.SOLVED
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
@@ -126,7 +131,8 @@ class DirectionSearch:
         acceleration = solution.x[: self.program.nv].copy()
         plain, branching = self._plain, self._branching.solver
         rounds, spent = plain.count + branching.count, plain.spent + branching.spent
-        return Found(solution, output, rounds, spent, proven, acceleration, self._blocking())
+        steps = max(plain.iterations, branching.iterations)  # the latter goes on from the former
+        return Found(solution, output, rounds, spent, proven, acceleration, steps, self._blocking())
 
     def _blocking(self) -> str:
         """Return what could not be kept beside the other constraints."""
@@ -171,7 +177,7 @@ class DirectionSearch:
         incumbent: QPSolution | None,
         contested: IntArray,
         positive: BoolArray,
-        unsolved: QPSolution | None,
+        unsolved: QPSolution,
     ) -> Found:
         """Return the best solution over all directions, or the best within the rounds left."""
         self._branching.solver.start_tick(self._plain.iterations)
@@ -179,6 +185,6 @@ class DirectionSearch:
         found, proven = self._branching.solve(
             slopes, limits, incumbent, contested.tolist(), positive, left
         )
-        if found is None:
-            found = self._branching.last if unsolved is None else unsolved
-        return self._found(found, proven)
+        if found is not None:
+            return self._found(found, proven)
+        return self._found(unsolved, proven)._replace(settled=False)
