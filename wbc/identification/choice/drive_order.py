@@ -45,7 +45,7 @@ def placed_first(
     taken = {(effect.name, effect.where) for effect in model.effects}
     offers = []
     for kind in candidates:
-        if kind.drive is Effect.drive:
+        if "drive" not in kind.acts_by:
             continue
         for where in kind.places(robot):
             if (kind.name, where) in taken:
@@ -58,7 +58,7 @@ def placed_first(
 
 
 def _drives(effect: Effect) -> bool:
-    return type(effect).drive is not Effect.drive
+    return "drive" in effect.acts_by
 
 
 def _same_drive(one: Effect, other: Effect) -> bool:
