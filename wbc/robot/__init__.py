@@ -2,7 +2,7 @@
 
 from wbc.robot.contact import ContactPoint
 from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
-from wbc.robot.effect import Effect, Parameter
+from wbc.robot.effect import Effect, Hook, Parameter
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
@@ -13,6 +13,7 @@ __all__ = [
     "ContactPoint",
     "Effect",
     "Evidence",
+    "Hook",
     "Memory",
     "Motion",
     "Parameter",

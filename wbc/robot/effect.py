@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
@@ -17,6 +17,18 @@ from wbc.robot.screening import Evidence, Screen
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
     from wbc.robot.robot import Robot
+
+Hook = Literal[
+    "change",
+    "joint_torque",
+    "joint_friction",
+    "rotor_torque",
+    "drive",
+    "drive_inverse",
+    "measured",
+    "true",
+]
+"""The methods of an effect by which it acts on a robot."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +71,7 @@ class Effect(ABC):
         expected: log prior odds [nats], beside other effects, that a real machine has it where its
             model has not: robots come with models without friction, and friction is in all.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
+        acts_by: the hooks that its class overrides: what it may act on. Nobody writes it down.
     """
 
     where: str
@@ -70,6 +83,14 @@ class Effect(ABC):
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
     expected: ClassVar[float] = 0.0
     near_rest: ClassVar[bool] = False
+    acts_by: ClassVar[frozenset[Hook]] = frozenset()
+
+    def __init_subclass__(cls) -> None:
+        """Note which hooks the class overrides."""
+        super().__init_subclass__()
+        hooks: tuple[Hook, ...] = get_args(Hook)
+        own = (hook for hook in hooks if getattr(cls, hook) is not getattr(Effect, hook))
+        cls.acts_by = frozenset(own)
 
     def __post_init__(self) -> None:
         """Check every parameter against its bounds."""

@@ -39,7 +39,7 @@ def placed_first(h: Hypothesis, candidates: Sequence[type[Effect]], robot: Robot
         return []
     offers = []
     for kind in candidates:
-        if kind.drive is Effect.drive:
+        if "drive" not in kind.acts_by:
             continue
         for where in kind.places(robot):
             if (kind.name, where) in h.keys:
@@ -52,7 +52,7 @@ def placed_first(h: Hypothesis, candidates: Sequence[type[Effect]], robot: Robot
 
 
 def _drives(effect: Effect) -> bool:
-    return type(effect).drive is not Effect.drive
+    return "drive" in effect.acts_by
 
 
 def _same_drive(one: Effect, other: Effect) -> bool:

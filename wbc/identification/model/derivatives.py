@@ -144,7 +144,7 @@ def _derivative(
 
 def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> Robot:
     """Return the robot with effects of which number `k` is not as in `at`."""
-    if type(at.effects[k]).change is not Effect.change:
+    if "change" in at.effects[k].acts_by:
         return robot.with_effects(*changed)
     # Every number that effects change is as it was.
     return replace(at.robot, effects=(*robot.effects, *changed))
