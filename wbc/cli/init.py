@@ -55,12 +55,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
         name, robot = options.robot, load_robot(options.robot)
         start = guess_names(given[0], robot.single_joints)
     else:
-        start = guess_names(given[0], model_joints(model, options.base))
-        name = str(
-            write_robot(
-                folder / "robot.toml", model, options.base, start.driven, model.resolve().stem
-            )
-        )
+        joints = model_joints(model, options.base)
+        start = guess_names(given[0], joints)
+        driven = start.driven or joints
+        if not start.driven:
+            console.print("no column looks like a torque or current: every joint gets a gear")
+        title = model.resolve().stem
+        name = str(write_robot(folder / "robot.toml", model, options.base, driven, title))
         console.print(f"wrote {name}")
         robot = load_robot(name)
     guess = guess_map(robot, options.logs, start)

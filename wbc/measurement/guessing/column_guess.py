@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import LogError
+from wbc.measurement.checks.finding import Finding
 from wbc.measurement.columns.column_map import parse_column_map
 from wbc.measurement.columns.mend import merged
 from wbc.measurement.formats.open_table import open_table
@@ -105,10 +106,16 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
             logs = _read(paths, table, robot)
     for own in find_suspicions(logs, robot)[:1]:
         for finding in own:
-            if finding.mend and finding.probability >= LIKELY and finding.kind != "gear_ratio":
+            if finding.mend and finding.probability >= LIKELY and not _denied(finding, table):
                 table = merged(table, finding.mend)
                 reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
     return MapGuess(table, tuple(reasons), start.driven)
+
+
+def _denied(finding: Finding, table: Mapping[str, Any]) -> bool:
+    """Whether the names say what a finding doubts: angles in rad."""
+    entries = [table.get("columns", {}).get(name, {}) for name in finding.mend.get("columns", {})]
+    return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
 
 
 def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -> list[Log]:
