@@ -145,12 +145,16 @@ rotor_inertia = {{ value = 6.66667e-5, unit = "kg m^2", source = "same motor" }}
 
 
 def test_gear_ratios_of_another_robot_are_named(
-    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    right: Log,
+    excited_log: Callable[..., Log],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     model = Path(__file__).parents[2] / "robots" / "planar_leg" / "planar_leg.urdf"
     (tmp_path / "robot.toml").write_text(OTHER.format(model=model))
-    path = save_log(right, tmp_path / "run.csv")
-    assert main(["check", str(path), "--robot", str(tmp_path / "robot.toml")]) == 1
+    more = excited_log((CoulombFriction("hip", 0.4),), seed=1, duration=8.0)
+    paths = [str(save_log(log, tmp_path / f"run{k}.csv")) for k, log in enumerate((right, more))]
+    assert main(["check", *paths, "--robot", str(tmp_path / "robot.toml")]) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "the gear ratios of the robot are 2.2" in said
     assert "gear_ratio in robot.toml" in said

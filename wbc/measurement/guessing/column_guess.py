@@ -25,6 +25,8 @@ from wbc.measurement.suspicions.torques import LIKELY
 from wbc.robot import Robot
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
+_ROUNDS = 5  # of corrections, one upon another
+_OF_MOTION = ("time_unit", "velocity_unit", "velocity_sign", "gear_side", "degrees")
 _DRIVEN = ("rotor_torque", "motor_torque", "current")
 
 
@@ -97,18 +99,31 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         start: from the names.
     """
     table, reasons = dict(start.table), list(start.reasons)
-    logs = _read(paths, table, robot)
-    if any("by its place" in reason for reason in reasons) and len(start.driven) > 1:
-        moved = _matched(robot, logs[0], start.driven)
+    unsure = any("by its place" in reason for reason in reasons) and len(start.driven) > 1
+    for _ in range(_ROUNDS):
+        logs = _read(paths, table, robot)
+        doubts = [
+            finding
+            for finding in find_suspicions(logs, robot)[0]
+            if finding.mend and finding.probability >= LIKELY and not _denied(finding, table)
+        ]
+        # What contradicts itself within a log comes before what the torques say.
+        doubts = [f for f in doubts if f.kind in _OF_MOTION] or doubts
+        moved = (
+            {}
+            if not unsure or any(f.kind in _OF_MOTION for f in doubts)
+            else (_matched(robot, logs[0], start.driven))
+        )
         if moved:
             table = merged(table, {"columns": moved})
             reasons.append("the order of the joints was changed: so the torques follow the motion")
-            logs = _read(paths, table, robot)
-    for own in find_suspicions(logs, robot)[:1]:
-        for finding in own:
-            if finding.mend and finding.probability >= LIKELY and not _denied(finding, table):
+        elif doubts:
+            for finding in doubts:
                 table = merged(table, finding.mend)
                 reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
+        else:
+            break
+        unsure = unsure and not moved
     return MapGuess(table, tuple(reasons), start.driven)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from wbc.measurement.schema import split_column
+from wbc.measurement.columns.units import LOG_UNITS
+from wbc.measurement.schema import JOINT_QUANTITIES, split_column
 
 _UNITS = {
     "rad": "rad",
@@ -89,12 +90,20 @@ def guess_name(name: str) -> NameGuess:
     tokens = [t.lower() for t in re.findall(r"[A-Za-z]+|[0-9]+", spaced)]
     unit, left = _unit(tokens)
     quantity, rest = _quantity(left)
+    if quantity and unit and not _fits(quantity, unit):
+        unit = ""
+        quantity, rest = _quantity(tokens)
     if not quantity and unit in _OF_UNITS:
         quantity = _OF_UNITS[unit]
     if quantity and _TARGETS & set(rest):
         quantity = "target_position" if quantity == "position" else ""
     owner = "_".join(t for t in rest if t not in _FILL | _TARGETS)
     return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
+
+
+def _fits(quantity: str, unit: str) -> bool:
+    kinds = ("s",) if quantity == "time" else JOINT_QUANTITIES[quantity]
+    return LOG_UNITS[unit][0] in kinds
 
 
 def _unit(tokens: list[str]) -> tuple[str, list[str]]:

@@ -199,7 +199,7 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> Finding:
         _severity(mistake.probability),
         mistake.kind,
         mistake.columns[0] if mistake.columns else "",
-        f"{seen}{instead}",
+        f"{seen}{instead} {mistake.advice}".rstrip(),
         way,
         mistake.mend,
         mistake.probability,

@@ -25,7 +25,7 @@ CERTAIN = 0.99
 _LOST = 0.3  # share of a report's power left, from which its column may be another joint's
 _TIED = 3.0  # nats
 _PAIRS = 7  # driven joints up to which any two may be exchanged: a third of a second per log
-_OTHER_RATIO = float(np.log(0.01))  # as often as a sign of one column
+_OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
 _MOST = 3  # mistakes that are looked for one after another
 
@@ -44,6 +44,7 @@ class Mistake:
         then: ... and read so, over the joints that it concerns.
         others: what it cannot be told from.
         logs: numbers of the logs that have it.
+        advice: what else may be done about it.
     """
 
     kind: str
@@ -55,6 +56,7 @@ class Mistake:
     then: float
     others: tuple[str, ...]
     logs: tuple[int, ...]
+    advice: str = ""
 
 
 def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
@@ -199,6 +201,7 @@ def _likely(texts: list[str], score: FloatArray, judged: Mapping[int, _Table]) -
             after,
             others,
             tuple(judged),
+            reading.advice,
         )
     ]
 
@@ -228,4 +231,5 @@ def _joined(mistakes: Sequence[Mistake]) -> Mistake:
         float(np.mean([m.then for m in mistakes])),
         first.others,
         tuple(k for m in mistakes for k in m.logs),
+        first.advice,
     )
