@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +56,26 @@ class Log:
             columns[name] = checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
+
+    @classmethod
+    def from_frame(cls, frame: Any, source: LogSource | None = None) -> Log:
+        """Return the log of a table in memory: a pandas or polars frame, or any mapping of columns.
+
+        Args:
+            frame: columns by name; those that are no column of a log are passed over.
+            source: where it came from, if that is known.
+
+        Raises:
+            LogError: no column `time`, or columns that make no log (see `Log`).
+        """
+        names = [str(name) for name in (frame.keys() if hasattr(frame, "keys") else frame.columns)]
+        if TIME not in names:
+            raise LogError("log in memory: " + unknown_name("column", TIME, names))
+        known = [name for name in names if name != TIME and is_column(name)]
+        ignored = tuple(name for name in names if name != TIME and name not in known)
+        columns = {name: np.asarray(frame[name]) for name in known}
+        own = LogSource(ignored=ignored) if source is None else source
+        return cls(np.asarray(frame[TIME]), columns, own)
 
     def __len__(self) -> int:
         """N, the number of rows."""

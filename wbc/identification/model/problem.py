@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.identification.arguments import require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases
 from wbc.identification.model.fit import Fit, refine
 from wbc.identification.model.friction_sides import best_sides
@@ -61,6 +62,7 @@ class Problem:
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> Problem:
         """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors."""
+        require_robot_and_logs(robot, logs)
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         prepared = prepare(robot, pieces, reversal)

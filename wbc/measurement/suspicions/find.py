@@ -185,10 +185,13 @@ def _of_group(group: Sequence[MotionMistake]) -> Finding:
 def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> Finding:
     others = [text for text in mistake.others if text]
     instead = f" It may as well be that {' or '.join(others)}." if others else ""
-    seen = (
-        f"{mistake.text}? So read, the robot explains {100.0 * mistake.then:.0f} % of the power of "
-        f"the reported torque, and {100.0 * mistake.explained:.0f} % as it stands."
-    )
+    if mistake.scale != 1.0:
+        seen = f"The reported torque is {mistake.scale:.3g} times what the motion needs."
+    else:
+        then, now = 100.0 * mistake.then, 100.0 * mistake.explained
+        seen = f"So read, the robot explains {then:.0f} % of the power of the reported torque, and "
+        seen += f"{now:.0f} % as it stands."
+    seen = f"{mistake.text}? {seen}"
     way = "If so, " + say_so(mistake.mend)
     if mistake.kind == "gear_ratio":
         seen = f"{mistake.text}?"
@@ -199,7 +202,7 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> Finding:
         _severity(mistake.probability),
         mistake.kind,
         mistake.columns[0] if mistake.columns else "",
-        f"{seen}{instead}",
+        f"{seen}{instead} {mistake.advice}".rstrip(),
         way,
         mistake.mend,
         mistake.probability,

@@ -41,6 +41,7 @@ class Reading:
         torque_factor: (m,) ... times this, in the unit of the column.
         mend: what a column map says about it.
         columns: the columns that are wrong.
+        advice: what else may be done about it.
     """
 
     kind: str
@@ -52,6 +53,7 @@ class Reading:
     torque_factor: FloatArray
     mend: Mend
     columns: tuple[str, ...] = ()
+    advice: str = ""
 
     def torque(self, rows: Rows) -> FloatArray:
         """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
@@ -167,12 +169,13 @@ def _sides(rows: Rows, as_is: Reading) -> Iterator[Reading]:
             factors = np.abs(ratio[k]) ** power if key == "scale" else ratio[k] ** power
             other = "motor_torque" if quantity == "rotor_torque" else "rotor_torque"
             renamed = [f"{name.removesuffix(quantity)}{other}" for name in chosen]
-            say = "" if key == "scale" else f" (call {_it(chosen)} {listed(renamed)})"
+            advice = "" if key == "scale" else f"Call {_it(chosen)} {listed(renamed)}."
             side = "motor" if quantity == "rotor_torque" else "rotor"
             yield replace(
                 as_is,
                 kind="gear_side",
-                text=cause.format(listed(chosen)) + say,
+                text=cause.format(listed(chosen)),
+                advice=advice,
                 prior=prior,
                 torque_factor=_put(as_is.torque_factor, k, factors),
                 **_with(

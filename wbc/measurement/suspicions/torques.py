@@ -23,9 +23,9 @@ LIKELY = 0.5
 CERTAIN = 0.99
 """Probability from which a mistake stops a diagnosis."""
 _LOST = 0.3  # share of a report's power left, from which its column may be another joint's
-_TIED = 3.0  # nats
+_TIED = 2.0  # nats: odds of seven to one
 _PAIRS = 7  # driven joints up to which any two may be exchanged: a third of a second per log
-_OTHER_RATIO = float(np.log(0.01))  # as often as a sign of one column
+_OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
 _MOST = 3  # mistakes that are looked for one after another
 
@@ -44,6 +44,9 @@ class Mistake:
         then: ... and read so, over the joints that it concerns.
         others: what it cannot be told from.
         logs: numbers of the logs that have it.
+        advice: what else may be done about it.
+        scale: reported torque over what the motion needs, as it stands; 1 where only signs or
+            places change.
     """
 
     kind: str
@@ -55,6 +58,8 @@ class Mistake:
     then: float
     others: tuple[str, ...]
     logs: tuple[int, ...]
+    advice: str = ""
+    scale: float = 1.0
 
 
 def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
@@ -199,8 +204,20 @@ def _likely(texts: list[str], score: FloatArray, judged: Mapping[int, _Table]) -
             after,
             others,
             tuple(judged),
+            reading.advice,
+            _scale(table[texts[best]]),
         )
     ]
+
+
+def _scale(judged: _Judged) -> float:
+    """Return how many times too large the torques are that a reading scales, 1 for none."""
+    factor = judged.reading.torque_factor
+    changed = [k for k in range(factor.size) if abs(factor[k]) != 1.0]
+    if not changed:
+        return 1.0
+    gains = [np.log(judged.reports[k].gain / abs(factor[k])) for k in changed]
+    return float(np.exp(np.mean(gains)))
 
 
 def _explained(text: str, judged: Mapping[int, _Table]) -> tuple[float, float]:
@@ -228,4 +245,6 @@ def _joined(mistakes: Sequence[Mistake]) -> Mistake:
         float(np.mean([m.then for m in mistakes])),
         first.others,
         tuple(k for m in mistakes for k in m.logs),
+        first.advice,
+        first.scale,
     )
