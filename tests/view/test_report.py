@@ -23,6 +23,7 @@ from wbc.identification import (
     Support,
     diagnose,
 )
+from wbc.identification.answer.sentence import what_to_do
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report
@@ -98,16 +99,24 @@ def page(
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert verdict_sentence(diagnosis) == (
-        "Viscous friction at knee would take the held-out error from 40.0 to 1.02 noise floors, "
-        "but these logs cannot tell viscous friction from coulomb friction."
+        "Viscous friction at knee would explain these logs: 100 % of the squared error is "
+        "explained, 4 -> 0.1 N m at knee. But these logs cannot tell viscous friction from "
+        "coulomb friction."
     )
     named = replace(diagnosis, verdict="named")
     assert verdict_sentence(named).startswith("Viscous friction at knee is what was missing")
+    assert "--robot fitted.toml" in what_to_do(named)
     none = replace(diagnosis, verdict="none", findings=())
     assert verdict_sentence(none).startswith("Nothing is missing")
+    partial = replace(diagnosis, verdict="partial")
+    assert verdict_sentence(partial).startswith("Viscous friction at knee is missing, that is cer")
+    assert diagnosis.next_experiment in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
-    assert "of 40.0 noise floors 1.02 remain with viscous friction" in verdict_sentence(unknown)
+    assert "no known effect explains" in verdict_sentence(unknown)
     assert "disagree" in verdict_sentence(replace(diagnosis, verdict="not_repeatable"))
+    said = str(diagnosis)
+    assert "viscous_friction at knee, or coulomb_friction" in said
+    assert "knee: 4 -> 0.1 N m" in said
 
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:

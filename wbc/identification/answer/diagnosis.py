@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from wbc.identification.answer.ranking import Ranked
+from wbc.identification.answer.sentence import verdict_sentence, what_to_do
 from wbc.identification.choice.certainty import Support
 from wbc.robot import Effect, Robot
 
@@ -142,6 +143,26 @@ class Diagnosis:
     robot: Robot
     warnings: tuple[str, ...] = ()
     ranking: tuple[Ranked, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
+        lines = [f"{self.verdict}: {verdict_sentence(self)}"]
+        for finding in self.findings:
+            numbers = ", ".join(
+                f"{name} {e.value:.4g} ({e.low:.4g} to {e.high:.4g}) {e.unit}".removesuffix(" 1")
+                for name, e in finding.parameters.items()
+            )
+            rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
+            lines.append(
+                f"  {finding.effect.name} at {finding.effect.where}{rivals}: {numbers}; "
+                f"probability {finding.probability:.2f}"
+            )
+        lines += [
+            f"  {o.output}: {o.before:.3g} -> {o.after:.3g} {o.unit} "
+            f"(attainable {o.attainable:.3g}, sensors {o.sensors:.3g})"
+            for o in self.outputs
+        ]
+        return "\n".join([*lines, f"do this now: {what_to_do(self)}", *self.warnings])
 
     @property
     def effects(self) -> tuple[Effect, ...]:

@@ -10,14 +10,13 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.answer.diagnosis import Finding, Verdict
 from wbc.identification.answer.remainder import Remainder
+from wbc.identification.answer.sentence import CERTAIN
 from wbc.identification.choice.certainty import Support
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.noise_floor import NoiseFloor
 from wbc.robot import Effect
 
-CERTAIN = 0.95
-"""Probability from which on a cause is certain."""
 _SUBSTANTIAL = 0.5  # share of the mean square error of one output that is no small part
 _ASKED = 2  # experiments for what is left, the worst output first
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, Ranked
+from wbc.identification.answer.sentence import spoken, verdict_sentence
 from wbc.measurement import LogQuality
 from wbc.view.report.numbers import plain, with_interval
-from wbc.view.report.sentence import spoken, verdict_sentence
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
