@@ -11,6 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.robot import Effect
 
+_IMPOSSIBLE = 6.9  # [nats], one in a thousand
+
 Key = tuple[str, str]
 """Name and place of a cause."""
 
@@ -41,6 +43,15 @@ class Hypothesis:
     def prior(self) -> float:
         """Log prior [nats]."""
         return -self.asked - sum(self.implausible)
+
+    @property
+    def believable(self) -> bool:
+        """Whether no cause is less likely than one in a thousand before the logs speak.
+
+        Where much is left that no hypothesis explains, logs speak for any number that takes up a
+        part of it, however impossible, and such causes hide others.
+        """
+        return max(self.implausible, default=0.0) < _IMPOSSIBLE
 
     @property
     def outputs(self) -> FloatArray:
