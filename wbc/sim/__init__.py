@@ -1,5 +1,12 @@
 """The plant: convex time steps with gears, ground contact and impacts; recordings are logs."""
 
+from wbc.sim.closed_loop import (
+    ClosedLoop,
+    LoopTick,
+    SensorNoise,
+    TorqueLag,
+    with_wrong_efficiencies,
+)
 from wbc.sim.energy.audit import EnergyAudit
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.ground.box import Box
@@ -25,17 +32,20 @@ from wbc.sim.step.step_result import StepResult
 
 __all__ = [
     "Box",
+    "ClosedLoop",
     "Elements",
     "EnergyAudit",
     "EnergyFlow",
     "HeightField",
     "Impact",
+    "LoopTick",
     "Plane",
     "Plant",
     "Recorder",
     "Residuals",
     "Sensor",
     "SensorModel",
+    "SensorNoise",
     "SimState",
     "Simulation",
     "Sphere",
@@ -46,7 +56,9 @@ __all__ = [
     "StepSolution",
     "Terrain",
     "Together",
+    "TorqueLag",
     "Unilateral",
     "simulate",
     "solve_program",
+    "with_wrong_efficiencies",
 ]
