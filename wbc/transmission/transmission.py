@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import TransmissionError, unknown_name
+from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
 
 _POSITIVE_INFINITY_ALLOWED = ("torque_limit", "speed_limit", "stiffness")
@@ -184,6 +185,12 @@ class Transmission:
         values = np.array(getattr(self, name))
         values[self.index(joint)] = value
         return self.replace(**{name: values})
+
+    def flanks(self, joint: str) -> Flanks:
+        """Return the law of one gear that winds up or has play."""
+        k = self.index(joint)
+        numbers = self.stiffness[k], self.damping[k], self.backlash[k]
+        return Flanks(*map(float, numbers))
 
     def lossless(self) -> Transmission:
         """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""

@@ -11,7 +11,6 @@ from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.laws.elements import Elements
 from wbc.sim.solve.solution import StepSolution
 
-
 _STOPPED = 1e-9
 
 
