@@ -9,17 +9,16 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import check, compare, completion, design, diagnose, listing, metrics, play
+from wbc.cli import check, compare, completion, design, diagnose, experiment, listing, metrics, play
 from wbc.errors import WbcError
 
-_COMMANDS = (compare, diagnose, check, play, metrics, design, listing)
+_COMMANDS = (compare, diagnose, check, play, metrics, design, experiment, listing)
 
 _EPILOG = """\
 examples:
   wbc compare run*.csv --robot planar_leg_fixed
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
   wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
-  wbc metrics planar_leg --figures out
   wbc design planar_leg --sweep reduction=6:160 --figures out
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
@@ -33,7 +32,10 @@ def build_parser() -> argparse.ArgumentParser:
         prog="wbc",
         description="Compare a robot model with logs, learn which physics is missing, see it.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        # Wide enough for the longest command: its help stays on its line.
+        formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(
+            prog, max_help_position=16
+        ),
     )
     parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
