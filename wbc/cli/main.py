@@ -16,7 +16,6 @@ _COMMANDS = (compare, diagnose, check, play, metrics, design, experiment, listin
 
 _EPILOG = """\
 examples:
-  wbc compare run*.csv --robot planar_leg_fixed
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
   wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
   wbc design planar_leg --sweep reduction=6:160 --figures out
@@ -32,10 +31,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="wbc",
         description="Compare a robot model with logs, learn which physics is missing, see it.",
         epilog=_EPILOG,
-        # Wide enough for the longest command: its help stays on its line.
-        formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(
-            prog, max_help_position=16
-        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
