@@ -1,5 +1,6 @@
 """Reduction, topology, efficiencies and the mesh law."""
 
+from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import (
     Direction,
     direction,
@@ -16,6 +17,7 @@ from wbc.transmission.wedge import WedgeBlock
 __all__ = [
     "CompoundPlanetaryGear",
     "Direction",
+    "Flanks",
     "Transmission",
     "WedgeBlock",
     "direction",

@@ -45,7 +45,8 @@ def parse_rival(text: str, robot: Robot) -> Effect:
             raise DesignError(f"--between '{text}': '{item}' is not PARAMETER=VALUE.") from cause
     effect = kind.at(where, values)
     effect.check_place(robot)
-    soft = effect.spring() is not None or kind.deflection is not Effect.deflection
+    gears = effect.change(robot).transmission
+    soft = bool(np.isfinite(gears.stiffness).any() or np.any(gears.backlash > 0.0))
     if soft or effect.first_memory(robot) is not None or kind.measured is not Effect.measured:
         raise DesignError(
             f"'{name}' acts through a memory, a soft gear or the encoders; only effects whose "
