@@ -75,7 +75,7 @@ class Proposer(Judge):
         Those whose screened error is clearly above both the best one and `enough`, or above `most`,
         are left out. With `near` the screen's columns are those of a robot close by.
         """
-        if not self.candidates:
+        if not self.candidates or model.fit.failed:
             return []
         excess, first = model.error - 1.0, self.model(()).error - 1.0
         much = excess > SYSTEMATIC_SIMULATED**2 * first
@@ -117,7 +117,7 @@ class Proposer(Judge):
             most: screened error above which a pair is left out.
         """
         offered = [c for c in self.candidates if not deflects(c)]
-        if not offered:
+        if not offered or model.fit.failed:
             return []
         search, _ = self._screened(model, offered)
         offers: dict[tuple[tuple[str, str], ...], tuple[Effect, ...]] = {}
