@@ -68,6 +68,8 @@ class Effect(ABC):
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
+        expected: log prior odds [nats], beside other effects, that a real machine has it where its
+            model has not: robots come with models without friction, and friction is in all.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
         acts_by: the hooks that its class overrides: what it may act on. Nobody writes it down.
     """
@@ -79,6 +81,7 @@ class Effect(ABC):
     explanation: ClassVar[str]
     experiment: ClassVar[str]
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    expected: ClassVar[float] = 0.0
     near_rest: ClassVar[bool] = False
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
 
@@ -158,6 +161,11 @@ class Effect(ABC):
     def freedom(self) -> int:
         """How many numbers had to be chosen to describe it; fewer are believed more easily."""
         return len(self.parameters)
+
+    @property
+    def implausibility(self) -> float:
+        """What its numbers cost that no machine is likely to have [nats]."""
+        return 0.0
 
     @property
     def values(self) -> dict[str, float]:

@@ -10,10 +10,12 @@ from wbc.transmission.mesh import (
     mesh_output,
     wedge_backward_efficiency,
 )
+from wbc.transmission.planetary import CompoundPlanetaryGear
 from wbc.transmission.transmission import Transmission
 from wbc.transmission.wedge import WedgeBlock
 
 __all__ = [
+    "CompoundPlanetaryGear",
     "Direction",
     "Flanks",
     "Transmission",

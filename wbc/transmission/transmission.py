@@ -30,8 +30,8 @@ class Transmission:
         topology: D (m, m), identity for serial drives.
         rotor_inertia: I_r (m,) [kg m^2], before the reduction.
         forward_efficiency: eta_f (m,), in (0, 1].
-        backward_efficiency: eta_b (m,), eta_f eta_b <= 1; zero or less is self-locking. When left
-            out it follows from the wedge: 2 - 1/eta_f.
+        backward_efficiency: eta_b (m,), at most 1; zero or less is self-locking. When left out it
+            follows from the wedge: 2 - 1/eta_f.
         rotor_coulomb_friction: (m,) [N m] on the rotor, inside the mesh law.
         rotor_viscous_friction: (m,) [N m s/rad] on the rotor.
         torque_limit: (m,) [N m] on the rotor.
@@ -85,8 +85,8 @@ class Transmission:
         _require(
             self,
             "backward_efficiency",
-            self.forward_efficiency * self.backward_efficiency <= 1.0 + 1e-12,
-            "at most 1/forward_efficiency (the two together must not create power)",
+            self.backward_efficiency <= 1.0,
+            "at most 1 (above it a gear that its joint drives would create power)",
         )
         defaults: dict[str, ArrayLike] = {
             "gear_ratio": self.gear_ratio,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from wbc.robot import Effect, Evidence, Robot, Screen
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
+_Offer = tuple[type[Effect], str, Screen]
 _Units = tuple[tuple[tuple[str, float], ...], ...]
 ShelfKey = tuple[type[Effect], str, _Units, tuple[tuple[str, str], ...]]
 Shelf = dict[ShelfKey, FloatArray]
@@ -77,6 +79,7 @@ def make_atoms(
     candidates: Sequence[type[Effect]],
     known: Evidence,
     shelf: Shelf | None = None,
+    failures: Counter[str] | None = None,
 ) -> list[Atom]:
     """Return every candidate at every place in every shape, with its columns.
 
@@ -86,16 +89,16 @@ def make_atoms(
         candidates: effect classes.
         known: evidence for shapes that depend on the data.
         shelf: columns made of this robot before; new ones are put there.
+        failures: errors inside effects, which then offer nothing, are counted there.
     """
     shelf = {} if shelf is None else shelf
-    offers = [
-        (effect, where, screen)
-        for effect in candidates
-        for where in effect.places(robot)
-        for screen in screens(effect, robot, where, known, records)
-    ]
+    offers = [o for effect in candidates for o in _offers(robot, records, effect, known, failures)]
     new = [o for o in offers if _key(*o) not in shelf and _changed(robot, *o) is not None]
-    parts = [_columns(robot, record, new) for record in records]
+    try:
+        parts = [_columns(robot, record, new) for record in records]
+    except Exception:  # an effect that fails takes no other with it
+        new = [o for o in new if _works(robot, records, o, failures)]
+        parts = [_columns(robot, record, new) for record in records]
     for offer, *columns in zip(new, *parts, strict=True):
         shelf[_key(*offer)] = np.concatenate(columns)
     atoms = []
@@ -108,6 +111,41 @@ def make_atoms(
         if used.any():
             atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
     return atoms
+
+
+def _offers(
+    robot: Robot,
+    records: Sequence[Record],
+    effect: type[Effect],
+    known: Evidence,
+    failures: Counter[str] | None,
+) -> list[_Offer]:
+    try:
+        return [
+            (effect, where, screen)
+            for where in effect.places(robot)
+            for screen in screens(effect, robot, where, known, records)
+        ]
+    except Exception as error:  # whatever one effect does, the others are still offered
+        _count(failures, effect, error)
+        return []
+
+
+def _works(
+    robot: Robot, records: Sequence[Record], offer: _Offer, failures: Counter[str] | None
+) -> bool:
+    try:
+        for record in records:
+            _columns(robot, record, [offer])
+    except Exception as error:
+        _count(failures, offer[0], error)
+        return False
+    return True
+
+
+def _count(failures: Counter[str] | None, effect: type[Effect], error: Exception) -> None:
+    if failures is not None:
+        failures[f"{effect.name}: {type(error).__name__}: {error}"] += 1
 
 
 def _key(effect: type[Effect], where: str, screen: Screen) -> ShelfKey:
