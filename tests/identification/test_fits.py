@@ -51,9 +51,6 @@ def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
         assert "'hip'" in fit.failed
         assert fit.error == np.inf
         assert np.all(np.isinf(problem.held_out(fit)))
-        known = problem.held_out(problem.fit(()))
-        assert not problem.significant(known, problem.held_out(fit))
-        assert problem.significant(problem.held_out(fit), known)
     assert not problem.fit([JointCompliance("hip", 5000.0, 10.0)]).failed
 
 

@@ -69,7 +69,7 @@ class Proposer:
             enough: error [floors^2] up to which an offer counts as good; else the best one's.
             near: a robot close to the hypothesis', whose columns serve for its own.
         """
-        if not self.candidates or model.fit.failed:
+        if not self.candidates:
             return []
         search, atoms = self._screened(h, self.candidates, exclude, near)
         start = Subset((), search.error(()))
@@ -105,7 +105,7 @@ class Proposer:
         They may hide one another: damping makes a delay look negative, neither is possible alone.
         """
         offered = [c for c in self.candidates if not deflects(c)]
-        if not offered or model.fit.failed:
+        if not offered:
             return []
         search, _ = self._screened(h, offered)
         offers: dict[tuple[Key, ...], Offer] = {}
