@@ -11,6 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.robot import Effect
 
+_IMPOSSIBLE = 6.9  # [nats], one in a thousand
+
 Key = tuple[str, str]
 """Name and place of a cause."""
 
@@ -26,7 +28,7 @@ class Hypothesis:
         samples: (outputs,) independent samples per row of what this hypothesis leaves.
         rows: (F,) rows of each fold.
         asked: what its names, places and numbers cost [nats].
-        implausible: what numbers cost that no machine is likely to have [nats].
+        implausible: what each effect's numbers cost that no machine is likely to have [nats].
     """
 
     effects: tuple[Effect, ...]
@@ -35,12 +37,21 @@ class Hypothesis:
     samples: FloatArray
     rows: FloatArray
     asked: float
-    implausible: float
+    implausible: tuple[float, ...]
 
     @property
     def prior(self) -> float:
         """Log prior [nats]."""
-        return -self.asked - self.implausible
+        return -self.asked - sum(self.implausible)
+
+    @property
+    def believable(self) -> bool:
+        """Whether no cause is less likely than one in a thousand before the logs speak.
+
+        Where much is left that no hypothesis explains, logs speak for any number that takes up a
+        part of it, however impossible, and such causes hide others.
+        """
+        return max(self.implausible, default=0.0) < _IMPOSSIBLE
 
     @property
     def outputs(self) -> FloatArray:

@@ -65,8 +65,8 @@ class Odds:
 
 
 def odds_of(trials: Trials, known: Sequence[Hypothesis] | None = None) -> Odds:
-    """Return the odds of everything that was tried on one problem."""
-    tried = list(trials.known if known is None else known)
+    """Return the odds of everything believable that was tried on one problem."""
+    tried = [h for h in (trials.known if known is None else known) if h.believable]
     scores = weigh(trials.problem, tried)
     best: dict[frozenset[Key], tuple[float, Hypothesis]] = {}
     for h, score in zip(tried, scores, strict=True):

@@ -42,8 +42,8 @@ class Search:
         return current
 
     def best(self, pool: Iterable[Hypothesis], than: Hypothesis) -> Hypothesis | None:
-        """Return the hypothesis with the most evidence, None where it is `than`."""
-        group = [than, *(h for h in pool if h is not than)]
+        """Return the believable hypothesis with the most evidence, None where it is `than`."""
+        group = [than, *(h for h in pool if h is not than and h.believable)]
         scores = weigh(self.proposer.trials.problem, group)
         return None if scores.argmax() == 0 else group[int(scores.argmax())]
 
