@@ -7,17 +7,17 @@ import time
 import numpy as np
 
 from benchmarks.controller_scenes import controller
-from wbc.control.active_set_guess import ActiveSetGuess
-from wbc.control.contact_set import ContactSet
+from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.kinematics import Kinematics
-from wbc.control.level import Level
-from wbc.control.task_stack import TaskStack
+from wbc.control.program.level import Level
+from wbc.control.program.task_stack import TaskStack
+from wbc.control.solvers import DualActiveSet
 
 PARTS = (
     ((Kinematics, "update"),),
     ((TaskStack, "fill"), (ContactSet, "fill")),
     ((Level, "assemble"),),
-    ((ActiveSetGuess, "solve"),),
+    ((DualActiveSet, "guess"),),
     ((Level, "_realise"),),
 )
 

@@ -24,7 +24,7 @@ from rich.table import Table
 from benchmarks.controller import machine
 from benchmarks.controller_scenes import controller, scene
 from wbc.control import WarmStart
-from wbc.control.qp import QPProblem, make_solver
+from wbc.control.solvers import QPProblem, make_solver
 
 TICKS, TOLERANCE, ITERATIONS = 1500, 1e-7, 200
 SOFTENING = 1e-9  # of torques that no cost sees: daqp needs a positive definite Hessian

@@ -29,7 +29,7 @@ from wbc.control import (
 )
 from wbc.control.checking import check_contact, check_joint_limit, check_task, check_torque_limit
 from wbc.control.kinematics import Kinematics
-from wbc.control.program import ContactForceProgram
+from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.effects import load_robot
 
 SOLO = load_robot("solo12")

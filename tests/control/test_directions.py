@@ -30,7 +30,7 @@ from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
-EXACT = ControllerSettings(speed_blend=CERTAIN, max_rounds=400)
+EXACT = ControllerSettings(speed_blend=CERTAIN, max_rounds=400, max_iterations=20000)
 
 
 def arm_case(m, seed):
@@ -95,7 +95,7 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name):
         q, v = random_state(robot, generator)
         com = generator.normal(size=2) * 0.3
         posture = generator.normal(size=2)
-        command = leg_controller(robot, max_rounds=400).step(
+        command = leg_controller(robot, max_rounds=400, max_iterations=20000).step(
             Motion(q, v), leg_references(com, posture)
         )
         task = leg_rows(robot, evaluate(robot, q, v), com, posture)

@@ -17,9 +17,9 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.direction_search import DirectionSearch
-from wbc.control.level import Level, Refusal
-from wbc.control.orthonormal_rows import extend_basis
+from wbc.control.program.level import Level, Refusal
+from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.torque.direction_search import DirectionSearch
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -78,7 +78,7 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     lower = FrameOrientationTask(name="trunk", frame=TRUNK["solo12"], level=1)
     alone = Controller(robot, upper, feet(robot))
     both = Controller(robot, [*upper, lower], feet(robot))
-    gave_up = Refusal((Status.FAILED, "the solver gave up."), None)
+    gave_up = Refusal((Status.FAILED, "the solver gave up."), None, None)
     solve = Level.solve
     second = both._programs.levels(None)[1]
     monkeypatch.setattr(Level, "solve", lambda s, *a: gave_up if s is second else solve(s, *a))

@@ -16,7 +16,7 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.qp import ForeignSolver, QPStatus, make_solver
+from wbc.control.solvers import ForeignSolver, QPStatus, make_solver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 

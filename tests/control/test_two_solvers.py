@@ -37,7 +37,7 @@ from wbc.control import (
     Task,
     WarmStart,
 )
-from wbc.control.qp import ForeignSolver
+from wbc.control.solvers import ForeignSolver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 

@@ -15,6 +15,7 @@ _ENDINGS = {
     "png": (".png",),
     "gif": (".gif", ".mp4"),
     "save": (".toml",),
+    "out": (".parquet",),
     "fix": (".toml",),
     "json": (),
 }

@@ -1,8 +1,8 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
 from wbc.control.command import Command, Status
-from wbc.control.contact_ramp import ContactRamp
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
+from wbc.control.contacts.contact_ramp import ContactRamp
 from wbc.control.controller import Controller
 from wbc.control.efforts import (
     ContactForceTask,
@@ -12,12 +12,19 @@ from wbc.control.efforts import (
     OutputTorqueEffort,
     RotorTorqueEffort,
 )
-from wbc.control.gears import RestPolicy
 from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
 from wbc.control.reference import Reference
-from wbc.control.safety import Damped, Hold, RepeatLast, SafetyPolicy
+from wbc.control.safety.explain import explain
+from wbc.control.safety.policies import (
+    Damped,
+    Hold,
+    LetDown,
+    RepeatLast,
+    SafetyPolicy,
+    Situation,
+)
 from wbc.control.settings import ControllerSettings
-from wbc.control.speed import SpeedBlend
+from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.state import State
 from wbc.control.tasks import (
     AngularMomentumTask,
@@ -31,7 +38,8 @@ from wbc.control.tasks import (
     PostureTask,
     Task,
 )
-from wbc.control.warm_start import WarmStart
+from wbc.control.torque.gears import RestPolicy
+from wbc.control.torque.speed import SpeedBlend
 
 __all__ = [
     "AngularMomentumTask",
@@ -52,6 +60,7 @@ __all__ = [
     "Hold",
     "JointLimit",
     "JouleHeatEffort",
+    "LetDown",
     "LinearMomentumTask",
     "MeshLossEffort",
     "MotorBraking",
@@ -65,10 +74,12 @@ __all__ = [
     "RotorTorqueEffort",
     "RotorTorqueLimit",
     "SafetyPolicy",
+    "Situation",
     "SpeedBlend",
     "State",
     "Status",
     "SurfaceContact",
     "Task",
     "WarmStart",
+    "explain",
 ]

@@ -8,7 +8,7 @@ from typing import TypeVar
 from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import JointLimit, RotorTorqueLimit
-from wbc.control.task_stack import TaskStack
+from wbc.control.program.task_stack import TaskStack
 from wbc.control.tasks import Task
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Robot

@@ -5,10 +5,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple, Protocol
 
 from wbc.arrays import FloatArray
-from wbc.control.gears import gear_directions
-from wbc.control.qp import QPSolution
+from wbc.control.solvers import BlockProblem, QPSolution
+from wbc.control.torque.gears import gear_directions
+
+
+class RowNames(Protocol):
+    """What the rows of a program are called."""
+
+    def equality_label(self, row: int) -> tuple[str, str]:
+        """Return the name of an equality and its unit."""
+
+    def inequality_label(self, row: int) -> tuple[str, float, str]:
+        """Return the name of an inequality, what a violation is multiplied with, and its unit."""
+
+
+class Refused(NamedTuple):
+    """A program without a usable solution, and what its rows are called."""
+
+    problem: BlockProblem
+    names: RowNames
 
 
 class Status(Enum):
@@ -47,7 +65,9 @@ class Command:
         solve_time: [s] in the solver.
         tick_time: [s] of the whole tick.
         rounds: programs solved; more than one where a predicted direction was revised.
+        iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
         solution: of the last program, None where none was solved.
+        refused: the program where it has no usable solution, for `explain`; None elsewhere.
     """
 
     rotor_torque: FloatArray
@@ -63,7 +83,9 @@ class Command:
     solve_time: float
     tick_time: float
     rounds: int
+    iterations: int
     solution: QPSolution | None
+    refused: Refused | None = None
 
     @property
     def directions(self) -> FloatArray:

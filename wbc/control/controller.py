@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import inf
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,37 +17,60 @@ from wbc.control.admission import (
     single_limit,
     stacks_by_level,
 )
-from wbc.control.command import Command, Status
+from wbc.control.command import Command, Refused, Status
 from wbc.control.contacts import Contact
-from wbc.control.direction_search import Found
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.fallback import Fallback
-from wbc.control.gears import GearLaw
-from wbc.control.inputs import (
-    Complaint,
-    as_motion,
-    name_complaint,
-    overflow_complaint,
-    state_complaint,
-)
 from wbc.control.kinematics import Kinematics
-from wbc.control.level import Answer, GearState, Level, Refusal
 from wbc.control.limits import JointLimit, RotorTorqueLimit
-from wbc.control.motors import Motors
 from wbc.control.outcome import Outcome
 from wbc.control.plant import Plant
-from wbc.control.program_library import ProgramLibrary, Recipe
-from wbc.control.qp import QPProblem, check_solver
+from wbc.control.program.level import Answer, GearState, Level, Refusal
+from wbc.control.program.library import ProgramLibrary, Recipe
 from wbc.control.reference import Reference
+from wbc.control.safety.fallback import Fallback
+from wbc.control.safety.inputs import (
+    Complaint,
+    StateCheck,
+    force_complaint,
+    name_complaint,
+    share_complaint,
+    size_complaint,
+    step_complaint,
+)
+from wbc.control.safety.standing import Standing
 from wbc.control.settings import ControllerSettings
-from wbc.control.speed import SpeedBlend
+from wbc.control.solvers import QPProblem, check_solver
 from wbc.control.state import State
 from wbc.control.tasks import Task
-from wbc.control.torque_stage import RotorTorqueStage
+from wbc.control.torque.direction_search import Found
+from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.motors import Motors
+from wbc.control.torque.speed import SpeedBlend
+from wbc.control.torque.torque_stage import RotorTorqueStage
+from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
 _NO_REFERENCES: Mapping[str, Reference] = {}
+
+
+class _Ready(NamedTuple):
+    """A tick that passed all checks, evaluated and ready to be solved."""
+
+    motion: Motion
+    references: Mapping[str, Reference]
+    contacts: Mapping[str, float] | None
+    dt: float
+    levels: tuple[Level, ...]
+    gears: GearState
+    expected: FloatArray
+
+
+class _Refused(NamedTuple):
+    """A tick that did not pass them; the motion is None where it is what is wrong."""
+
+    motion: Motion | None
+    complaint: Complaint
 
 
 class Controller:
@@ -91,6 +116,8 @@ class Controller:
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
         self._stacks = stacks_by_level(robot, self.tasks)
+        self._states = StateCheck(robot)
+        self._weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
@@ -99,7 +126,15 @@ class Controller:
         self._effects = EffectTorques(robot)
         self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
         self._outcome = Outcome(self._law, self._motors, self.settings.deadline)
-        self._fallback = Fallback(robot, self._plant, self._motors)
+        self._fallback = Fallback(
+            robot,
+            self._plant,
+            self._motors,
+            Standing(robot, self._effects, frames),
+            self.settings.safety,
+            tuple(self._contacts.values()),
+        )
+        self._force_tasks = checked_force_tasks(self.tasks, self._contacts)
         joint_limit = single_limit(JointLimit, limits)
         self._brakes = joint_limit is not None and joint_limit.braking is not None
         self._programs = ProgramLibrary(
@@ -110,7 +145,7 @@ class Controller:
                 joint_limit=joint_limit,
                 settings=self.settings,
                 efforts=checked_efforts(robot, self.tasks),
-                force_tasks=checked_force_tasks(self.tasks, self._contacts),
+                force_tasks=self._force_tasks,
                 stacks=self._stacks,
                 law=self._law,
                 stage=RotorTorqueStage(
@@ -146,6 +181,10 @@ class Controller:
         state: State,
         references: Mapping[str, Reference] | None = None,
         contacts: Mapping[str, float] | None = None,
+        *,
+        weights: Mapping[str, float] | None = None,
+        activation: Mapping[str, float] | None = None,
+        dt: float | None = None,
     ) -> Command:
         """Return the rotor torques for a state; never raises.
 
@@ -155,91 +194,153 @@ class Controller:
             contacts: name -> greatest normal force [N] of each active contact (infinite for no
                 limit; a ramp lets a contact take up or give off its load). All contacts are
                 active without limit when left out.
+            weights: task name -> weight of all its rows in this tick, in place of the task's own.
+            activation: task name -> 0 (off) to 1 (on, as when left out), what its weight is
+                multiplied with; numbers in between blend a task in or out.
+            dt: time until the next tick [s]; that of the settings when left out.
         """
         start = perf_counter()
-        motion = as_motion(state)
+        step = self.settings.time_step if dt is None else dt
+        try:
+            ready = self._prepare(state, references, contacts, weights, activation, step)
+            if isinstance(ready, _Refused):
+                return self._safe(ready.motion, ready.complaint, dt, start)
+            return self._solve(ready, start)
+        except Exception as cause:  # what a task or an effect of the user's own may raise
+            complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
+            return self._safe(None, complaint, dt, start)
+
+    def build(
+        self,
+        state: State,
+        references: Mapping[str, Reference] | None = None,
+        contacts: Mapping[str, float] | None = None,
+        *,
+        weights: Mapping[str, float] | None = None,
+        activation: Mapping[str, float] | None = None,
+        dt: float | None = None,
+    ) -> QPProblem:
+        """Return the program of level 0 that `step` would solve first; nothing is remembered.
+
+        Its torque limits stand in the directions of the last tick. Arguments as for `step`.
+
+        Raises:
+            ControlError: `step` would not solve a program for these arguments.
+        """
+        step = self.settings.time_step if dt is None else dt
+        ready = self._prepare(state, references, contacts, weights, activation, step)
+        if isinstance(ready, _Refused):
+            raise ControlError(ready.complaint[1])
+        first = ready.levels[0]
+        first.assemble(ready.motion, ready.references, ready.contacts, ready.dt, None)
+        return first.built(ready.gears, self._output)
+
+    def _prepare(
+        self,
+        state: State,
+        references: Mapping[str, Reference] | None,
+        contacts: Mapping[str, float] | None,
+        weights: Mapping[str, float] | None,
+        activation: Mapping[str, float] | None,
+        dt: float,
+    ) -> _Ready | _Refused:
+        """Check everything and evaluate the state, tasks and contacts; remember nothing."""
+        motion = self._states.admitted(state)
+        if not isinstance(motion, Motion):
+            return _Refused(None, motion)
         given = _NO_REFERENCES if references is None else references
-        complaint = state_complaint(self.robot, motion.position, motion.velocity)
-        if complaint is None:
-            complaint = name_complaint(given, self._task_names, contacts, self._contacts)
+        complaint = (
+            name_complaint(given, self._task_names, contacts, self._contacts)
+            or share_complaint("weights", weights, self._weighed, inf)
+            or share_complaint("activation", activation, self._weighed, 1.0)
+            or step_complaint(dt)
+            or force_complaint(self._force_tasks, self._contacts, given)
+        )
         if complaint is not None:
-            return self._safe(motion, complaint, start)
+            return _Refused(motion, complaint)
         motion = self._effects.true_motion(motion)
         self._kinematics.update(motion.position, motion.velocity)
         try:
             for stack in self._stacks:
+                stack.weigh(weights, activation)
                 stack.fill(self._kinematics, given)
-        except (ValueError, TypeError, AttributeError) as cause:
-            complaint = Status.BAD_INPUT, f"a reference does not fit: {cause}"
-            return self._safe(motion, complaint, start)
-        return self._solve(motion, given, contacts, start)
-
-    def _solve(
-        self,
-        motion: Motion,
-        references: Mapping[str, Reference],
-        contacts: Mapping[str, float] | None,
-        start: float,
-    ) -> Command:
+        except ControlError as cause:
+            return _Refused(motion, (Status.BAD_INPUT, str(cause)))
         levels = self._programs.levels(contacts)
         levels[0].program.contacts.fill(self._kinematics)
-        sigma, speed, expected = self._judge_speeds(motion)
-        limits = self._motors.bounds(motion, speed)
-        gears = GearState(sigma, limits, expected, self._output)
-        answer = self._descend(levels, motion, references, contacts, gears)
+        gears, expected = self._judge_speeds(motion, dt)
+        return _Ready(motion, given, contacts, dt, levels, gears, expected)
+
+    def _solve(self, ready: _Ready, start: float) -> Command:
+        motion, levels, gears = ready.motion, ready.levels, ready.gears
+        self._expected = ready.expected
+        answer = self._descend(ready)
         if isinstance(answer, Refusal):
-            complaint = answer.complaint or overflow_complaint(references)
-            return self._safe(motion, complaint, start, answer.found)
-        self._remember(motion, answer)
+            complaint = answer.complaint or size_complaint(ready.references)
+            if complaint[0] is not Status.NOT_FINITE:
+                self._hold_targets()
+            refused = None
+            if answer.found is not None:
+                refused = Refused(answer.level.program.blocks.copied(), answer.level.program)
+            return self._safe(motion, complaint, ready.dt, start, answer.found, refused)
+        self._hold_targets()
+        self._remember(ready, answer)
         return self._outcome.command(levels[0].program, answer, gears, motion, start)
 
-    def _descend(
-        self,
-        levels: Sequence[Level],
-        motion: Motion,
-        references: Mapping[str, Reference],
-        contacts: Mapping[str, float] | None,
-        gears: GearState,
-    ) -> Answer | Refusal:
+    def _descend(self, ready: _Ready) -> Answer | Refusal:
         """Solve one level after the other; one that finds nothing leaves it at those above."""
-        first, *lower = levels
+        first, *lower = ready.levels
+        gears, tick = ready.gears, (ready.motion, ready.references, ready.contacts, ready.dt)
         self._level, self._gears = first, gears
-        first.assemble(motion, references, contacts, None)
+        first.assemble(*tick, None)
         answer = first.solve(gears, self._output)
         for level in lower:
             if isinstance(answer, Refusal):
                 break
             found = answer.found
-            level.assemble(motion, references, contacts, found.solution.x)
+            level.assemble(*tick, found.solution.x)
             deeper = level.solve(gears, found.output)
             if isinstance(deeper, Refusal) and deeper.complaint is not None:
                 return answer.without_lower(deeper.complaint)
             self._level, answer = level, deeper
         return answer
 
-    def _judge_speeds(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Update the plant; return sigma (m,), measured and expected motor speed (m,)."""
+    def _judge_speeds(self, motion: Motion, dt: float) -> tuple[GearState, FloatArray]:
+        """Update the plant; return what is known of the gears, and the expected v (nv,)."""
         blend, plant = self.settings.speed_blend, self._plant
-        self._expected = blend.corrected(self._expected, motion.velocity, self.settings.time_step)
-        expected = plant.motor_speed(self._expected)
+        expected = blend.corrected(self._expected, motion.velocity, dt)
+        turning = plant.motor_speed(expected)
         speed = plant.motor_speed(motion.velocity)
-        sigma = blend.certainty(expected)
+        sigma = blend.certainty(turning)
         torque = None
         if self._effects.act_on_joints:
-            torque = self._effects.on_joints(motion, blend.certainty(self._expected))
+            torque = self._effects.on_joints(motion, blend.certainty(expected))
         plant.update(self._kinematics, torque, speed, sigma)
-        return sigma, speed, expected
+        limits = self._motors.bounds(motion, speed)
+        return GearState(sigma, limits, turning, self._output), expected
 
-    def _remember(self, motion: Motion, answer: Answer) -> None:
+    def _hold_targets(self) -> None:
+        for stack in self._stacks:
+            stack.remember()
+
+    def _remember(self, ready: _Ready, answer: Answer) -> None:
         self._output = answer.found.output
-        self._expected = SpeedBlend.advanced(
-            self._expected, answer.found.acceleration, self.settings.time_step
-        )
-        self._fallback.remember(motion, answer.realised.torque)
+        self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
+        active = ready.levels[0].program.contacts.contacts
+        self._fallback.remember(ready.motion, answer.realised.torque, active)
         if self._brakes:
             self._plant.remember(answer.found.acceleration, answer.found.output)
 
     def _safe(
-        self, motion: Motion, complaint: Complaint, start: float, found: Found | None = None
+        self,
+        motion: Motion | None,
+        complaint: Complaint,
+        dt: float | None,
+        start: float,
+        found: Found | None = None,
+        refused: Refused | None = None,
     ) -> Command:
-        return self._fallback.command(self.settings.safety, motion, complaint, start, found)
+        step = self.settings.time_step
+        if dt is not None and step_complaint(dt) is None:
+            step = dt
+        return self._fallback.command(motion, complaint, step, start, found, refused)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from time import perf_counter
 
 from wbc.control.command import Command, Status
-from wbc.control.gears import GearLaw, gear_directions
-from wbc.control.level import Answer, GearState
-from wbc.control.motors import Motors
-from wbc.control.program import ContactForceProgram
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.level import Answer, GearState
+from wbc.control.torque.gears import GearLaw, gear_directions
+from wbc.control.torque.motors import Motors
 from wbc.robot import Motion
 
 
@@ -66,5 +66,6 @@ class Outcome:
             solve_time=found.solve_time,
             tick_time=perf_counter() - start,
             rounds=found.rounds,
+            iterations=found.iterations,
             solution=found.solution,
         )

@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.balance import place_output, place_share
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit
+from wbc.control.program.balance import place_output, place_share
 from wbc.control.selection import as_rows
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot

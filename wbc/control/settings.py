@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from wbc.control.gears import RestPolicy
-from wbc.control.safety import Damped, SafetyPolicy
-from wbc.control.speed import SpeedBlend
-from wbc.control.warm_start import WarmStart
+from wbc.control.safety.policies import LetDown, SafetyPolicy
+from wbc.control.solvers.warm_start import WarmStart
+from wbc.control.torque.gears import RestPolicy
+from wbc.control.torque.speed import SpeedBlend
 from wbc.errors import ControlError
 
 
@@ -16,7 +16,7 @@ class ControllerSettings:
     """Settings of a controller.
 
     Attributes:
-        time_step: time until the next tick [s], for joint limits.
+        time_step: time until the next tick [s] where `step` is not told.
         rest_policy: what to choose inside the interval that stiction leaves free.
         speed_blend: how the directions of the gears are judged.
         warm_start: whether the constraints that bound the last solution are tried before the
@@ -24,7 +24,9 @@ class ControllerSettings:
         solver: "proxqp" or "daqp" (native; the latter an extra package), or any backend of
             qpsolvers.
         tolerance: absolute tolerance of the native solver on every residual.
-        max_iterations: bound on its inner and its outer iterations.
+        max_iterations: budget of all solvers in one tick, counted in steps of the controller's own
+            solver; ten times as many with `WarmStart.SOLVER`. A tick then takes at most about
+            twenty times as long as a good one.
         max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
@@ -40,11 +42,11 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
     tolerance: float = 1e-7
-    max_iterations: int = 200
+    max_iterations: int = 160
     max_rounds: int = 16
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
-    safety: SafetyPolicy = field(default_factory=Damped)
+    safety: SafetyPolicy = field(default_factory=LetDown)
     deadline: float | None = None
 
     def __post_init__(self) -> None:

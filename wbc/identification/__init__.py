@@ -6,16 +6,20 @@ from wbc.identification.answer.comparison import Comparison, OutputError, Series
 from wbc.identification.answer.contest import Contestant, rank_robots
 from wbc.identification.answer.diagnose import diagnose
 from wbc.identification.answer.diagnosis import (
+    Alternative,
     Diagnosis,
     ErrorLevel,
     Estimate,
     Finding,
+    OutputLevel,
     Step,
     Verdict,
 )
 from wbc.identification.answer.ranking import Ranked
+from wbc.identification.choice.certainty import Support
 
 __all__ = [
+    "Alternative",
     "Breakdown",
     "Comparison",
     "Contestant",
@@ -24,9 +28,11 @@ __all__ = [
     "Estimate",
     "Finding",
     "OutputError",
+    "OutputLevel",
     "Ranked",
     "Series",
     "Step",
+    "Support",
     "Verdict",
     "compare",
     "diagnose",

@@ -13,9 +13,9 @@ from wbc.control.controller import Controller
 from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.reference import Reference
 from wbc.control.settings import ControllerSettings
-from wbc.control.speed import SpeedBlend
+from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.tasks import PostureTask
-from wbc.control.warm_start import WarmStart
+from wbc.control.torque.speed import SpeedBlend
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot

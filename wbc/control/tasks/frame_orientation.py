@@ -12,6 +12,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
 from wbc.control.tasks.axes import axis_rows
 from wbc.control.tasks.frame_task import FrameTask, turn_missing
+from wbc.control.tasks.targets import rotation_target
 
 
 @final
@@ -44,6 +45,10 @@ class FrameOrientationTask(FrameTask):
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the rotation matrix, world from frame, (3, 3)."""
         return np.asarray(self.placement(kinematics).rotation)
+
+    def admitted(self, target: Target, size: int) -> FloatArray:
+        """Return a rotation matrix (3, 3), checked and copied."""
+        return rotation_target(target)
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the components of R log3(R' R_target), world axes, (k,) [rad]."""

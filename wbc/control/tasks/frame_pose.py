@@ -12,6 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
 from wbc.control.tasks.frame_task import FrameTask, turn_missing
+from wbc.control.tasks.targets import pose_target
 
 _ALL = slice(0, 6)
 
@@ -32,6 +33,10 @@ class FramePoseTask(FrameTask):
     def value(self, kinematics: Kinematics) -> pin.SE3:
         """Return the placement, world from frame."""
         return self.placement(kinematics).copy()
+
+    def admitted(self, target: Target, size: int) -> pin.SE3:
+        """Return a `pin.SE3`, checked and copied."""
+        return pose_target(target)
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return [p_target - p; R log3(R' R_target)], world axes, (6,)."""

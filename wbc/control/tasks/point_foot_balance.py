@@ -13,6 +13,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Reference, Target
 from wbc.control.tasks.frames import require_frame
 from wbc.control.tasks.point_foot_feedback import balancing
+from wbc.control.tasks.targets import number_target
 from wbc.control.tasks.task import Task
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -57,6 +58,10 @@ class PointFootBalanceTask(Task):
         """Return the pitch theta [rad], the rotation of the frame about +y."""
         rotation = kinematics.placement(kinematics.frame_id(self.frame)).rotation
         return atan2(rotation.item(0, 2), rotation.item(2, 2))
+
+    def admitted(self, target: Target, size: int) -> float:
+        """Return the pitch [rad] as a number."""
+        return number_target(target)
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the pitch that is missing, (1,) [rad]."""

@@ -9,7 +9,7 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Matrix, Number, Vector, compiled
-from wbc.control.positive_definite import factorise, substitute
+from wbc.control.solvers.positive_definite import factorise, substitute
 
 
 @compiled(types.UniTuple(Number, 2), *[Matrix] * 4)

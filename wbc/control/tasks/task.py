@@ -12,6 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Reference, Target
 from wbc.control.selection import Rows
+from wbc.control.tasks.targets import vector_target
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
@@ -64,6 +65,21 @@ class Task(ABC):
     @abstractmethod
     def value(self, kinematics: Kinematics) -> Target:
         """Return the present value, of the kind that a reference's `position` has."""
+
+    def admitted(self, target: Target, size: int) -> Target:
+        """Return a target checked, and copied from memory that the caller may use again.
+
+        By default a target is an array of as many numbers as the task has rows; a task whose
+        value is something else says so here.
+
+        Args:
+            target: what a reference's `position` holds.
+            size: number of rows k.
+
+        Raises:
+            ControlError: it is no target of this task.
+        """
+        return vector_target(target, size)
 
     @abstractmethod
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:

@@ -50,7 +50,7 @@ def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> li
     for column, output in enumerate(outputs):
         for variable, unit, values in _variables(records, column, robot.transmission.size):
             if np.ptp(values) > 0.0:
-                found.append(_binned(output, variable, unit, values, stacked[:, column]))
+                found.append(binned(output, variable, unit, values, stacked[:, column]))
     return sorted(found, key=lambda b: -b.share)
 
 
@@ -64,9 +64,10 @@ def output_names(record: Record) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _binned(
+def binned(
     output: str, variable: str, unit: str, values: FloatArray, residual: FloatArray
 ) -> Breakdown:
+    """Return the residual (rows,) of an output over a variable (rows,), in bins of equal count."""
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, _BINS + 1)))
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     count = np.maximum(np.bincount(index, minlength=len(edges) - 1), 1)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from wbc.identification.answer.ranking import Ranked
+from wbc.identification.answer.sentence import verdict_sentence, what_to_do
+from wbc.identification.choice.certainty import Support
 from wbc.robot import Effect, Robot
 
-Verdict = Literal["none", "named", "ambiguous", "unknown", "not_repeatable"]
+Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repeatable"]
 
 
 @dataclass(frozen=True)
@@ -23,20 +25,44 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """An effect at a place that could stand for another one on these logs."""
+
+    effect: str
+    where: str
+
+    def beside(self, name: str) -> str:
+        """Return its name; with its place if it is the same effect elsewhere."""
+        return f"{self.effect} at {self.where}" if self.effect == name else self.effect
+
+
+@dataclass(frozen=True)
 class Finding:
     """One effect that the logs show.
 
     Attributes:
         effect: the effect with its fitted parameters.
         parameters: estimates by parameter name.
-        alternatives: names of the effects it cannot be told from on these logs.
+        support: what speaks for it.
+        alternatives: the effects it cannot be told from on these logs.
         warnings: at a bound, not identifiable.
     """
 
     effect: Effect
     parameters: Mapping[str, Estimate]
-    alternatives: tuple[str, ...] = ()
+    support: Support
+    alternatives: tuple[Alternative, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def probability(self) -> float:
+        """That the effect is there."""
+        return self.support.probability
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Names of the alternatives, each once; `name at place` for the same effect elsewhere."""
+        return tuple(dict.fromkeys(a.beside(self.effect.name) for a in self.alternatives))
 
 
 @dataclass(frozen=True)
@@ -54,6 +80,27 @@ class ErrorLevel:
     after: float
     floor: float
     floor_source: str
+
+
+@dataclass(frozen=True)
+class OutputLevel:
+    """What is left at one output, root mean square on the logs, in its unit.
+
+    Attributes:
+        output: joint (torque at the motor output) or undriven coordinate (wrench).
+        unit: of the numbers.
+        before: of the robot that was given.
+        after: of the robot with the effects found.
+        attainable: what any model of motion, load and time would leave.
+        sensors: what the noise of the sensors leaves.
+    """
+
+    output: str
+    unit: str
+    before: float
+    after: float
+    attainable: float
+    sensors: float
 
 
 @dataclass(frozen=True)
@@ -76,6 +123,8 @@ class Diagnosis:
         findings: the effects, in the order added.
         next_experiment: what to record next.
         error: before, after and floor.
+        outputs: what is left at each joint and undriven coordinate.
+        explained: share of the mean square error that the effects found take away.
         steps: error after each addition.
         remainder: what an unexplained remainder looks like; empty when there is none.
         robot: the robot with the effects found.
@@ -87,11 +136,33 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     next_experiment: str
     error: ErrorLevel
+    outputs: tuple[OutputLevel, ...]
+    explained: float
     steps: tuple[Step, ...]
     remainder: str
     robot: Robot
     warnings: tuple[str, ...] = ()
     ranking: tuple[Ranked, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
+        lines = [f"{self.verdict}: {verdict_sentence(self)}"]
+        for finding in self.findings:
+            numbers = ", ".join(
+                f"{name} {e.value:.4g} ({e.low:.4g} to {e.high:.4g}) {e.unit}".removesuffix(" 1")
+                for name, e in finding.parameters.items()
+            )
+            rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
+            lines.append(
+                f"  {finding.effect.name} at {finding.effect.where}{rivals}: {numbers}; "
+                f"probability {finding.probability:.2f}"
+            )
+        lines += [
+            f"  {o.output}: {o.before:.3g} -> {o.after:.3g} {o.unit} "
+            f"(attainable {o.attainable:.3g}, sensors {o.sensors:.3g})"
+            for o in self.outputs
+        ]
+        return "\n".join([*lines, f"do this now: {what_to_do(self)}", *self.warnings])
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -118,6 +189,11 @@ class Diagnosis:
                         name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
                         for name, e in f.parameters.items()
                     },
+                    "probability": f.probability,
+                    "support": asdict(f.support),
+                    "alternatives": [
+                        {"effect": a.effect, "where": a.where} for a in f.alternatives
+                    ],
                     "explanation": f.effect.explanation,
                     "warnings": list(f.warnings),
                 }
@@ -132,6 +208,17 @@ class Diagnosis:
                 "floor": self.error.floor,
                 "floor_source": self.error.floor_source,
             },
+            "explained": self.explained,
+            "joints": {
+                o.output: {
+                    "unit": o.unit,
+                    "before": o.before,
+                    "after": o.after,
+                    "attainable": o.attainable,
+                    "sensors": o.sensors,
+                }
+                for o in self.outputs
+            },
             "steps": [{"added": s.added, "where": s.where, "error": s.error} for s in self.steps],
             "remainder": self.remainder,
             "warnings": list(self.warnings),
@@ -142,5 +229,5 @@ class Diagnosis:
         merged: dict[str, list[str]] = {}
         for finding in self.findings:
             names = merged.setdefault(finding.effect.name, [])
-            names.extend(name for name in finding.alternatives if name not in names)
+            names.extend(name for name in finding.rivals if name not in names)
         return merged

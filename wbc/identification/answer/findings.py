@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from wbc.effects.yielding_gear import YieldingGear
-from wbc.identification.answer.diagnosis import Estimate, Finding
-from wbc.identification.choice.hypothesis import Model
+from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
+from wbc.identification.choice.certainty import Support
+from wbc.identification.choice.hypothesis import Key
 from wbc.identification.force_sensors import force_sensor_doubts
 from wbc.identification.log_warnings import disagreements
 from wbc.identification.model.fit import Fit
@@ -27,22 +28,25 @@ _MOTOR_SIDE = (
 
 
 def describe_findings(
-    problem: Problem, model: Model, alternatives: Sequence[Sequence[str]]
+    problem: Problem,
+    fit: Fit,
+    support: Mapping[Key, Support],
+    alternatives: Sequence[Sequence[Key]],
 ) -> tuple[Finding, ...]:
     """Return the effects of a model with intervals, alternatives and warnings.
 
     Args:
         problem: the logs.
-        model: the model chosen.
-        alternatives: for each effect, what it cannot be told from.
+        fit: of the hypothesis chosen.
+        support: of its causes.
+        alternatives: for each effect, names and places of what it cannot be told from.
     """
-    fit = model.fit
     bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
     related = _correlations(problem, fit)
     stray = disagreements(problem.records, fit)
     sensors = force_sensor_doubts(problem, fit)
     findings = []
-    for k, effect in enumerate(model.effects):
+    for k, effect in enumerate(fit.effects):
         estimates: dict[str, Estimate] = {}
         warnings = []
         for row, (owner, parameter) in enumerate(fit.parameters):
@@ -59,7 +63,9 @@ def describe_findings(
                 span = f"{low:.3g} to {_with_unit(high, parameter.unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
         warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k], *sensors[k]]
-        findings.append(Finding(effect, estimates, tuple(alternatives[k]), tuple(warnings)))
+        rivals = tuple(Alternative(*key) for key in alternatives[k])
+        own = support[effect.key]
+        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings)))
     return tuple(findings)
 
 

@@ -1,4 +1,4 @@
-"""What was found beside what was tried: paired differences on held-out data."""
+"""What was found beside what was tried: evidence, and paired differences on held-out data."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wbc.identification.choice.hypothesis import Model
-from wbc.identification.choice.selection import Selector
-from wbc.identification.records.folds import block_means
+from wbc.identification.choice.hypothesis import Hypothesis, Key
+from wbc.identification.choice.odds import TIED, Odds
 
-Key = tuple[str, str]
 Standing = Literal["found", "better", "worse", "not distinguishable"]
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """A model that was tried, beside the one that was found.
+    """A hypothesis that was tried, beside the one that was found.
 
     Attributes:
-        added: (effect, where) of what it has and the model found has not.
+        added: (effect, where) of what it has and the one found has not.
         removed: (effect, where) of what it lacks.
         error: held-out root mean square in noise floors.
-        difference: its held-out mean square minus that of the model found [floors^2].
-        deviation: standard error of the difference; both models on the same blocks of the logs,
-            a block being one observation.
-        standing: `found` for the model found itself; `better` or `worse` than it by more than
-            chance and filters explain, or `not distinguishable`.
+        difference: its held-out mean square minus that of the one found [floors^2].
+        deviation: standard error of the difference; both on the same blocks of the logs, a block
+            being one observation.
+        evidence: its evidence minus that of the one found [nats].
+        standing: `found` for what was found itself; `better`, `worse`, or `not distinguishable`,
+            by the evidence.
     """
 
     added: tuple[Key, ...]
@@ -35,11 +34,12 @@ class Ranked:
     error: float
     difference: float
     deviation: float
+    evidence: float
     standing: Standing
 
     @property
     def text(self) -> str:
-        """What the model is, in words."""
+        """What the hypothesis is, in words."""
         if not self.added and not self.removed:
             return "what was found"
         if not self.added:
@@ -56,58 +56,50 @@ class Ranked:
             "error": self.error,
             "difference": self.difference,
             "deviation": self.deviation,
+            "evidence": self.evidence,
             "standing": self.standing,
         }
 
 
-def rank_models(selector: Selector, found: Model, given: Model) -> tuple[Ranked, ...]:
-    """Return the models fitted on the way that differ from `found` in one cause, best first.
+def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
+    """Return the hypotheses that differ from `found` in one cause, most evidence first.
 
     One cause is an effect less, an effect more, or one in the place of another, at one place or in
-    all gears; the robot as given is always among them. Nothing is fitted anew.
+    all gears; the robot as given is always among them.
 
     Args:
-        selector: whose fitted models are ranked.
-        found: the model chosen.
-        given: the robot without any effect added.
+        odds: of everything that was tried.
+        found: the hypothesis chosen.
     """
-    own = _keys(found)
-    best: dict[frozenset[Key], Model] = {}
-    for model in (*selector.fitted, given):
-        keys = frozenset(_keys(model))
-        less, more = set(own) - keys, {name for name, _ in keys - set(own)}
-        near = len(less) <= 1 and len(more) <= 1
-        if (near or not keys) and (keys not in best or model.error < best[keys].error):
-            best[keys] = model
-    best[frozenset(own)] = found
-    rows = [_beside(selector, model, found, given) for model in best.values()]
-    return tuple(sorted(rows, key=lambda row: row.difference))
+    own = set(found.keys)
+    level = odds.level(found)
+    rows = []
+    for h, nats in zip(odds.hypotheses, odds.evidence, strict=True):
+        keys = set(h.keys)
+        less, more = own - keys, {name for name, _ in keys - own}
+        if (len(less) <= 1 and len(more) <= 1) or not keys:
+            rows.append(_beside(h, found, nats - level))
+    return tuple(rows)
 
 
-def _beside(selector: Selector, model: Model, found: Model, given: Model) -> Ranked:
-    own, keys = _keys(found), _keys(model)
-    blocks = block_means((model.squares - found.squares).mean(axis=1), selector.problem.blocks)
+def _beside(h: Hypothesis, found: Hypothesis, evidence: float) -> Ranked:
+    blocks = h.blocks - found.blocks
+    own = set(found.keys)
+    standing: Standing = "not distinguishable"
+    if set(h.keys) == own:
+        standing = "found"
+    elif abs(evidence) > TIED:
+        standing = "better" if evidence > 0.0 else "worse"
     return Ranked(
-        added=tuple(key for key in keys if key not in own),
-        removed=tuple(key for key in own if key not in keys),
-        error=float(np.sqrt(model.error)),
-        difference=model.error - found.error,
+        added=tuple(key for key in h.keys if key not in own),
+        removed=tuple(key for key in found.keys if key not in h.keys),
+        error=float(np.sqrt(h.error)),
+        difference=h.error - found.error,
         deviation=float(np.std(blocks, ddof=1) / np.sqrt(blocks.size)),
-        standing=_standing(selector, model, found, given),
+        evidence=evidence,
+        standing=standing,
     )
-
-
-def _standing(selector: Selector, model: Model, found: Model, given: Model) -> Standing:
-    if model is found:
-        return "found"
-    if selector.pays(model, found, given):
-        return "worse"
-    return "better" if selector.pays(found, model, given) else "not distinguishable"
 
 
 def _spoken(keys: tuple[Key, ...]) -> str:
     return " and ".join(f"{name.replace('_', ' ')} at {where}" for name, where in keys)
-
-
-def _keys(model: Model) -> tuple[Key, ...]:
-    return tuple((effect.name, effect.where) for effect in model.effects)

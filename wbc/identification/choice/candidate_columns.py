@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import EffectError, RobotError, TransmissionError
-from wbc.identification.model.residual import (
-    link_response,
-    raw_residual,
-    rubbing_responses,
-    swinging_torque,
-)
+from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
+from wbc.identification.choice.gears.screens import screens
+from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
@@ -22,6 +19,7 @@ from wbc.robot import Effect, Evidence, Robot, Screen
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
+_Offer = tuple[type[Effect], str, Screen]
 _Units = tuple[tuple[tuple[str, float], ...], ...]
 ShelfKey = tuple[type[Effect], str, _Units, tuple[tuple[str, str], ...]]
 Shelf = dict[ShelfKey, FloatArray]
@@ -72,8 +70,6 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         motions=tuple(record.motion for record in records),
         unexplained=tuple(unexplained),
         reported=tuple(record.torque for record in records),
-        responses=lambda joint: tuple(link_response(robot, record, joint) for record in records),
-        rubbing=lambda joint: rubbing_responses(robot, records, joint),
     )
 
 
@@ -83,6 +79,7 @@ def make_atoms(
     candidates: Sequence[type[Effect]],
     known: Evidence,
     shelf: Shelf | None = None,
+    failures: Counter[str] | None = None,
 ) -> list[Atom]:
     """Return every candidate at every place in every shape, with its columns.
 
@@ -92,28 +89,63 @@ def make_atoms(
         candidates: effect classes.
         known: evidence for shapes that depend on the data.
         shelf: columns made of this robot before; new ones are put there.
+        failures: errors inside effects, which then offer nothing, are counted there.
     """
     shelf = {} if shelf is None else shelf
-    offers = [
-        (effect, where, screen)
-        for effect in candidates
-        for where in effect.places(robot)
-        for screen in effect.screening(robot, where, known)
-    ]
+    offers = [o for effect in candidates for o in _offers(robot, records, effect, known, failures)]
     new = [o for o in offers if _key(*o) not in shelf and _changed(robot, *o) is not None]
-    parts = [_columns(robot, record, new) for record in records]
+    try:
+        parts = [_columns(robot, record, new) for record in records]
+    except Exception:  # an effect that fails takes no other with it
+        new = [o for o in new if _works(robot, records, o, failures)]
+        parts = [_columns(robot, record, new) for record in records]
     for offer, *columns in zip(new, *parts, strict=True):
         shelf[_key(*offer)] = np.concatenate(columns)
     atoms = []
     for effect, where, screen in offers:
         stacked = shelf.get(_key(effect, where, screen))
-        if stacked is None:
+        if stacked is None or not np.isfinite(stacked).all():
             continue
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
             atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
     return atoms
+
+
+def _offers(
+    robot: Robot,
+    records: Sequence[Record],
+    effect: type[Effect],
+    known: Evidence,
+    failures: Counter[str] | None,
+) -> list[_Offer]:
+    try:
+        return [
+            (effect, where, screen)
+            for where in effect.places(robot)
+            for screen in screens(effect, robot, where, known, records)
+        ]
+    except Exception as error:  # whatever one effect does, the others are still offered
+        _count(failures, effect, error)
+        return []
+
+
+def _works(
+    robot: Robot, records: Sequence[Record], offer: _Offer, failures: Counter[str] | None
+) -> bool:
+    try:
+        for record in records:
+            _columns(robot, record, [offer])
+    except Exception as error:
+        _count(failures, offer[0], error)
+        return False
+    return True
+
+
+def _count(failures: Counter[str] | None, effect: type[Effect], error: Exception) -> None:
+    if failures is not None:
+        failures[f"{effect.name}: {type(error).__name__}: {error}"] += 1
 
 
 def _key(effect: type[Effect], where: str, screen: Screen) -> ShelfKey:
@@ -148,11 +180,21 @@ def _columns(
             robots = _changed(robot, *offer) or []
             # Another effect hardly changes how a link swings; one more soft gear does.
             held = None if deflects(offer[0]) else swinging
-            changes += [base - raw_residual(changed, record, held) for changed in robots]
+            changes += [base - _residual(changed, record, held, base) for changed in robots]
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
         result += np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
     return result
+
+
+def _residual(
+    robot: Robot, record: Record, held: FloatArray | None, like: FloatArray
+) -> FloatArray:
+    """Return what a robot leaves (N, m + b), no numbers where one of its links flies off."""
+    try:
+        return raw_residual(robot, record, held)
+    except DynamicsError:
+        return np.full_like(like, np.nan)
 
 
 def _only(screen: Screen, used: BoolArray) -> Screen:

@@ -1,4 +1,4 @@
-"""A set of causes with its fit, and how much it asks one to believe."""
+"""A set of causes with its fit, reduced to what comparing it with others needs."""
 
 from __future__ import annotations
 
@@ -8,56 +8,67 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.model.fit import Fit
+from wbc.identification.model.yielding import loose, some_deflect
 from wbc.robot import Effect
+
+Key = tuple[str, str]
+"""Name and place of a cause."""
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """A set of causes with its fit.
+class Hypothesis:
+    """A set of causes, fitted; light enough that every one that was tried can be kept.
 
     Attributes:
-        fit: effects and parameters.
-        squares: (rows, outputs) held-out squares in units of the floor.
+        effects: the causes with fitted parameters, in the order in which they act.
+        folds: (F, outputs) held-out mean squares of each fold, in floors.
+        blocks: (B,) held-out mean squares of each block, all outputs together.
+        samples: (outputs,) independent samples per row of what this hypothesis leaves.
+        rows: (F,) rows of each fold.
+        asked: what its names, places and numbers cost [nats].
+        implausible: what numbers cost that no machine is likely to have [nats].
     """
 
-    fit: Fit
-    squares: FloatArray
+    effects: tuple[Effect, ...]
+    folds: FloatArray
+    blocks: FloatArray
+    samples: FloatArray
+    rows: FloatArray
+    asked: float
+    implausible: float
+
+    @property
+    def prior(self) -> float:
+        """Log prior [nats]."""
+        return -self.asked - self.implausible
+
+    @property
+    def outputs(self) -> FloatArray:
+        """(outputs,) held-out mean squares, in floors."""
+        return np.asarray(self.rows @ self.folds / self.rows.sum())
 
     @property
     def error(self) -> float:
-        """Held-out mean square in units of the floor."""
-        return float(np.mean(self.squares))
+        """Held-out mean square in floors, all outputs together."""
+        return float(self.outputs.mean())
 
     @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The causes in the order added."""
-        return self.fit.effects
+    def keys(self) -> tuple[Key, ...]:
+        """Names and places of the causes."""
+        return tuple(effect.key for effect in self.effects)
 
     @property
     def swings(self) -> bool:
         """Whether links were simulated behind their gears."""
-        return self.fit.swings
+        return some_deflect(self.effects)
 
     @property
-    def numbers(self) -> int:
-        """How many parameters were fitted."""
-        return len(self.fit.parameters)
-
-    @property
-    def complexity(self) -> float:
-        """How much the model asks one to believe: names count most, then places, parameters."""
-        return _complexity(self.effects, [effect.freedom for effect in self.effects])
+    def bounces(self) -> bool:
+        """Whether one of these links has play."""
+        return loose(self.effects)
 
 
-def least_complexity(effects: Sequence[Effect]) -> float:
-    """Return how much a model with these causes asks one to believe at the least, once fitted."""
-    plain = Effect.freedom
-    return _complexity(
-        effects, [effect.freedom if type(effect).freedom is plain else 1 for effect in effects]
-    )
-
-
-def _complexity(effects: Sequence[Effect], freedoms: Sequence[int]) -> float:
-    names = {effect.name for effect in effects}
-    return 1.0 * len(names) + 0.5 * (len(effects) - len(names)) + 0.1 * sum(freedoms)
+def without(effects: Sequence[Effect], *dropped: Effect) -> tuple[Effect, ...]:
+    """Return the effects but those given."""
+    keys = {effect.key for effect in dropped}
+    return tuple(effect for effect in effects if effect.key not in keys)

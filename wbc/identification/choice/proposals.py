@@ -1,4 +1,4 @@
-"""Which causes may be missing beside a model: screened linearly, not yet fitted."""
+"""Which causes may be missing beside a hypothesis: screened linearly, not yet fitted."""
 
 from __future__ import annotations
 
@@ -9,84 +9,79 @@ from typing import Self
 import numpy as np
 
 from wbc.identification.choice.candidate_columns import Atom
-from wbc.identification.choice.hypothesis import Model
-from wbc.identification.choice.judge import SYSTEMATIC_SIMULATED, Judge
+from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.linear_screen import BeamSearch, Subset
 from wbc.identification.choice.screening import Nearby, Swinging, screen
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect, Robot
+
+Offer = tuple[Effect, ...]
+"""Effects with start values, not yet fitted."""
 
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
-_AMONG = 100  # pairs of causes that are judged on held-out data
+_REMEMBERED = 6  # hypotheses whose simulated links are kept
+_AMONG = 100  # pairs of causes that are screened on held-out data
 
 
-@dataclass(frozen=True, eq=False)
-class Proposer(Judge):
-    """Proposes causes for models, and keeps every model fitted.
+@dataclass(eq=False)
+class Proposer:
+    """Proposes causes beside hypotheses.
 
     Attributes:
-        problem: the logs.
+        trials: fitted so far, with the logs.
         candidates: effect classes that may be used.
-        aside: (name, where) of causes that are not considered.
+        aside: names and places that are not considered.
     """
 
+    trials: Trials
     candidates: tuple[type[Effect], ...]
-    aside: frozenset[tuple[str, str]] = frozenset()
-    _known: dict[tuple[Effect, ...], Model] = field(default_factory=dict)
-    _simulated: dict[tuple[Effect, ...], Swinging] = field(default_factory=dict)
-
-    @property
-    def fitted(self) -> tuple[Model, ...]:
-        """Every model fitted so far."""
-        return tuple(self._known.values())
-
-    def model(self, effects: Sequence[Effect]) -> Model:
-        """Return the fitted model with these causes."""
-        key = tuple(effects)
-        if key not in self._known:
-            fit = self.problem.fit(effects)
-            self._known[key] = Model(fit, self.problem.held_out(fit))
-        return self._known[key]
+    aside: frozenset[Key] = frozenset()
+    _simulated: dict[Offer, Swinging] = field(default_factory=dict)
 
     @property
     def at_once(self) -> Self:
         """The same among causes that act at once: no link is simulated for them."""
         return replace(self, candidates=tuple(c for c in self.candidates if not deflects(c)))
 
-    def promising(
-        self,
-        model: Model,
-        count: int,
-        exclude: Sequence[tuple[str, str]] = (),
-        enough: float = 0.0,
-        most: float = np.inf,
-        near: Nearby | None = None,
-    ) -> list[tuple[Effect, ...]]:
-        """Return the effects of a model with those that are most promising beside them, unfitted.
+    @property
+    def yielding(self) -> Self:
+        """The same among gears that yield."""
+        return replace(self, candidates=tuple(c for c in self.candidates if deflects(c)))
 
-        Those whose screened error is clearly above both the best one and `enough`, or above `most`,
-        are left out. With `near` the screen's columns are those of a robot close by.
+    def beside(
+        self,
+        h: Hypothesis,
+        count: int,
+        exclude: Sequence[Key] = (),
+        enough: float = 0.0,
+        near: Nearby | None = None,
+    ) -> list[Offer]:
+        """Return the most promising causes beside those of a hypothesis, best first.
+
+        Args:
+            h: the hypothesis.
+            count: how many offers at most.
+            exclude: names and places that are not offered.
+            enough: error [floors^2] up to which an offer counts as good; else the best one's.
+            near: a robot close to the hypothesis', whose columns serve for its own.
         """
         if not self.candidates:
             return []
-        excess, first = model.error - 1.0, self.model(()).error - 1.0
-        much = excess > SYSTEMATIC_SIMULATED**2 * first
-        offered = [c for c in self.candidates if much or not deflects(c)]
-        search, atoms = self._screened(model, offered, exclude, near)
+        search, atoms = self._screened(h, self.candidates, exclude, near)
         start = Subset((), search.error(()))
         found = search.grow([start])
-        found = [subset for subset in found if subset.error < most]
-        offers: list[tuple[Effect, ...]] = []
+        offers: list[Offer] = []
         least = found[0].error if found else start.error
-        # The screen is linear: leave room for what the refit may still gain over it.
+        # The screen is linear: leave room for what the fit may still gain over it.
         doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
         worst = max(least, enough) + doubt
         # Beside the best group of places stands the best single one.
         single = next((s for s in found if len(s.atoms) == 1), None)
-        seen: set[tuple[tuple[str, str], ...]] = set()
+        seen: set[tuple[Key, ...]] = set()
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
             key = tuple(sorted(atom.key for atom in added))
@@ -98,49 +93,49 @@ class Proposer(Judge):
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
             seen.add(key)
-            offers.append((*model.effects, *search.effects(subset)))
-        if model.swings:
-            offers += [(*model.effects, e) for e in _swinging_too(model.fit.robot, atoms, seen)]
+            offers.append((*h.effects, *search.effects(subset)))
+        if h.swings:
+            robot = self.trials.fit(h).robot
+            offers += [(*h.effects, e) for e in _swinging_too(robot, atoms, seen)]
         return offers
 
-    def in_pairs(self, model: Model, count: int, most: float) -> list[tuple[Effect, ...]]:
-        """Return the effects of a model with two more, unfitted, whose screened error is low.
+    def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
+        """Return the effects of a hypothesis with two more that explain most together.
 
-        Args:
-            model: beside whose causes two are sought that hide one another.
-            count: how many offers at most.
-            most: screened error above which a pair is left out.
+        They may hide one another: damping makes a delay look negative, neither is possible alone.
         """
         offered = [c for c in self.candidates if not deflects(c)]
         if not offered:
             return []
-        search, _ = self._screened(model, offered)
-        offers: dict[tuple[tuple[str, str], ...], tuple[Effect, ...]] = {}
+        search, _ = self._screened(h, offered)
+        offers: dict[tuple[Key, ...], Offer] = {}
         for subset in search.pairs(_AMONG):
-            if subset.error >= most or len(offers) == count:
+            if not np.isfinite(subset.error) or len(offers) == count:
                 break
             effects = search.effects(subset)
             offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
-        return [(*model.effects, *effects) for effects in offers.values()]
+        return [(*h.effects, *effects) for effects in offers.values()]
 
     def _screened(
         self,
-        model: Model,
+        h: Hypothesis,
         offered: Sequence[type[Effect]],
-        exclude: Sequence[tuple[str, str]] = (),
+        exclude: Sequence[Key] = (),
         near: Nearby | None = None,
     ) -> tuple[BeamSearch, list[Atom]]:
-        taken = {e.key for e in model.effects} | set(exclude) | self.aside
+        taken = {*h.keys, *exclude, *self.aside}
         # One gear yields in one way: play before a spring is play with soft flanks.
-        yielding = [e.where for e in model.effects if deflects(e)]
+        yielding = [e.where for e in h.effects if deflects(e)]
         taken |= {(c.name, joint) for c in offered if deflects(c) for joint in yielding}
-        simulated = self._simulated.setdefault(model.effects, {})
-        return screen(self.problem, model.fit, offered, taken, simulated, near)
+        simulated = self._simulated.setdefault(h.effects, {})
+        while len(self._simulated) > _REMEMBERED:
+            del self._simulated[next(iter(self._simulated))]
+        fit = self.trials.fit(h)
+        failures = self.trials.failures
+        return screen(self.trials.problem, fit, offered, taken, simulated, near, failures)
 
 
-def _swinging_too(
-    robot: Robot, atoms: Sequence[Atom], seen: set[tuple[tuple[str, str], ...]]
-) -> list[Effect]:
+def _swinging_too(robot: Robot, atoms: Sequence[Atom], seen: set[tuple[Key, ...]]) -> list[Effect]:
     """Return the best of every link that may swing, but those seen.
 
     Two links that swing shake one another: no sum of columns says how both would move.

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.effects import CustomTorque
+from wbc.identification.choice.evidence import log_densities
+from wbc.identification.choice.hypothesis import Hypothesis
+from wbc.identification.choice.trials import hypothesis_of
 from wbc.identification.formulas.formula import Formula
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
-
-_LEAST_GAIN = 0.05  # of the floor's mean square
-_LEAST_SHARE = 0.02  # of an output's excess over the floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +23,12 @@ class Attempt:
 
     Attributes:
         fit: all of them, refitted together; named effects first.
-        squares: (rows, outputs) held-out squares in floors.
+        hypothesis: what it leaves on held-out data.
         formulas: by joint.
     """
 
     fit: Fit
-    squares: FloatArray
+    hypothesis: Hypothesis
     formulas: Mapping[str, Formula]
 
     @classmethod
@@ -38,12 +37,12 @@ class Attempt:
     ) -> Attempt:
         """Fit `effects`, which hold the `formulas`, to all records of `problem`."""
         fit = problem.fit(effects)
-        return cls(fit, problem.held_out(fit), formulas)
+        return cls(fit, hypothesis_of(problem, fit), formulas)
 
     @property
     def error(self) -> float:
         """Held-out mean square in floors."""
-        return float(np.mean(self.squares))
+        return self.hypothesis.error
 
     @property
     def known(self) -> tuple[Effect, ...]:
@@ -57,10 +56,10 @@ class Attempt:
 
 
 def better_somewhere(problem: Problem, worse: Attempt, better: Attempt) -> bool:
-    """Whether an output's held-out error falls by more than chance; a bad joint hides no other."""
-    for one, other in zip(worse.squares.T, better.squares.T, strict=True):
-        least = max(_LEAST_GAIN, _LEAST_SHARE * (float(np.mean(one)) - 1.0))
-        pays = float(np.mean(one - other)) > least
-        if pays and problem.significant(one[:, None], other[:, None]):
-            return True
-    return False
+    """Whether the evidence at one output outweighs what more is asked to be believed.
+
+    A bad joint hides no other.
+    """
+    one, other = log_densities(problem, [worse.hypothesis, better.hypothesis])
+    asked = worse.hypothesis.prior - better.hypothesis.prior
+    return bool(np.max(other - one) > asked)

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.effects import CustomTorque
 from wbc.identification.answer.diagnosis import ErrorLevel
-from wbc.identification.answer.remainder import describe_remainder
+from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.formulas.attempt import Attempt, better_somewhere
 from wbc.identification.formulas.discovery import Discovery, Outcome
@@ -69,7 +69,7 @@ def discover(
             floor=1.0,
             floor_source=problem.floor.source,
         ),
-        remainder="" if outcome == "formula" else describe_remainder(problem, found.fit),
+        remainder="" if outcome == "formula" else describe(remainders(problem, found.fit)),
         robot=found.fit.robot,
         intervals={key: (e.low, e.high) for key, e in estimates.items()},
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.errors import DynamicsError
 from wbc.identification.model.kept_columns import (
     IMPOSSIBLE,
     STEP,
@@ -55,10 +56,17 @@ class Evaluation:
 def evaluate(
     robot: Robot, effects: Sequence[Effect], records: Sequence[Record], whitening: FloatArray
 ) -> Evaluation:
-    """Return what `robot` with `effects` leaves; links that swing are simulated once."""
+    """Return what `robot` with `effects` leaves; links that swing are simulated once.
+
+    Raises:
+        DynamicsError: a link flies off behind its gear, or an effect gives what is not finite.
+    """
     whole = robot.with_effects(*effects)
     swinging = tuple(swinging_torque(whole, record) for record in records)
     condensed = condensed_residual(whole, records, swinging)
+    if not np.isfinite(condensed).all():
+        names = ", ".join(f"{effect.name} at '{effect.where}'" for effect in effects)
+        raise DynamicsError(f"'{robot.name}' with {names} needs torque that is not finite.")
     sizes = noise_sizes(whole, records)
     return Evaluation(tuple(effects), whole, condensed, condensed @ whitening, swinging, sizes)
 
@@ -129,13 +137,14 @@ def _derivative(
             moved = condensed_residual(_whole(robot, at, k, changed), records, held)
         except IMPOSSIBLE:
             continue
-        return np.asarray((moved - at.condensed) / size)
+        if np.isfinite(moved).all():
+            return np.asarray((moved - at.condensed) / size)
     return np.zeros_like(at.condensed)
 
 
 def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> Robot:
     """Return the robot with effects of which number `k` is not as in `at`."""
-    if type(at.effects[k]).change is not Effect.change:
+    if "change" in at.effects[k].acts_by:
         return robot.with_effects(*changed)
     # Every number that effects change is as it was.
     return replace(at.robot, effects=(*robot.effects, *changed))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.errors import DynamicsError
 from wbc.identification.model.derivatives import (
     Evaluation,
     Slots,
@@ -40,6 +41,8 @@ class Fit:
             scale.
         parameters: the p fitted parameters as (number of effect, parameter).
         settled: whether more steps would gain nothing.
+        failed: why the robot cannot have these effects on these records, empty if it can; then all
+            of the residual is infinite, so that the model loses every comparison.
     """
 
     robot: Robot
@@ -48,6 +51,7 @@ class Fit:
     jacobian: FloatArray
     parameters: tuple[tuple[int, Parameter], ...]
     settled: bool = True
+    failed: str = ""
 
     @property
     def values(self) -> FloatArray:
@@ -70,6 +74,8 @@ class Fit:
         The parameters of each fold are one Gauss-Newton step away from those of all records. Where
         the model is too rough for such a step (a bouncing link), the fold's parameters stay.
         """
+        if self.failed:
+            return np.asarray(self.residual**2)
         if self.swings:
             return self._held_out_damped(folds)
         squares = np.empty(self.residual.shape)
@@ -121,10 +127,17 @@ def refine(
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
         kept: derivatives made before of this robot on these records; new ones are put there.
+
+    Raises:
+        EffectError: the robot has no place for one of the effects.
+        TransmissionError: a gear cannot have these numbers.
     """
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
     swings = some_deflect(effects)
-    at = evaluate(robot, effects, records, whitening)
+    try:
+        at = evaluate(robot, effects, records, whitening)
+    except DynamicsError as error:
+        return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
     jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
     least = _CONVERGED_ROUGH if swings else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
@@ -163,6 +176,20 @@ def refine(
         fresh = not trusted or not swings
     whole = robot.with_effects(*at.effects)
     return Fit(whole, at.effects, at.residual, jacobian, slots, ended)
+
+
+def _failed(
+    robot: Robot,
+    effects: Sequence[Effect],
+    slots: Slots,
+    records: Sequence[Record],
+    whitening: FloatArray,
+    why: str,
+) -> Fit:
+    """Return the fit of what cannot move like these records."""
+    shape = sum(record.rows for record in records), whitening.shape[1]
+    residual, jacobian = np.full(shape, np.inf), np.zeros((*shape, len(slots)))
+    return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), failed=why)
 
 
 def _norm(values: FloatArray) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
 
@@ -86,9 +87,9 @@ class KeptColumns:
         self, effects: Sequence[Effect], own: Effect, parameter: Parameter
     ) -> tuple[Effect, ...] | None:
         """Return the effects that a column depends on beside its own, None if on all of them."""
-        if type(own).drive is not Effect.drive:
+        if "drive" in own.acts_by:
             return None
-        if type(own).change is Effect.change:
+        if "change" not in own.acts_by:
             return ()
         robot = self.robot
         changed = _moved(own, parameter).change(robot)
@@ -100,7 +101,7 @@ class KeptColumns:
             return None
         if changed.model is robot.model:
             return ()
-        changing = (e for e in effects if e is not own and type(e).change is not Effect.change)
+        changing = (e for e in effects if e is not own and "change" in e.acts_by)
         return tuple(e for e in changing if e.change(robot).model is not robot.model)
 
     def _made(
@@ -130,12 +131,7 @@ class KeptColumns:
 
 def keeps_motion(robot: Robot) -> bool:
     """Whether no effect of a robot changes the motion that others act on, or simulates a link."""
-    hooks = ("true", "deflection", "spring")
-    return not any(
-        getattr(type(effect), hook) is not getattr(Effect, hook)
-        for effect in robot.effects
-        for hook in hooks
-    )
+    return not any(deflects(e) or "true" in e.acts_by for e in robot.effects)
 
 
 def lossy_gears(robot: Robot) -> BoolArray:

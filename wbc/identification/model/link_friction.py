@@ -9,7 +9,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import YieldingGear
-from wbc.robot import Effect, LinkFriction, LinkResponse, Motion, Robot
+from wbc.links import LinkFriction, LinkResponse
+from wbc.robot import Effect, Motion, Robot
 
 _FASTER = 1e-5  # [rad/s]
 _SAME = 1e-3
@@ -52,17 +53,13 @@ def rubbing_effects(robot: Robot, joint: str, motion: Motion) -> tuple[Effect, .
     """Return the effects of a robot at a joint whose torque depends on the joint's speed."""
     found = []
     for effect in robot.effects:
-        acts = type(effect).joint_torque is not Effect.joint_torque
-        if effect.where != joint or not (acts or makes_friction(effect)):
+        if effect.where != joint or not effect.acts_by & {"joint_torque", "joint_friction"}:
             continue
-        if makes_friction(effect) or np.any(Rubbing.of(robot, [effect], joint, motion).slope):
+        if "joint_friction" in effect.acts_by or np.any(
+            Rubbing.of(robot, [effect], joint, motion).slope
+        ):
             found.append(effect)
     return tuple(found)
-
-
-def makes_friction(effect: Effect) -> bool:
-    """Whether an effect can make dry friction."""
-    return type(effect).joint_friction is not Effect.joint_friction
 
 
 def rubbing_at_link(robot: Robot, joint: str, motion: Motion) -> tuple[Effect, ...]:

@@ -12,10 +12,15 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases
 from wbc.identification.model.fit import Fit, refine
-from wbc.identification.model.friction_sides import FrictionSides
+from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.kept_columns import KeptColumns
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.folds import block_means, bootstrap_blocks, held_out_folds
+from wbc.identification.records.folds import (
+    ROWS_PER_SAMPLE,
+    block_means,
+    bootstrap_blocks,
+    held_out_folds,
+)
 from wbc.identification.records.noise_floor import (
     NoiseFloor,
     drawn_noise,
@@ -28,14 +33,8 @@ from wbc.identification.silent_drives import reported_torque, silent_drives
 from wbc.measurement import Log, cut_at_gaps, suspicions
 from wbc.robot import Effect, Robot
 
-_STANDARD_ERRORS = 2.0
-_LIKELIHOOD_RATIO = 12.0
 ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
-_NEARLY_NOISE = 2.0  # ... and up to which it may be, where ...
-_MOST = 4.0  # ... a cause has made it so many times smaller
-_SAMPLES_PER_BLOCK = 4.0  # independent ones: a block lasts four periods of the band or longer
-_CHI_SQUARE = 25.0
-_CHI_SQUARE_LEANING = 6.6
+_LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +104,6 @@ class Problem:
     def _columns(self) -> KeptColumns:
         return KeptColumns(self.robot, self.records)
 
-    @cached_property
-    def _sides(self) -> FrictionSides:
-        return FrictionSides(self.robot, self.records[0].motion)
-
     def fit(self, effects: Sequence[Effect]) -> Fit:
         """Return the robot with these effects, parameters fitted to all records."""
 
@@ -116,7 +111,7 @@ class Problem:
             logs, floor = self.records, self.whitening
             return refine(self.robot, sided, logs, floor, steps, kept=self._columns)
 
-        return self._sides.best(effects, fit)
+        return best_sides(self.robot, effects, self.records[0].motion, fit)
 
     def held_out(self, fit: Fit) -> FloatArray:
         """Return (rows, outputs) held-out squares in units of the floor."""
@@ -135,52 +130,47 @@ class Problem:
         doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
         return np.asarray(np.hypot(other.values - fit.values, doubt * fit.values))
 
-    def significant(self, worse: FloatArray, better: FloatArray) -> bool:
-        """Whether the held-out error falls by more than chance, blocks being the observations.
+    @cached_property
+    def first(self) -> FloatArray:
+        """(outputs,) mean squares in floors of the robot as given."""
+        return np.asarray(np.mean((self.residual @ self.whitening) ** 2, axis=0))
 
-        Four ways to show it: the paired difference of squares or of their logarithms exceeds two
-        standard errors (the first hears the few blocks in which most happens, the second gives
-        each block a voice), or, for what happens rarely but violently, the likelihood ratio
-        of as many independent observations as there are blocks; and, where nothing but noise is
-        left, or little more of very much, its known size (a short log has few blocks, but many
-        samples).
+    def block_means(self, values: FloatArray) -> FloatArray:
+        """Return the mean (B,) of `values` (rows,) in every block."""
+        return block_means(values, self.blocks)
+
+    def independent_samples(self, residual: FloatArray) -> FloatArray:
+        """Return (outputs,) how many independent samples one row of a residual is.
+
+        Its squares are as certain as those of n / (sum over all lags of rho^2) independent ones,
+        rho being its autocorrelation (Bartlett), and rows without weight are no samples.
+
+        Args:
+            residual: (rows, outputs), whitened.
         """
-        one, other = self._blockwise(worse), self._blockwise(better)
-        before, after = float(np.mean(one)), float(np.mean(other))
-        ratio = one.size * float(np.log(before / after))
-        noise = after < ONLY_NOISE or (after < _NEARLY_NOISE and before > _MOST * after)
-        known = noise and self._known_gain(worse, better) > _CHI_SQUARE * max(after, 1.0)
-        return bool(
-            known
-            or _standard_errors(one - other) > _STANDARD_ERRORS
-            or _standard_errors(np.log(one / other)) > _STANDARD_ERRORS
-            or ratio > _LIKELIHOOD_RATIO
+        ends = np.cumsum([record.rows for record in self.records])
+        parts = [part for part in np.split(residual, ends[:-1]) if len(part) > _LONGEST]
+        longest = min(len(part) for part in parts) // _LONGEST
+        total = np.zeros((longest + 1, residual.shape[1]))
+        for part in parts:
+            power = np.abs(np.fft.rfft(part, 2 * len(part), axis=0)) ** 2
+            total += np.fft.irfft(power, axis=0)[: longest + 1]
+        correlation = total / np.maximum(total[0], 1e-300)
+        chance = longest * ROWS_PER_SAMPLE / len(residual)
+        lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
+        return np.asarray(self._row_share / np.maximum(1.0 + 2.0 * lags, ROWS_PER_SAMPLE))
+
+    @property
+    def white_samples(self) -> FloatArray:
+        """(outputs,) independent samples per row of white noise in the residual's band."""
+        return self._row_share / ROWS_PER_SAMPLE
+
+    @cached_property
+    def _row_share(self) -> FloatArray:
+        """(outputs,) share of the rows that count, by their weights."""
+        squares = np.concatenate([r.condense(np.ones_like(r.weight)) for r in self.records]) ** 2
+        kept = [k for k in range(squares.shape[1]) if k not in self.floor.aside]
+        squares = squares[:, kept]
+        return np.asarray(
+            np.mean(squares, axis=0) ** 2 / np.maximum(np.mean(squares**2, axis=0), 1e-300)
         )
-
-    def leaning(self, worse: FloatArray, better: FloatArray) -> bool:
-        """Whether `better` leaves less, by more than chance does once in a hundred times."""
-        if np.mean(better) < ONLY_NOISE:
-            return self._known_gain(worse, better) > _CHI_SQUARE_LEANING
-        one, other = self._blockwise(worse), self._blockwise(better)
-        return _standard_errors(np.log(one / other)) > 1.0
-
-    def beyond_noise(self, worse: FloatArray, better: FloatArray) -> bool:
-        """Whether `worse` leaves more than noise, or `better` gains more than fits of noise do.
-
-        Among many candidates one always fits some noise significantly.
-        """
-        return bool(np.mean(worse) >= ONLY_NOISE or self._known_gain(worse, better) > _CHI_SQUARE)
-
-    def _blockwise(self, squares: FloatArray) -> FloatArray:
-        return block_means(squares.mean(axis=1), self.blocks)
-
-    def _known_gain(self, worse: FloatArray, better: FloatArray) -> float:
-        """Return by how much chi-square falls, all outputs together."""
-        samples = _SAMPLES_PER_BLOCK * np.unique(self.blocks).size
-        return float(samples * np.sum(np.mean(worse - better, axis=0)))
-
-
-def _standard_errors(differences: FloatArray) -> float:
-    """Return the mean of paired differences in units of its standard error."""
-    error = float(np.std(differences, ddof=1)) / np.sqrt(differences.size)
-    return float(np.mean(differences) / max(error, 1e-300))

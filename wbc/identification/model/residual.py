@@ -13,7 +13,8 @@ from wbc.identification.model.link_friction import LinkSide
 from wbc.identification.model.link_motion import driven, swing
 from wbc.identification.model.yielding import deflects, some_deflect
 from wbc.identification.records.record import Record
-from wbc.robot import Effect, LinkResponse, Motion, Robot
+from wbc.links import LinkResponse
+from wbc.robot import Motion, Robot
 
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
@@ -173,16 +174,12 @@ def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
 
 
 def _without_drives(robot: Robot) -> Robot:
-    kept = tuple(e for e in robot.effects if not _drives(e))
+    kept = tuple(e for e in robot.effects if "drive" not in e.acts_by)
     return robot if len(kept) == len(robot.effects) else replace(robot, effects=kept)
 
 
-def _drives(effect: Effect) -> bool:
-    return type(effect).drive is not Effect.drive
-
-
 def _delivered(robot: Robot, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
-    drives = [effect for effect in robot.effects if _drives(effect)]
+    drives = [effect for effect in robot.effects if "drive" in effect.acts_by]
     slope = np.ones(torque.shape[1])
     delivered = torque
     for effect in drives:

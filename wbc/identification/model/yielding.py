@@ -1,17 +1,18 @@
-"""Which effects let links stray from their motors, and how such links must be followed."""
+"""Which effects let links stray from their motors, and behind which gears they do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from wbc.effects.yielding_gear import YieldingGear
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
+from wbc.transmission import Flanks
 
 
 def deflects(effect: Effect | type[Effect]) -> bool:
     """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
     kind = effect if isinstance(effect, type) else type(effect)
-    return kind.deflection is not Effect.deflection or kind.spring is not Effect.spring
+    return issubclass(kind, YieldingGear)
 
 
 def some_deflect(effects: Iterable[Effect]) -> bool:
@@ -21,11 +22,10 @@ def some_deflect(effects: Iterable[Effect]) -> bool:
 
 def loose(effects: Iterable[Effect]) -> bool:
     """Whether a link behind one of the effects' gears bounces."""
-    return any(deflects(effect) and effect.spring() is None for effect in effects)
+    return any(isinstance(effect, YieldingGear) and effect.has_play for effect in effects)
 
 
-def strike_together(effects: Sequence[Effect]) -> bool:
-    """Whether several links move behind flanks, one gear in front of each."""
-    gears = [effect for effect in effects if isinstance(effect, YieldingGear)]
-    others = any(deflects(e) and not isinstance(e, YieldingGear) for e in effects)
-    return loose(gears) and not others and 1 < len({gear.where for gear in gears}) == len(gears)
+def yielding_gears(robot: Robot) -> dict[str, Flanks]:
+    """Return the gears of a robot, by joint, behind which its effects let the link stray."""
+    gears = robot.transmission
+    return {e.where: gears.flanks(e.where) for e in robot.effects if deflects(e)}

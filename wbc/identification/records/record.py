@@ -21,7 +21,8 @@ from wbc.dynamics import (
 from wbc.identification.records.bandwidth import Bandwidth, SensorNoise
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.identification.records.smoothing import low_pass
-from wbc.robot import LinkResponse, Motion, Robot
+from wbc.links import LinkResponse
+from wbc.robot import Motion, Robot
 
 _KEPT_MOTIONS = 3
 

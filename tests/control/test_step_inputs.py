@@ -1,0 +1,196 @@
+"""`step` never raises and never takes nonsense: every bad input is a status that names it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.control import (
+    CenterOfMassTask,
+    ContactForceTask,
+    Controller,
+    FrameOrientationTask,
+    FramePoseTask,
+    PointContact,
+    PostureTask,
+    Reference,
+    RotorTorqueEffort,
+    Status,
+    Task,
+)
+from wbc.effects import load_robot
+from wbc.errors import ControlError
+from wbc.robot import Motion
+
+SOLO = load_robot("solo12")
+STAND = next(iter(SOLO.poses.values()))
+REST = np.zeros(SOLO.model.nv)
+STATE = Motion(STAND, REST)
+FEET = [contact.name for contact in SOLO.contacts]
+
+
+def controller():
+    tasks = [
+        CenterOfMassTask(weight=10.0),
+        FrameOrientationTask(name="trunk", frame="base_link"),
+        FramePoseTask(name="pose", frame="base_link", weight=0.1),
+        PostureTask.of(SOLO, weight=0.1),
+        ContactForceTask(name="load", contact=FEET[0]),
+        RotorTorqueEffort(weight=1e-4),
+    ]
+    return Controller(SOLO, tasks, [PointContact(name=name) for name in FEET])
+
+
+def turned(norm):
+    q = STAND.copy()
+    q[3:7] *= norm
+    return Motion(q, REST)
+
+
+COM = pin.centerOfMass(SOLO.model, SOLO.model.createData(), STAND)
+DOUBLE = pin.SE3(2.0 * np.eye(3), np.zeros(3))
+NAN = np.array([0.0, np.nan, 0.0])
+# name -> arguments of step, and a word that the message holds
+BAD = {
+    "contacts as list": ((STATE, None, FEET), "map"),
+    "contacts as set": ((STATE, None, set(FEET)), "map"),
+    "contacts as str": ((STATE, None, FEET[0]), "map"),
+    "contact without number": ((STATE, None, {FEET[0]: None}), FEET[0]),
+    "contact as truth": ((STATE, None, {FEET[0]: True}), FEET[0]),
+    "contact as words": ((STATE, None, {FEET[0]: "on"}), FEET[0]),
+    "contact by number": ((STATE, None, {0: 1.0}), "contact"),
+    "state None": ((None,), "position"),
+    "state a number": ((3.0,), "position"),
+    "state of words": ((Motion("standing", REST),), "shape"),
+    "state of None": ((Motion(None, None),), "shape"),
+    "quaternion 0": ((turned(0.0),), "quaternion"),
+    "quaternion 1.1": ((turned(1.1),), "quaternion"),
+    "references as list": ((STATE, [Reference()]), "references"),
+    "reference as array": ((STATE, {"center_of_mass": COM}), "Reference"),
+    "reference None": ((STATE, {"center_of_mass": None}), "Reference"),
+    "scalar for a vector": ((STATE, {"center_of_mass": Reference(0.3)}), "shape"),
+    "words for a vector": ((STATE, {"center_of_mass": Reference("high")}), "numbers|array"),
+    "row for a vector": ((STATE, {"center_of_mass": Reference(COM[None])}), "shape"),
+    "scalar velocity": ((STATE, {"center_of_mass": Reference(COM, 1.0)}), "velocity"),
+    "long acceleration": ((STATE, {"posture": Reference(None, None, REST)}), "acceleration"),
+    "rpy for an orientation": ((STATE, {"trunk": Reference(np.zeros(3))}), "rotation"),
+    "twice a rotation": ((STATE, {"trunk": Reference(2.0 * np.eye(3))}), "rotation"),
+    "reflection": ((STATE, {"trunk": Reference(np.diag([1.0, 1.0, -1.0]))}), "rotation"),
+    "zeros as rotation": ((STATE, {"trunk": Reference(np.zeros((3, 3)))}), "rotation"),
+    "matrix for a pose": ((STATE, {"pose": Reference(np.eye(4))}), "SE3"),
+    "pose that is none": ((STATE, {"pose": Reference(DOUBLE)}), "rotation"),
+    "force of wrong shape": ((STATE, {"load": Reference(np.zeros(2))}), "shape"),
+    "NaN target": ((STATE, {"center_of_mass": Reference(NAN)}), "not finite"),
+    "NaN rotation": ((STATE, {"trunk": Reference(np.full((3, 3), np.nan))}), "not finite"),
+    "NaN feed-forward": ((STATE, {"center_of_mass": Reference(COM, None, NAN)}), "not finite"),
+    "infinite velocity": ((STATE, {"center_of_mass": Reference(COM, NAN + np.inf)}), "not finite"),
+    "NaN force": ((STATE, {"load": Reference(NAN)}), "not finite"),
+}
+MORE = {
+    "dt zero": ({"dt": 0.0}, "dt"),
+    "dt NaN": ({"dt": np.nan}, "dt"),
+    "dt as words": ({"dt": "1 ms"}, "dt"),
+    "weights as list": ({"weights": [1.0]}, "weights"),
+    "weight negative": ({"weights": {"posture": -1.0}}, "posture"),
+    "weight infinite": ({"weights": {"posture": np.inf}}, "posture"),
+    "activation above one": ({"activation": {"posture": 2.0}}, "posture"),
+    "activation of nothing": ({"activation": {"postur": 1.0}}, "posture"),
+    "activation None": ({"activation": {"posture": None}}, "posture"),
+}
+
+
+def refused(command, word):
+    assert not command.status.usable
+    assert any(part in command.message for part in word.split("|")), command.message
+    assert np.isfinite(command.rotor_torque).all()
+    assert np.all(np.abs(command.rotor_torque) <= SOLO.transmission.torque_limit)
+
+
+@pytest.fixture(scope="module")
+def used():
+    ours = controller()
+    assert ours.step(STATE).status is Status.SOLVED
+    return ours
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_input_is_named_and_forgotten(used, case):
+    before = used.step(STATE).rotor_torque
+    arguments, word = BAD[case]
+    refused(used.step(*arguments), word)
+    after = used.step(STATE)
+    assert after.status is Status.SOLVED
+    np.testing.assert_allclose(after.rotor_torque, before, atol=1e-6)
+
+
+@pytest.mark.parametrize("case", MORE)
+def test_a_bad_setting_of_a_tick_is_named(used, case):
+    options, word = MORE[case]
+    refused(used.step(STATE, **options), word)
+    assert used.step(STATE).status is Status.SOLVED
+
+
+def test_an_exception_of_a_task_is_a_status():
+    class Broken(Task):
+        def check(self, robot):
+            return 1
+
+        def value(self, kinematics):
+            raise RuntimeError("no value today")
+
+        error = jacobian = drift = value
+
+    ours = Controller(SOLO, [Broken(name="broken")], [PointContact(name=name) for name in FEET])
+    command = ours.step(STATE)
+    refused(command, "no value today")
+    assert command.status is Status.FAILED
+
+
+def test_feed_forward_left_out_ends():
+    """A moving target without its reference stays where it was, at rest."""
+    ours, other = controller(), controller()
+    push = Reference(COM, np.full(3, 0.2), np.full(3, 1.0))
+    ours.step(STATE, {"center_of_mass": push})
+    other.step(STATE, {"center_of_mass": Reference(COM)})
+    np.testing.assert_allclose(
+        ours.step(STATE).acceleration, other.step(STATE).acceleration, atol=1e-6
+    )
+
+
+def test_buffers_of_the_caller_are_not_kept():
+    ours, other = controller(), controller()
+    buffer, turn = COM.copy(), np.eye(3)
+    q, v = STAND.copy(), REST.copy()
+    wish = {"center_of_mass": Reference(buffer), "trunk": Reference(turn)}
+    first = ours.step(Motion(q, v), wish)
+    kept = first.rotor_torque.copy()
+    other.step(STATE, {"center_of_mass": Reference(COM), "trunk": Reference(np.eye(3))})
+    buffer[:], turn[:], q[:], v[:] = 7.0, 0.0, 0.3, 9.0
+    np.testing.assert_array_equal(first.rotor_torque, kept)
+    np.testing.assert_allclose(
+        ours.step(STATE).acceleration, other.step(STATE).acceleration, atol=1e-6
+    )
+    ours.step(Motion(np.full_like(q, np.nan), v))
+    np.testing.assert_allclose(ours.step(None).rotor_torque, ours.step(None).rotor_torque)
+
+
+def test_build_is_the_program_of_the_tick_and_changes_nothing():
+    ideal = SOLO.lossless()  # so that the torque limits stand in one direction
+    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(ideal, weight=0.1)]
+    feet = [PointContact(name=name) for name in FEET]
+    ours, other = Controller(ideal, tasks, feet), Controller(ideal, tasks, feet)
+    generator = np.random.default_rng(0)
+    for _ in range(5):
+        state = Motion(STAND, 0.01 * generator.normal(size=REST.shape))
+        wish = {"center_of_mass": Reference(COM + 0.01 * generator.normal(size=3))}
+        built = ours.build(state, wish, dict.fromkeys(FEET, np.inf), dt=2e-3)
+        ours.build(state, {"center_of_mass": Reference(COM + 1.0)}, {}, dt=0.1)
+        one = ours.step(state, wish, dict.fromkeys(FEET, np.inf), dt=2e-3)
+        two = other.step(state, wish, dict.fromkeys(FEET, np.inf), dt=2e-3)
+        np.testing.assert_array_equal(one.rotor_torque, two.rotor_torque)
+        solved = ours.problem
+        for part in ("H", "g", "A", "b", "C", "lower", "upper"):
+            np.testing.assert_allclose(getattr(built, part), getattr(solved, part), atol=1e-9)
+    with pytest.raises(ControlError, match="map"):
+        ours.build(STATE, None, FEET)

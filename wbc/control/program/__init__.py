@@ -1,0 +1,1 @@
+"""The program of a tick: its rows, its cost, its levels."""

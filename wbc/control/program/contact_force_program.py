@@ -1,0 +1,263 @@
+"""The contact-force program: accelerations and contact forces under the dissipative dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.control.contacts.contact_set import ContactSet
+from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.limits import JointLimit
+from wbc.control.plant import Plant
+from wbc.control.program.balance import place_balance
+from wbc.control.program.contact_force_cost import ContactForceCost
+from wbc.control.program.effort_cost import EffortCost
+from wbc.control.program.inequality_rows import InequalityRows
+from wbc.control.program.placing import place_tasks
+from wbc.control.program.task_stack import TaskStack
+from wbc.control.reference import Reference
+from wbc.control.solvers import BlockProblem
+
+
+class ContactForceProgram:
+    """Assembles, for one set of contacts, the quadratic program in x = [qdd, f / force_scale].
+
+        min   sum of task costs + regularisation of qdd and of f towards a shared load
+        s.t.  (M qdd + bias - J'f)_undriven = 0
+              J qdd = -dJ/dt v - damping J v
+              -limit <= e (D'(M qdd + bias - J'f)_m) + rotor qdd + rotor_bias <= limit
+              friction cones, normal forces, joint limits
+
+    with e the slope of the mesh law in the direction predicted for each gear. All memory is
+    allocated once; `problem` is overwritten by the next assembly.
+
+    Attributes:
+        contacts: the active contacts.
+        n: number of variables.
+        force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
+            accelerations and forces are of one size and tolerances mean the same on any robot.
+        force_cost: cost of the contact forces.
+        effort_cost: cost of the efforts, with its rows below those of tasks.
+        A, b: the equalities.
+        cost_rows: rows of tasks and efforts, above the equalities.
+        most_rows: greatest number of rows, tasks, efforts and equalities.
+        blocks: the whole program.
+        unbound: the program without its torque limits.
+        unlocked: how many equalities are the robot's own; those of a lock follow.
+        rows: the inequalities.
+        torque_map: (m, n), T = torque_map @ x + D' bias_m.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        contacts: ContactSet,
+        limited: BoolArray,
+        joint_limit: JointLimit | None,
+        weights: tuple[float, float],
+        efforts: Sequence[Effort] = (),
+        force_tasks: Sequence[ContactForceTask] = (),
+        locked: int = 0,
+        task_rows: int = 0,
+        slack: float = 0.0,
+    ) -> None:
+        """Lay out the rows.
+
+        Args:
+            plant: the dynamics.
+            contacts: the active contacts.
+            limited: (m,) bool, gears that have a torque limit.
+            joint_limit: limits of joints, or None.
+            weights: regularisation of qdd and of the force variables.
+            efforts: costs on the torques of the gears.
+            force_tasks: costs on contact forces; those of inactive contacts stay idle.
+            locked: greatest number of equality rows that a more important level hands down.
+            task_rows: rows of the tasks.
+            slack: how far every inequality's bound lies beyond what it stands for.
+        """
+        robot = plant.robot
+        self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
+        self.nv, self.forces = robot.model.nv, contacts.rows
+        self.n = self.nv + self.forces
+        self.undriven = robot.floating_size
+        self.gears = np.flatnonzero(limited)
+        self._all_gears = len(self.gears) == robot.transmission.size
+        self.weights = weights
+        weight = plant.weight
+        self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
+        self._force_scales = np.full(self.forces, self.force_scale)
+        self.force_cost = ContactForceCost(
+            contacts, force_tasks, weights[1], weight, self.force_scale
+        )
+        self.efforts = tuple(efforts)
+        self.diagonal, self.pull = np.full(self.n, weights[0]), np.zeros(self.n)
+        self._take_forces()
+        rest = self.undriven + contacts.rows
+        cost_rows = task_rows + robot.transmission.size * len(self.efforts)
+        self.unlocked, self.cost_rows = rest, cost_rows
+        size = cost_rows + rest + locked
+        self.most_rows = size
+        self._stacked, self._right = np.zeros((size, self.n)), np.zeros(size)
+        self._softness = np.zeros(size)
+        self._softness[:cost_rows] = 1.0
+        mine = slice(task_rows, cost_rows)
+        self.effort_cost = EffortCost(efforts, plant, self._stacked[mine], self._right[mine])
+        self.A, self.b = self._stacked[cost_rows:size], self._right[cost_rows:size]
+        balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
+        self._balance, self._balance_right = self.A[balance], self.b[balance]
+        self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
+        self._copies = not contacts.place(self._contact_rows, self._contact_right)
+        names = robot.transmission.joints
+        gears = [names[i] for i in self.gears]
+        scale = self.force_scale
+        self.rows = InequalityRows(gears, contacts, joint_limit, self.nv, scale, slack)
+        self._write_normal_bounds(None)
+        self._count_equalities(rest)
+        self.torque_map = np.zeros((robot.transmission.size, self.n))
+        self._scaled_map = np.zeros_like(self.torque_map)
+
+    def assemble_constraints(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        step: float,
+        ceilings: Mapping[str, float] | None,
+    ) -> None:
+        """Write the equalities, and the bounds of normal forces and joint accelerations.
+
+        Args:
+            position, velocity: q (nq,) and v (nv,).
+            step: time until the next tick [s].
+            ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
+        """
+        plant, set_ = self.plant, self.contacts
+        place_balance(
+            *(plant.mass, plant.bias, set_.jacobian, self.force_scale),
+            *(plant.robot.unactuated, self._balance, self._balance_right),
+        )
+        if self._copies:
+            np.copyto(self._contact_rows, set_.jacobian)
+            np.copyto(self._contact_right, set_.target)
+        if ceilings != self._ceilings:
+            self._write_normal_bounds(ceilings)
+        if self.joint_limit is not None:
+            strength = self.plant.braking(self.joint_limit)
+            low, high = self.joint_limit.bounds(position, velocity, step, strength)
+            self.rows.write_joints(low, high)
+
+    def assemble_tasks(self, tasks: TaskStack) -> float:
+        """Write the tasks' rows and diagonal; call after the constraints.
+
+        Returns:
+            the sum of the sizes of all that tasks and equalities want, not finite if one is not.
+        """
+        return place_tasks(
+            *(tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b),
+            *(self.weights[0], self._stacked, self._right, self._softness),
+            *(self.diagonal, self.pull),
+        )
+
+    def assemble_forces(self, references: Mapping[str, Reference]) -> None:
+        """Take what the force tasks ask, where there are any."""
+        if self.force_cost.tracks:
+            self.force_cost.fill(references)
+            self._take_forces()
+
+    def _take_forces(self) -> None:
+        self.diagonal[self.nv :] = self.force_cost.diagonal
+        np.negative(self.force_cost.pull, out=self.pull[self.nv :])
+
+    def assemble_torque_map(self) -> None:
+        """Write the map from x to T; call after the constraints."""
+        plant, nv = self.plant, self.nv
+        self.torque_map[:, :nv] = plant.to_motors(plant.mass)
+        pushed = plant.to_motors(self.contacts.jacobian.T)
+        np.multiply(pushed, -self.force_scale, out=self.torque_map[:, nv:])
+
+    def assemble_efforts(self, slopes: FloatArray, speed: FloatArray, last: FloatArray) -> None:
+        """Add the efforts for one slope per gear; call after the map and the costs.
+
+        Args:
+            slopes: e (m,) in the predicted directions.
+            speed: expected dpsi (m,) [rad/s].
+            last: T (m,) of the last tick [N m].
+        """
+        if self.efforts:
+            self.effort_cost.fill(self.torque_map, slopes, speed, last)
+
+    def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
+        """Write the rows (k, n) that a more important level has decided, and values (k,)."""
+        self._count_equalities(self.unlocked + len(values))
+        self.A[self.unlocked :], self.b[self.unlocked :] = matrix, values
+
+    def _count_equalities(self, count: int) -> None:
+        top, end, rows = self.cost_rows, self.cost_rows + count, self.rows
+        self.A, self.b = self._stacked[top:end], self._right[top:end]
+        self.blocks = BlockProblem(
+            *(self.diagonal, self.pull),
+            rows=self._stacked[:end],
+            right=self._right[:end],
+            softness=self._softness[:end],
+            soft=top,
+            C=rows.C,
+            lower=rows.lower,
+            upper=rows.upper,
+        )
+        free = slice(rows.torque.stop, None)
+        self.unbound = self.blocks._replace(
+            C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free]
+        )
+
+    def assemble_torque_limits(
+        self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> None:
+        """Write the rows of the rotor torque limits for one slope per gear.
+
+        Args:
+            slopes: e (m,) in the predicted directions.
+            lower, upper: least and greatest N tau_phi (m,) [N m].
+        """
+        plant, rows = self.plant, self.rows
+        where, nv = rows.torque, self.nv
+        offset = slopes * plant.output_bias
+        offset += plant.rotor_bias
+        scaled = rows.C[where] if self._all_gears else self._scaled_map
+        np.multiply(self.torque_map, slopes[:, None], out=scaled)
+        scaled[:, :nv] += plant.rotor
+        if self._all_gears:
+            rows.write_torques(lower - offset, upper - offset)
+        else:
+            rows.C[where] = scaled[self.gears]
+            rows.write_torques((lower - offset)[self.gears], (upper - offset)[self.gears])
+
+    def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
+        set_ = self.contacts
+        top = set_.normal_maximum
+        if ceilings is not None:
+            top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
+        self.rows.write_normals(set_.normal_minimum, top)
+        self._ceilings = None if ceilings is None else dict(ceilings)
+
+    def forces_of(self, x: FloatArray) -> FloatArray:
+        """Return the contact forces (k,) [N, N m] at a solution."""
+        return np.asarray(x[self.nv :] * self._force_scales)
+
+    def output_torque(self, x: FloatArray) -> FloatArray:
+        """Return T (m,) [N m] at a solution."""
+        return self.plant.output_torque(x, self.contacts.jacobian, self.force_scale)
+
+    def equality_label(self, row: int) -> tuple[str, str]:
+        """Return what an equality row is called in messages, and its unit."""
+        if row < self.undriven:
+            coordinate = int(self.plant.robot.unactuated[row])
+            return f"balance of undriven coordinate {coordinate}", "N or N m"
+        for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
+            if row - self.undriven < rows.stop:
+                return f"contact {contact.name} at rest", "m/s^2"
+        return "what the more important tasks have decided", "m/s^2"
+
+    def inequality_label(self, row: int) -> tuple[str, float, str]:
+        """Return what an inequality is called, the scale of a violation, and its unit."""
+        return self.rows.labels[row], *self.rows.scale_and_unit(row)

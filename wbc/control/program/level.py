@@ -1,0 +1,227 @@
+"""One level of priority: its tasks, its program, and the two ways of solving it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.command import Status
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.level_lock import LevelLock
+from wbc.control.program.task_stack import TaskStack
+from wbc.control.reference import Reference
+from wbc.control.safety.inputs import Complaint
+from wbc.control.safety.verdict import judged
+from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution
+from wbc.control.torque.direction_search import GUESSES, SMALL, DirectionSearch, Found
+from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
+from wbc.robot import Motion
+
+_BINDS = 1e-6
+_SOLVED: Complaint = (Status.SOLVED, "")
+
+
+class GearState(NamedTuple):
+    """What one tick knows of the gears before it is solved.
+
+    Attributes:
+        sigma: certainty (m,) of the directions.
+        limits: least and greatest N tau_phi (m,) [N m].
+        speed: expected dpsi (m,) [rad/s].
+        last_output: T (m,) of the last tick [N m].
+    """
+
+    sigma: FloatArray
+    limits: tuple[FloatArray, FloatArray]
+    speed: FloatArray
+    last_output: FloatArray
+
+
+class Answer(NamedTuple):
+    """A usable solution, the rotor torques that bring it about, and how usable they are."""
+
+    found: Found
+    realised: Realised
+    verdict: Complaint
+
+    def without_lower(self, complaint: Complaint) -> Answer:
+        """Return the answer of a level whose next one has only a complaint."""
+        message = f"the tasks of level 1 are left out: {complaint[1]}"
+        return self._replace(verdict=(Status.INACCURATE, message))
+
+
+class Refusal(NamedTuple):
+    """Why there is no usable solution; no complaint where the program's numbers are too large."""
+
+    complaint: Complaint | None
+    found: Found | None
+    level: Level
+
+
+class Level:
+    """Solves one level's program of one set of contacts.
+
+    Attributes:
+        program: of the level.
+    """
+
+    def __init__(
+        self,
+        tasks: TaskStack,
+        program: ContactForceProgram,
+        lock: LevelLock | None,
+        search: DirectionSearch,
+        guess: DualActiveSet | None,
+        law: GearLaw,
+        stage: RotorTorqueStage,
+        tolerance: float,
+    ) -> None:
+        """Take the parts.
+
+        Args:
+            tasks: of the level.
+            program: what is to be solved.
+            lock: holds what the more important level decided; None where there is none.
+            search: solves it with the directions of its own solution.
+            guess: tried before the search; None where every tick goes to the solver.
+            law: of the meshes.
+            stage: finds the rotor torques.
+            tolerance: of the solvers.
+        """
+        # beyond this a row's own rounding is more than the tolerance
+        self._greatest = float(tolerance / np.finfo(np.float64).eps)
+        self._tasks, self._lock, self.program = tasks, lock, program
+        self._search, self._guess, self._law, self._stage = search, guess, law, stage
+        self._output = np.zeros(0)
+        self._saturated = self._whole = self._solvable = False
+
+    def assemble(
+        self,
+        motion: Motion,
+        references: Mapping[str, Reference],
+        contacts: Mapping[str, float] | None,
+        dt: float,
+        decided: FloatArray | None,
+    ) -> None:
+        """Write what both ways of solving need.
+
+        Args:
+            motion: the state.
+            references: of the tick.
+            contacts: greatest normal force [N] of each active contact, or None.
+            dt: time until the next tick [s].
+            decided: x (n,) of the level above.
+        """
+        program = self.program
+        program.assemble_constraints(motion.position, motion.velocity, dt, contacts)
+        program.assemble_forces(references)
+        if self._lock is not None and decided is not None:
+            self._lock.assemble(decided)
+        self._solvable = program.assemble_tasks(self._tasks) < self._greatest
+
+    def solve(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
+        """Return the solution with the directions of its own torques, or why there is none.
+
+        Args:
+            gears: of the tick.
+            first: T (m,) whose signs are the first guess, of the last tick or the level above.
+        """
+        self._whole = False
+        if not self._solvable:
+            return Refusal(None, None, self)
+        if self._guess is not None and not self._saturated:
+            found = self._guessed(self._guess, gears, first)
+            if found is not None:
+                realised = self._realise(found, gears)
+                if realised.exact:
+                    return Answer(found, realised, _SOLVED)
+        self._whole = True
+        return self._searched(gears, first)
+
+    def problem(self, gears: GearState | None) -> QPProblem:
+        """Return a copy of the program of the last tick, in the directions of its solution."""
+        if not self._whole and gears is not None:
+            return self.built(gears, self._output)
+        return self.program.blocks.dense().copied()
+
+    def built(self, gears: GearState, output: FloatArray) -> QPProblem:
+        """Return the program as assembled, in the directions of some output torques T (m,)."""
+        self._assemble_whole()
+        program, slope = self.program, self._law.slopes(gears.sigma).at(output > 0.0)
+        program.assemble_torque_limits(slope, *gears.limits)
+        program.assemble_efforts(slope, gears.speed, gears.last_output)
+        return program.blocks.dense().copied()
+
+    def _guessed(self, guess: DualActiveSet, gears: GearState, first: FloatArray) -> Found | None:
+        """Return the solution if no torque limit binds, None where the guess fails."""
+        if self.program.efforts:
+            return self._guessed_with_efforts(guess, gears, first)
+        start = perf_counter()
+        solution = guess.guess(self.program.unbound)
+        if solution is None:
+            return None
+        return self._found(solution, 1, perf_counter() - start)
+
+    def _guessed_with_efforts(
+        self, guess: DualActiveSet, gears: GearState, first: FloatArray
+    ) -> Found | None:
+        """Return the same where what efforts cost depends on the directions of the gears."""
+        program, slopes, spent = self.program, self._law.slopes(gears.sigma), 0.0
+        program.assemble_torque_map()
+        positive, directional = first > 0.0, slopes.positive != slopes.negative
+        for round_ in range(1, GUESSES + 1):
+            program.effort_cost.fill(
+                program.torque_map, slopes.at(positive), gears.speed, gears.last_output
+            )
+            start = perf_counter()
+            solution = guess.guess(program.unbound)
+            spent += perf_counter() - start
+            if solution is None:
+                return None
+            found = self._found(solution, round_, spent)
+            turned = (found.output > 0.0) != positive
+            turned &= directional & (np.abs(found.output) > SMALL)
+            if not turned.any():
+                return found
+            positive ^= turned
+        return None
+
+    def _found(self, solution: QPSolution, rounds: int, spent: float) -> Found:
+        """Return a solution of the program without torque limits as one of the program."""
+        unpushed = np.zeros(self.program.rows.torque.stop)
+        solution = solution._replace(z=np.concatenate([unpushed, solution.z]))
+        self._output = output = self.program.output_torque(solution.x)
+        acceleration = solution.x[: self.program.nv]
+        return Found(solution, output, rounds, spent, True, acceleration, solution.iterations)
+
+    def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
+        self._assemble_whole()
+        program = self.program
+        found = self._search.solve(
+            first > 0.0,
+            self._law.slopes(gears.sigma),
+            gears.limits,
+            gears.speed,
+            gears.last_output,
+        )
+        self._output = found.output
+        verdict = judged(found, program)
+        if not verdict[0].usable:
+            return Refusal(verdict, found, self)
+        push = found.solution.z[program.rows.torque]
+        self._saturated = bool((abs(push) > _BINDS).any())
+        if self._guess is not None:
+            self._guess.learn(found.solution.z[program.rows.torque.stop :])
+        return Answer(found, self._realise(found, gears), verdict)
+
+    def _realise(self, found: Found, gears: GearState) -> Realised:
+        share = self.program.plant.rotor_share(found.acceleration)
+        return self._stage.solve(found.output, share, gears.sigma, gears.limits)
+
+    def _assemble_whole(self) -> None:
+        self.program.assemble_torque_map()

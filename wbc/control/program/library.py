@@ -1,0 +1,155 @@
+"""One program and one solver per set of active contacts, made when first needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import inf
+
+from wbc.arrays import BoolArray
+from wbc.control.contacts import BoundContact
+from wbc.control.contacts.contact_set import ContactSet
+from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.limits import JointLimit
+from wbc.control.plant import Plant
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.level import Level
+from wbc.control.program.level_lock import LevelLock, greatest_lock
+from wbc.control.program.task_stack import TaskStack
+from wbc.control.settings import ControllerSettings
+from wbc.control.solvers import DualActiveSet
+from wbc.control.solvers.cascade import Cascade
+from wbc.control.solvers.warm_start import WarmStart
+from wbc.control.torque.direction_search import DirectionSearch
+from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.torque_stage import RotorTorqueStage
+
+# A level decides up to the tolerance; what binds it must still let the next one keep that.
+_SLACK = 30.0
+_FEW = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What the programs of a controller are made of.
+
+    Attributes:
+        plant: the dynamics.
+        contacts: every contact there may be, by name.
+        limited: (m,) bool, gears that have a torque limit.
+        joint_limit: limits of joints, or None.
+        settings: of the controller.
+        efforts: costs on torques, which the least important level bears.
+        force_tasks: costs on contact forces, likewise.
+        stacks: tasks by level, the most important first.
+        law: of the meshes.
+        stage: what finds the rotor torques.
+    """
+
+    plant: Plant
+    contacts: Mapping[str, BoundContact]
+    limited: BoolArray
+    joint_limit: JointLimit | None
+    settings: ControllerSettings
+    efforts: Sequence[Effort]
+    force_tasks: Sequence[ContactForceTask]
+    stacks: tuple[TaskStack, ...]
+    law: GearLaw
+    stage: RotorTorqueStage
+
+
+class ProgramLibrary:
+    """Keeps the programs of the contact sets met so far, each with its own warm start.
+
+    With up to four contacts those of all sets are made at once, so that no tick has to: one takes
+    as long as ten ticks.
+    """
+
+    def __init__(self, recipe: Recipe) -> None:
+        """Remember what programs are made of."""
+        self._recipe = recipe
+        self._all = tuple(recipe.contacts)
+        self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
+        if len(self._all) <= _FEW:
+            for count in range(len(self._all) + 1):
+                for names in combinations(self._all, count):
+                    self.levels(dict.fromkeys(names, inf))
+
+    def levels(self, active: Mapping[str, float] | None) -> tuple[Level, ...]:
+        """Return the levels for the contacts that may carry force, all when None."""
+        names = self._all
+        if active is not None:
+            names = tuple(name for name in names if active.get(name, 0.0) > 0.0)
+        levels = self._made.get(names)
+        if levels is None:
+            recipe = self._recipe
+            nv = recipe.plant.robot.model.nv
+            contacts = ContactSet([recipe.contacts[name] for name in names], nv)
+            levels = tuple(self._level(contacts, rank) for rank in range(len(recipe.stacks)))
+            self._made[names] = levels
+        return levels
+
+    def _level(self, contacts: ContactSet, rank: int) -> Level:
+        recipe, settings = self._recipe, self._recipe.settings
+        last = rank == len(recipe.stacks) - 1
+        tasks, above = recipe.stacks[rank], recipe.stacks[rank - 1] if rank else None
+        program = ContactForceProgram(
+            recipe.plant,
+            contacts,
+            recipe.limited,
+            recipe.joint_limit,
+            (settings.acceleration_weight, settings.force_weight),
+            recipe.efforts if last else (),
+            recipe.force_tasks if last else (),
+            0 if above is None else greatest_lock(above),
+            len(tasks.wanted),
+            _SLACK * settings.tolerance if rank else 0.0,
+        )
+        own_first = settings.warm_start is WarmStart.ACTIVE_SET
+        whole, gears = len(program.rows.labels), len(program.gears)
+        search = DirectionSearch(
+            program,
+            _cascade(program, settings, whole, own_first),
+            _cascade(program, settings, whole + gears, own_first),
+            settings.max_rounds,
+        )
+        guess = _own_solver(program, settings, whole - gears) if own_first else None
+        lock = None if above is None else LevelLock(program, above)
+        return Level(
+            tasks,
+            program,
+            lock,
+            search,
+            guess,
+            recipe.law,
+            recipe.stage,
+            settings.tolerance,
+        )
+
+
+def _own_solver(
+    program: ContactForceProgram, settings: ControllerSettings, inequalities: int
+) -> DualActiveSet | None:
+    """Return the controller's own solver, None where the program's diagonal has zeros."""
+    if not settings.force_weight > 0.0:
+        return None
+    return DualActiveSet(
+        program.n,
+        program.most_rows,
+        inequalities,
+        tolerance=settings.tolerance,
+        max_iterations=settings.max_iterations,
+    )
+
+
+def _cascade(
+    program: ContactForceProgram, settings: ControllerSettings, inequalities: int, own_first: bool
+) -> Cascade:
+    return Cascade(
+        _own_solver(program, settings, inequalities),
+        settings.solver,
+        own_first=own_first,
+        tolerance=settings.tolerance,
+        max_iterations=settings.max_iterations,
+    )

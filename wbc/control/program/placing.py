@@ -1,0 +1,64 @@
+"""Rows of tasks in the memory of a program, compiled."""
+
+from __future__ import annotations
+
+from wbc.arrays import FloatArray
+from wbc.compiled import (
+    Matrix,
+    Number,
+    OutDense,
+    OutVector,
+    Vector,
+    compiled,
+)
+
+
+@compiled(Number, Matrix, *[Vector] * 5, Number, OutDense, *[OutVector] * 4)
+def place_tasks(
+    jacobian: FloatArray,
+    wanted: FloatArray,
+    weight: FloatArray,
+    chosen: FloatArray,
+    chosen_pull: FloatArray,
+    equalities: FloatArray,
+    regularisation: float,
+    rows: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    diagonal: FloatArray,
+    pull: FloatArray,
+) -> float:
+    """Write task rows (k, nv) = `wanted` (k,), and the diagonal of the accelerations (nv,).
+
+    Rows of no weight are written as nothing, 0 = 0.
+
+    Args:
+        jacobian, wanted, weight: of the tasks with rows.
+        chosen, chosen_pull: weights (nv,) of the tasks that select joints, and weighted wanted.
+        equalities: what the equalities must be (e,).
+        regularisation: of the accelerations, added to `chosen`.
+        rows, right, softness: results (.., n), (..,), (..,).
+        diagonal, pull: results (n,).
+
+    Returns:
+        the sum of the sizes of everything wanted, and of the equalities.
+    """
+    nv = len(chosen)
+    total = 0.0
+    for i in range(len(wanted)):
+        total += abs(wanted[i])
+        if weight[i] > 0.0:
+            right[i], softness[i] = wanted[i], 1.0 / weight[i]
+            for j in range(nv):
+                rows[i, j] = jacobian[i, j]
+        else:
+            right[i], softness[i] = 0.0, 1.0
+            for j in range(nv):
+                rows[i, j] = 0.0
+    for j in range(nv):
+        diagonal[j] = chosen[j] + regularisation
+        pull[j] = chosen_pull[j]
+        total += abs(pull[j])
+    for i in range(len(equalities)):
+        total += abs(equalities[i])
+    return total

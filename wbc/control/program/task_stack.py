@@ -1,0 +1,223 @@
+"""All tasks of one level, stacked into one weighted least-squares problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.kinematics import Kinematics
+from wbc.control.program.stacking import place_rates, place_wanted
+from wbc.control.reference import Reference, Target
+from wbc.control.tasks import Task
+from wbc.errors import ControlError
+from wbc.robot import Robot
+
+_NONE: Mapping[str, float] = {}
+_REST = Reference()
+
+
+class _Entry(NamedTuple):
+    """A task, whether it commands in its own way, and the memory of its rows.
+
+    The memory is the Jacobian (None for a task that selects joints), its rate J v, and what the
+    gains are applied to: error, drift, velocity and acceleration asked for.
+    """
+
+    task: Task
+    own: bool
+    size: int
+    weights: FloatArray
+    jacobian: FloatArray | None
+    rate: FloatArray
+    error: FloatArray
+    drift: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+class TaskStack:
+    """Weighted rows J qdd = wanted - drift, refilled in place every tick.
+
+    Tasks that select joints go to a diagonal instead of rows. The gains of all tasks are applied
+    at once. A task without weight is not evaluated.
+
+    Attributes:
+        jacobian: J (k, nv) of the tasks with rows.
+        wanted: wanted - drift (k,).
+        weight: w (k,) of the rows.
+        chosen: (c,) coordinates of the selecting tasks, one for each of their rows.
+        diagonal: (nv,) summed weights of the selecting tasks.
+        pull: (nv,) their weighted wanted accelerations.
+    """
+
+    def __init__(self, robot: Robot, tasks: Sequence[Task]) -> None:
+        """Check the tasks on `robot` and make room for them."""
+        self.tasks = tuple(tasks)
+        nv = robot.model.nv
+        sizes = [task.check(robot) for task in self.tasks]
+        selections = [task.selection(robot) for task in self.tasks]
+        rowed = [i for i, chosen in enumerate(selections) if chosen is None]
+        selecting = [i for i, chosen in enumerate(selections) if chosen is not None]
+        total, whole = sum(sizes[i] for i in rowed), sum(sizes)
+        self.jacobian, self._all_wanted = np.zeros((total, nv)), np.zeros(whole)
+        self.wanted = self._all_wanted[:total]
+        # error, rate, drift, velocity and acceleration asked for, and what each counts for
+        self._parts, self._gains = np.zeros((5, whole)), np.zeros((5, whole))
+        self._asked, self._rates = self._parts[3:], self._parts[1]
+        self._weights = np.zeros(whole)
+        self.weight, self._chosen_weight = self._weights[:total], self._weights[total:]
+        self._entries: list[_Entry] = []
+        start = 0
+        for i in [*rowed, *selecting]:
+            self._place(self.tasks[i], slice(start, start + sizes[i]), total)
+            start += sizes[i]
+        self.chosen = np.concatenate(
+            [np.arange(nv)[selections[i]] for i in selecting] or [np.zeros(0, np.int_)]
+        )
+        self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
+        self._held: dict[str, Target] = {}
+        self._pending: dict[str, Target] = {}
+        self._shares: tuple[dict[str, float], dict[str, float]] | None = None
+        self.weigh(None, None)
+
+    def _place(self, task: Task, rows: slice, total: int) -> None:
+        """Give a task its rows and gains; one that commands in its own way has no gains here."""
+        own = type(task).command is not Task.command
+        self._gains[2, rows], self._gains[4, rows] = -1.0, 1.0
+        if not own:
+            gain = task.velocity_gain
+            self._gains[0, rows], self._gains[1, rows] = task.stiffness, -gain
+            self._gains[3, rows] = gain
+        size = rows.stop - rows.start
+        weights = np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
+        jacobian = self.jacobian[rows] if rows.start < total else None
+        views = (self._parts[part, rows] for part in (1, 0, 2, 3, 4))
+        self._entries.append(_Entry(task, own, size, weights, jacobian, *views))
+
+    def weigh(
+        self, weights: Mapping[str, float] | None, activation: Mapping[str, float] | None
+    ) -> None:
+        """Take the weights of a tick.
+
+        Args:
+            weights: by task, in place of the task's own.
+            activation: by task, 0 to 1, what the weight is multiplied with; 1 where left out.
+        """
+        if self._shares == (weights or _NONE, activation or _NONE):
+            return
+        self._shares = dict(weights or _NONE), dict(activation or _NONE)
+        start, self._active, self._idle = 0, [], []
+        for entry in self._entries:
+            name, rows = entry.task.name, slice(start, start + entry.size)
+            start = rows.stop
+            own = self._shares[0].get(name, entry.weights)
+            self._weights[rows] = self._shares[1].get(name, 1.0) * own
+            if self._weights[rows].any():
+                self._active.append(entry)
+            else:
+                self._idle.append(entry)
+                self._parts[:, rows] = 0.0
+        self._own = [entry for entry in self._active if entry.own]
+        self.diagonal[:] = 0.0
+        np.add.at(self.diagonal, self.chosen, self._chosen_weight)
+
+    def forget(self) -> None:
+        """Forget the targets held so far."""
+        self._held.clear()
+
+    def remember(self) -> None:
+        """Hold the targets of the last `fill` from now on; tasks without weight hold nothing."""
+        self._held.update(self._pending)
+        for entry in self._idle:
+            self._held.pop(entry.task.name, None)
+
+    def fill(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
+        """Evaluate every task at the present state.
+
+        A task without a reference keeps its last target, at rest; one that never had any, or had
+        no weight in the last tick, holds the value that it has now.
+
+        Raises:
+            ControlError: a reference that does not fit its task; nothing is remembered then.
+        """
+        self._asked.fill(0.0)
+        self._pending.clear()
+        for entry in self._active:
+            self._evaluate(entry, kinematics, references.get(entry.task.name, _REST))
+        for entry in self._idle:
+            reference = references.get(entry.task.name)
+            if reference is not None:
+                self._check_idle(entry, reference)
+        place_rates(self.jacobian, kinematics.velocity, self.chosen, self._rates)
+        for entry in self._own:
+            reference = references.get(entry.task.name, _REST)
+            held = Reference(
+                self._pending[entry.task.name], reference.velocity, reference.acceleration
+            )
+            entry.acceleration[:] = entry.task.command(kinematics, held, entry.rate)
+        place_wanted(
+            *(self._parts, self._gains, self.chosen, self._chosen_weight),
+            *(self._all_wanted, self.pull),
+        )
+
+    def _evaluate(self, entry: _Entry, kinematics: Kinematics, reference: Reference) -> None:
+        """Write the rows of one task."""
+        task = entry.task
+        target = self._target(entry, kinematics, reference)
+        self._pending[task.name] = target
+        if entry.jacobian is not None:
+            entry.jacobian[:] = task.jacobian(kinematics)
+            entry.drift[:] = task.drift(kinematics)
+        if reference.velocity is not None:
+            entry.velocity[:] = rates(reference.velocity, "velocity", entry.size, task.name)
+        if reference.acceleration is not None:
+            entry.acceleration[:] = rates(
+                reference.acceleration, "acceleration", entry.size, task.name
+            )
+        if not entry.own:
+            entry.error[:] = task.error(kinematics, target)
+
+    def _target(self, entry: _Entry, kinematics: Kinematics, reference: Reference) -> Target:
+        """Return the target of a reference, else the one held, else the present value."""
+        task = entry.task
+        if reference.position is None:
+            if task.name in self._held:
+                return self._held[task.name]
+            return task.admitted(task.value(kinematics), entry.size)
+        try:
+            return task.admitted(reference.position, entry.size)
+        except ControlError as cause:
+            raise ControlError(f"the reference of task '{task.name}': {cause}.") from cause
+
+    @staticmethod
+    def _check_idle(entry: _Entry, reference: Reference) -> None:
+        """Raise ControlError for a reference that would not fit if the task had a weight."""
+        name = entry.task.name
+        if reference.position is not None:
+            try:
+                entry.task.admitted(reference.position, entry.size)
+            except ControlError as cause:
+                raise ControlError(f"the reference of task '{name}': {cause}.") from cause
+        for label in ("velocity", "acceleration"):
+            asked = getattr(reference, label)
+            if asked is not None:
+                rates(asked, label, entry.size, name)
+        if not reference.is_finite():
+            raise ControlError(f"the reference of task '{name}' is not finite.")
+
+
+def rates(asked: FloatArray, label: str, size: int, task: str) -> FloatArray:
+    """Return a reference's velocity or acceleration (size,) after checking its shape.
+
+    Raises:
+        ControlError: another shape.
+    """
+    if np.shape(asked) != (size,):
+        raise ControlError(
+            f"the reference of task '{task}': {label} has shape {np.shape(asked)}, "
+            f"expected ({size},)."
+        )
+    return asked

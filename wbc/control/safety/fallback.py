@@ -1,0 +1,137 @@
+"""The commands of ticks that have no solution."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.command import Command, Refused
+from wbc.control.contacts import BoundContact
+from wbc.control.plant import Plant
+from wbc.control.safety.inputs import Complaint
+from wbc.control.safety.policies import LastGood, SafetyPolicy, Situation, Statics
+from wbc.control.safety.standing import Standing
+from wbc.control.torque.direction_search import Found
+from wbc.control.torque.motors import Motors
+from wbc.robot import Motion, Robot
+
+
+class Fallback:
+    """Commands what a safety policy chooses, from the last tick that had a solution."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        plant: Plant,
+        motors: Motors,
+        standing: Standing,
+        policy: SafetyPolicy,
+        contacts: tuple[BoundContact, ...],
+    ) -> None:
+        """Start without a tick to look back on.
+
+        Args:
+            robot, plant, motors: of the controller.
+            standing: what finds the torques that hold the robot.
+            policy: what chooses the torque.
+            contacts: that carry the robot until a good tick says which do.
+        """
+        self._robot, self._plant, self._motors = robot, plant, motors
+        self._standing, self._policy, self._all = standing, policy, contacts
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the last good tick."""
+        m = self._robot.transmission.size
+        self._last = LastGood(np.zeros(m), None)
+        self._position: FloatArray | None = None
+        self._contacts = self._all
+        self._ticks, self._time = 0, 0.0
+
+    def remember(
+        self, motion: Motion, torque: FloatArray, contacts: tuple[BoundContact, ...]
+    ) -> None:
+        """Take a tick with a solution, N tau_phi = `torque` (m,) [N m], as the last good one."""
+        self._last = LastGood(torque, self._motors.position(motion))
+        self._position = motion.position.copy()
+        self._contacts = contacts
+        self._ticks, self._time = 0, 0.0
+
+    def command(
+        self,
+        motion: Motion | None,
+        complaint: Complaint,
+        dt: float,
+        start: float,
+        found: Found | None = None,
+        refused: Refused | None = None,
+    ) -> Command:
+        """Return the safe command; never raises.
+
+        Args:
+            motion: the state, None where it is what the complaint is about.
+            complaint: why the tick has no solution.
+            dt: time until the next tick [s].
+            start: when the tick began, by `perf_counter` [s].
+            found: what the solver returned, None where it was not asked.
+            refused: the program that has no solution, None where there is none.
+        """
+        m, nv = self._robot.transmission.size, self._robot.model.nv
+        self._ticks += 1
+        self._time += dt
+        status, message = complaint
+        return Command(
+            rotor_torque=self._rotor_torque(motion, dt),
+            acceleration=np.zeros(nv),
+            forces={},
+            consistent=False,
+            output_torque=np.zeros(m),
+            mesh_torque=np.zeros(m),
+            expected_speed=np.zeros(m),
+            certainty=np.zeros(m),
+            status=status,
+            message=message,
+            solve_time=0.0 if found is None else found.solve_time,
+            tick_time=perf_counter() - start,
+            rounds=0 if found is None else found.rounds,
+            iterations=0 if found is None else found.iterations,
+            solution=None if found is None else found.solution,
+            refused=refused,
+        )
+
+    def _rotor_torque(self, motion: Motion | None, dt: float) -> FloatArray:
+        """Return the drive command (m,); the last good torque if all else fails."""
+        ratio = self._robot.transmission.gear_ratio
+        with np.errstate(all="ignore"):
+            try:
+                chosen = self._policy.rotor_torque(self._situation(motion, dt))
+                torque = self._motors.clipped(np.where(np.isfinite(chosen), chosen, 0.0))
+                rotor = torque / ratio
+                if motion is not None:
+                    rotor = self._motors.to_drive(motion, torque)
+            except Exception:  # a policy or an effect of the user's own may raise anything
+                rotor = self._motors.clipped(self._last.rotor_torque) / ratio
+        limit = self._robot.transmission.torque_limit
+        return np.clip(np.where(np.isfinite(rotor), rotor, 0.0), -limit, limit)
+
+    def _situation(self, motion: Motion | None, dt: float) -> Situation:
+        unknown = np.full(self._robot.transmission.size, np.nan)
+        return Situation(
+            last=self._last,
+            position=unknown if motion is None else self._motors.position(motion),
+            speed=unknown if motion is None else self._plant.motor_speed(motion.velocity),
+            ticks=self._ticks,
+            time=self._time,
+            dt=dt,
+            find_statics=lambda: self._statics(motion),
+        )
+
+    def _statics(self, motion: Motion | None) -> Statics:
+        """Return the statics of the present pose, or of the last known one."""
+        position = self._position if motion is None else motion.position
+        if position is None:
+            m = self._robot.transmission.size
+            return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
+        return self._standing.statics(position, self._contacts)

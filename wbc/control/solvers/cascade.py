@@ -1,0 +1,131 @@
+"""The controller's own solver and another one, behind one door and with one budget per tick."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from wbc.control.solvers.dual_active_set import DualActiveSet
+from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
+from wbc.control.solvers.solver import Solver, make_solver
+
+# Behind the own solver: as long as twenty good ticks last. ProxQP takes 5 to 45 us an iteration
+# (planar leg, Talos), a fifth to a third of a good tick on the same machine.
+_RELIEF = 40
+# What writing down a program takes, in steps of the own solver: 60 to 100 us beside 4 to 8 us.
+_PROGRAM = 10
+# Share of the budget up to which the own solver may fail early, on rows that repeat each other.
+_EARLY = 0.25
+
+_CERTAIN = (QPStatus.SOLVED, QPStatus.INFEASIBLE)
+
+
+@final
+class Cascade:
+    """Solves programs in blocks: first by `DualActiveSet`, where that gives up by another solver.
+
+    The other solver is made when it is first asked, and anew when the number of equalities
+    changes. `start_tick` opens the budget: once it is spent, a program is answered with
+    ITERATION_LIMIT and is not solved, so that a tick takes bounded time without looking at a clock.
+
+    Attributes:
+        spent: [s] in the solvers since `start_tick`.
+        count: programs given since then.
+        iterations: of the solvers since then.
+        blocking: row of C that the last program could not meet beside the others, -1 if unknown.
+    """
+
+    def __init__(
+        self,
+        own: DualActiveSet | None,
+        name: str,
+        *,
+        own_first: bool,
+        tolerance: float,
+        max_iterations: int,
+    ) -> None:
+        """Take the solvers.
+
+        Args:
+            own: the controller's own solver, None where the program has no positive diagonal.
+            name: of the other one, see `make_solver`.
+            own_first: whether the own solver is asked first; otherwise it only says whether what
+                the other could not solve has a solution.
+            tolerance: of the other solver.
+            max_iterations: of all solvers in one tick; ten times as many where the other one is
+                asked first, which takes smaller steps. Behind the own solver it has few.
+        """
+        self._own, self._name, self._own_first = own, name, own_first
+        self._tolerance = tolerance
+        self._most = max_iterations if own_first else 10 * max_iterations
+        self._size = -1, -1
+        self._other: Solver | None = None
+        self.start_tick()
+
+    def start_tick(self, iterations: int = 0) -> None:
+        """Open the budget, of which others have used some iterations."""
+        self.spent, self.count, self.iterations, self.blocking = 0.0, 0, iterations, -1
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the budget is spent."""
+        return self.iterations >= self._most
+
+    def solve(self, problem: BlockProblem) -> QPSolution:
+        """Return the solution, or one that is not SOLVED."""
+        start = perf_counter()
+        solution = self._solve(problem)
+        self.spent += perf_counter() - start
+        self.count += 1
+        return solution
+
+    def _solve(self, problem: BlockProblem) -> QPSolution:
+        self.blocking = -1
+        self.iterations += _PROGRAM
+        if self.exhausted:
+            return _nothing(problem)
+        if self._own is None:
+            return self._ask_other(problem)
+        if self._own_first:
+            solution = self._ask_own(self._own, problem)
+            if solution.status in _CERTAIN or self.iterations > _EARLY * self._most:
+                return solution
+            return self._ask_other(problem)
+        solution = self._ask_other(problem)
+        if solution.status is QPStatus.ITERATION_LIMIT and not self.exhausted:
+            verdict = self._ask_own(self._own, problem)
+            if verdict.status is QPStatus.INFEASIBLE:
+                return solution._replace(status=QPStatus.INFEASIBLE)
+        return solution
+
+    def _ask_own(self, own: DualActiveSet, problem: BlockProblem) -> QPSolution:
+        solution = own.solve(problem, self._most - self.iterations)
+        self.iterations += own.steps
+        self.blocking = own.blocking
+        return solution
+
+    def _ask_other(self, problem: BlockProblem) -> QPSolution:
+        if self.exhausted:
+            return _nothing(problem)
+        dense = problem.dense()
+        size = len(dense.b), len(dense.lower)
+        if self._other is None or size != self._size:
+            self._size = size
+            self._other = make_solver(
+                self._name,
+                len(dense.g),
+                *size,
+                tolerance=self._tolerance,
+                max_iterations=_RELIEF if self._own_first else self._most,
+            )
+        solution = self._other.solve(dense)
+        self.iterations += solution.iterations if not self._own_first else self._most
+        return solution
+
+
+def _nothing(problem: BlockProblem) -> QPSolution:
+    n, k = len(problem.pull), len(problem.right) - problem.soft
+    empty = np.zeros(k), np.zeros(len(problem.lower))
+    return QPSolution(np.full(n, np.nan), *empty, QPStatus.ITERATION_LIMIT, 0)

@@ -1,0 +1,320 @@
+"""The dual active-set method of Goldfarb & Idnani (1983) on a program in blocks, compiled."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from numba import types
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Nothing,
+    Number,
+    OutDense,
+    OutPlaces,
+    OutVector,
+    Vector,
+    compiled,
+)
+from wbc.control.solvers.positive_definite import substitute
+from wbc.control.solvers.row_system import place_values
+
+SOLVED, CONTRADICTION, UNFINISHED = 0, 1, 2
+# Below these shares a row is one that the equalities or the active rows already decide. Rounding
+# leaves some 1e-22 and 1e-15 (squared lengths, Talos and Solo12 at random states); rows that are
+# free keep more than 1e-12 and 1e-9.
+_DECIDED, _DEPENDENT = 1e-18, 1e-12
+
+
+@compiled(
+    Nothing,
+    *(Dense, Vector, Vector, Dense, Count, Vector),
+    *(OutVector, OutVector, OutVector),
+)
+def place_direction(
+    G: FloatArray,
+    softness: FloatArray,
+    inverse: FloatArray,
+    factor: FloatArray,
+    size: int,
+    row: FloatArray,
+    w: FloatArray,
+    z: FloatArray,
+    left: FloatArray,
+) -> None:
+    """Write z = D^-1 (c - G'w) with K w = G D^-1 c, where x goes by -z for a unit push of row c.
+
+    One step of refinement on G z = S w, which holds exactly.
+
+    Args:
+        G, softness, inverse: as for `meet_rows`, of which `size` rows count.
+        factor: of K = G D^-1 G' + S, from `factorise`.
+        row: c (n,).
+        w, z: results (size,), (n,).
+        left: memory (size,).
+    """
+    n = len(row)
+    for i in range(size):
+        w[i] = 0.0
+        product = 0.0
+        for j in range(n):
+            product += G[i, j] * inverse[j] * row[j]
+        left[i] = product
+    for j in range(n):
+        z[j] = inverse[j] * row[j]
+    for _ in range(2):
+        substitute(factor, size, left)
+        for i in range(size):
+            w[i] += left[i]
+            for j in range(n):
+                z[j] -= inverse[j] * G[i, j] * left[i]
+        for i in range(size):
+            missing = -softness[i] * w[i]
+            for j in range(n):
+                missing += G[i, j] * z[j]
+            left[i] = missing
+
+
+@compiled(Number, Dense, Count, OutVector, OutVector)
+def project(basis: FloatArray, count: int, rest: FloatArray, along: FloatArray) -> float:
+    """Take `count` orthonormal rows out of `rest`; return what is left of it, squared.
+
+    A second time where less than half is left (twice is enough: Giraud & others, 2005).
+    `along` (count,) gets the components taken out.
+    """
+    length = len(rest)
+    whole = 0.0
+    for j in range(length):
+        whole += rest[j] * rest[j]
+    for i in range(count):
+        along[i] = 0.0
+    for again in range(2):
+        if again == 1:
+            total = 0.0
+            for j in range(length):
+                total += rest[j] * rest[j]
+            if total > 0.5 * whole:
+                return total
+        for i in range(count):
+            product = 0.0
+            for j in range(length):
+                product += basis[i, j] * rest[j]
+            along[i] += product
+            for j in range(length):
+                rest[j] -= product * basis[i, j]
+    total = 0.0
+    for j in range(length):
+        total += rest[j] * rest[j]
+    return total
+
+
+@compiled(Nothing, OutDense, OutDense, OutDense, OutVector, OutPlaces, Count, Count)
+def drop(
+    basis: FloatArray,
+    triangle: FloatArray,
+    moves: FloatArray,
+    push: FloatArray,
+    active: IntArray,
+    count: int,
+    place: int,
+) -> None:
+    """Take one of `count` active rows away and turn basis and triangle back into shape."""
+    length = basis.shape[1]
+    for i in range(place, count - 1):
+        push[i], active[i] = push[i + 1], active[i + 1]
+        for j in range(moves.shape[1]):
+            moves[i, j] = moves[i + 1, j]
+        for k in range(count):
+            triangle[k, i] = triangle[k, i + 1]
+    for i in range(place, count - 1):
+        a, b = triangle[i, i], triangle[i + 1, i]
+        size = sqrt(a * a + b * b)
+        if size > 0.0:
+            c, s = a / size, b / size
+            for k in range(i, count - 1):
+                up, low = triangle[i, k], triangle[i + 1, k]
+                triangle[i, k], triangle[i + 1, k] = c * up + s * low, c * low - s * up
+            for j in range(length):
+                up, low = basis[i, j], basis[i + 1, j]
+                basis[i, j], basis[i + 1, j] = c * up + s * low, c * low - s * up
+
+
+@compiled(
+    types.UniTuple(Count, 2),
+    *(Dense, Vector, Vector, Vector, Number, OutPlaces, Vector, OutVector),
+)
+def most_violated(
+    C: FloatArray,
+    x: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    reach: float,
+    taken: IntArray,
+    scales: FloatArray,
+    values: FloatArray,
+) -> tuple[int, int]:
+    """Return the row furthest beyond a bound for its size, -1 if none, and which bound.
+
+    The bound is +1 for the upper, -1 for the lower one.
+
+    Args:
+        C, lower, upper: rows (r, n) and bounds (r,).
+        x: (n,).
+        reach: how far beyond its bound a row may be.
+        taken: (r,) other than 0 for rows that are active.
+        scales: (r,) what violations are compared by.
+        values: result C x (r,).
+    """
+    place_values(C, x, values)
+    best, side, worst = -1, 0, 0.0
+    for i in range(len(values)):
+        if taken[i] == 0:
+            above, below = values[i] - upper[i], lower[i] - values[i]
+            if above > reach and scales[i] * above > worst:
+                best, side, worst = i, 1, scales[i] * above
+            if below > reach and scales[i] * below > worst:
+                best, side, worst = i, -1, scales[i] * below
+    return best, side
+
+
+@compiled(Count, Vector, Vector, Count)
+def first_to_leave(push: FloatArray, fall: FloatArray, count: int) -> int:
+    """Return which push (count,) reaches zero first when they fall at rates `fall`; -1 if none."""
+    best, shortest, largest = -1, 0.0, 0.0
+    for i in range(count):
+        largest = max(largest, abs(fall[i]))
+    for i in range(count):
+        if fall[i] > 1e-12 * largest:
+            share = push[i] / fall[i]
+            if best < 0 or share < shortest:
+                best, shortest = i, share
+    return best
+
+
+@compiled(
+    types.UniTuple(Count, 3),
+    *(Dense, Vector, Vector, Dense, Count, Dense, Vector, Vector, Number, Count),
+    *(OutVector, OutPlaces, OutPlaces, OutVector, OutDense, OutDense, OutDense, OutDense),
+)
+def climb(
+    G: FloatArray,
+    softness: FloatArray,
+    inverse: FloatArray,
+    factor: FloatArray,
+    size: int,
+    C: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float,
+    most: int,
+    x: FloatArray,
+    active: IntArray,
+    taken: IntArray,
+    push: FloatArray,
+    basis: FloatArray,
+    triangle: FloatArray,
+    moves: FloatArray,
+    memory: FloatArray,
+) -> tuple[int, int, int]:
+    """Add violated rows one by one from the optimum without inequalities, dropping what pulls.
+
+    Every step raises the least cost that the rows met so far allow, so that no set of rows comes
+    back and the method ends; a row that can be met only by pulling at others is a contradiction.
+
+    Args:
+        G, softness, inverse, factor, size: as for `place_direction`.
+        C, lower, upper: inequalities (r, n), (r,).
+        tolerance: how far beyond its bound a row may be.
+        most: greatest number of steps.
+        x: (n,) optimum without inequalities; result.
+        active: result (.., ), rows that bind.
+        taken: result (r,), +1 upper bound, -1 lower bound, 0 does not bind.
+        push: result (..,), how hard each active row pushes, >= 0.
+        basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (10, n + size or r).
+
+    Returns:
+        SOLVED, CONTRADICTION or UNFINISHED; steps; the row that failed, -1 where none did.
+    """
+    n, room, count = len(x), len(push), 0
+    along, fall, w, left = memory[0], memory[1], memory[2], memory[3]
+    rest, z, row, values = memory[4], memory[5], memory[6], memory[7, : len(lower)]
+    taken[:] = 0
+    roots = memory[8]
+    for j in range(n):
+        roots[j] = 1.0 / sqrt(inverse[j])
+    for i in range(size):
+        roots[n + i] = sqrt(softness[i])
+    scales = memory[9, : len(lower)]
+    for i in range(len(lower)):
+        length = 0.0
+        for j in range(n):
+            length += C[i, j] * C[i, j] * inverse[j]
+        scales[i] = 1.0 / sqrt(length) if length > 0.0 else 1.0
+    steps, chosen, side, fresh = 0, -1, 0, True
+    gap, own, free_size, whole = 0.0, 0.0, 0.0, 0.0
+    while steps < most:
+        steps += 1
+        if fresh:
+            chosen, side = most_violated(C, x, lower, upper, tolerance, taken, scales, values)
+            if chosen < 0:
+                return SOLVED, steps, -1
+            whole = 0.0
+            for j in range(n):
+                row[j] = side * C[chosen, j]
+                whole += row[j] * inverse[j] * row[j]
+            gap = values[chosen] - upper[chosen] if side > 0 else lower[chosen] - values[chosen]
+            own, fresh = 0.0, False
+            place_direction(G, softness, inverse, factor, size, row[:n], w, z[:n], left)
+        own_size = 0.0
+        for j in range(n):
+            rest[j] = z[j] * roots[j]
+            own_size += rest[j] * rest[j]
+        for i in range(size):
+            rest[n + i] = w[i] * roots[n + i]
+            own_size += rest[n + i] * rest[n + i]
+        free_size = project(basis, count, rest[: n + size], along)
+        free = free_size > _DECIDED * whole and free_size > _DEPENDENT * own_size
+        for i in range(count - 1, -1, -1):
+            value = along[i]
+            for k in range(i + 1, count):
+                value -= triangle[i, k] * fall[k]
+            fall[i] = value / triangle[i, i]
+        leaving = first_to_leave(push, fall, count)
+        if leaving < 0 and not free:
+            return CONTRADICTION, steps, chosen
+        share = gap / free_size if free else 0.0
+        leaves = leaving >= 0 and (not free or push[leaving] / fall[leaving] < share)
+        if leaves:
+            share = push[leaving] / fall[leaving]
+        own += share
+        for i in range(count):
+            push[i] -= share * fall[i]
+        if free:
+            gap -= share * free_size
+            for j in range(n):
+                x[j] -= share * z[j]
+            for i in range(count):
+                back = share * fall[i]
+                for j in range(n):
+                    x[j] += back * moves[i, j]
+        if leaves:
+            taken[active[leaving]] = 0
+            drop(basis, triangle, moves, push, active, count, leaving)
+            count -= 1
+            continue
+        if count == room:
+            return UNFINISHED, steps, -1
+        scale = 1.0 / sqrt(free_size)
+        for j in range(n + size):
+            basis[count, j] = scale * rest[j]
+        for i in range(count):
+            triangle[i, count] = along[i]
+            triangle[count, i] = 0.0
+        triangle[count, count] = sqrt(free_size)
+        for j in range(n):
+            moves[count, j] = z[j]
+        push[count], active[count], taken[chosen], fresh = own, chosen, side, True
+        count += 1
+    return UNFINISHED, steps, -1

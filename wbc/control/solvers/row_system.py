@@ -1,0 +1,195 @@
+"""The small linear system that a guess at the binding constraints leaves, compiled."""
+
+from __future__ import annotations
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutPlaces,
+    OutVector,
+    Vector,
+    compiled,
+)
+from wbc.control.solvers.positive_definite import factorise, substitute
+
+_SOLVES = 4  # two suffice but where rows all but repeat each other
+
+
+@compiled(
+    Flag,
+    *(Dense, Vector, Vector, Vector, Vector, Count, Number),
+    *(OutVector, OutVector, OutDense, OutDense, OutVector),
+)
+def meet_rows(
+    G: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    inverse: FloatArray,
+    free: FloatArray,
+    size: int,
+    allowed: float,
+    x: FloatArray,
+    force: FloatArray,
+    scaled: FloatArray,
+    system: FloatArray,
+    left: FloatArray,
+) -> bool:
+    """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force, and check it.
+
+    Args:
+        G, right, softness: rows (.., n), (..,) and the diagonal S, of which `size` count.
+        inverse: diagonal of D^-1 (n,).
+        free: x without any row (n,).
+        size: number of rows.
+        allowed: greatest sum of squares of what the rows may miss.
+        x, force: results (n,), (..,).
+        scaled, system, left: memory (.., n), (.., ..), (..,).
+
+    Returns:
+        whether the rows are met; they are not where they depend on one another.
+    """
+    n = len(x)
+    for i in range(size):
+        missing = right[i]
+        for j in range(n):
+            scaled[i, j] = G[i, j] * inverse[j]
+            missing -= G[i, j] * free[j]
+        force[i], left[i] = 0.0, missing
+        for k in range(i + 1):
+            product = 0.0
+            for j in range(n):
+                product += scaled[i, j] * G[k, j]
+            system[i, k] = product
+        system[i, i] += softness[i]
+    if not factorise(system, size):
+        return False
+    x[:] = free
+    for _ in range(_SOLVES):
+        # x moves by corrections alone: summed anew from `force`, large terms that all but cancel
+        # would leave 1e-16 of the largest, which is a thousand times what the rows may miss
+        substitute(system, size, left)
+        for i in range(size):
+            force[i] += left[i]
+            for j in range(n):
+                x[j] += scaled[i, j] * left[i]
+        total = 0.0
+        for i in range(size):
+            missing = right[i] - softness[i] * force[i]
+            for j in range(n):
+                missing -= G[i, j] * x[j]
+            left[i] = missing
+            total += missing * missing
+        if total <= allowed:
+            return True
+    return False
+
+
+@compiled(Nothing, *[Dense, *[Vector] * 4, OutDense, *[OutVector] * 4])
+def place_blocks(
+    rows: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    diagonal: FloatArray,
+    pull: FloatArray,
+    G: FloatArray,
+    all_right: FloatArray,
+    all_softness: FloatArray,
+    inverse: FloatArray,
+    free: FloatArray,
+) -> None:
+    """Copy a program's rows (k, n) to the top of G, and write D^-1 and D^-1 pull (n,)."""
+    for i in range(len(right)):
+        all_right[i], all_softness[i] = right[i], softness[i]
+        for j in range(len(pull)):
+            G[i, j] = rows[i, j]
+    for j in range(len(pull)):
+        inverse[j] = 1.0 / diagonal[j]
+        free[j] = inverse[j] * pull[j]
+
+
+@compiled(Count, Dense, *[Vector] * 2, Count, OutPlaces, OutPlaces, OutDense, *[OutVector] * 2)
+def place_active(
+    C: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    base: int,
+    active: IntArray,
+    taken: IntArray,
+    G: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+) -> int:
+    """Write the rows that bind below the first `base` rows of G.
+
+    Args:
+        C, lower, upper: inequalities (r, n), (r,).
+        base: rows in front.
+        active: result, the rows that bind.
+        taken: (r,) +1 where the upper bound binds, -1 where the lower does, else 0.
+        G, right, softness: results.
+
+    Returns:
+        how many rows there are, -1 where there is no room for them.
+    """
+    size = base
+    for i in range(len(taken)):
+        if taken[i] != 0:
+            if size == len(right):
+                return -1
+            active[size - base] = i
+            right[size] = upper[i] if taken[i] > 0 else lower[i]
+            softness[size] = 0.0
+            for j in range(G.shape[1]):
+                G[size, j] = C[i, j]
+            size += 1
+    return size
+
+
+@compiled(Flag, *[Vector] * 2, Number, *[Vector] * 2, Count, Count, OutPlaces, OutPlaces)
+def revise(
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float,
+    values: FloatArray,
+    force: FloatArray,
+    base: int,
+    size: int,
+    active: IntArray,
+    taken: IntArray,
+) -> bool:
+    """Let go of rows that pull and take rows that are violated; return whether any changed.
+
+    Args:
+        lower, upper: bounds (r,).
+        tolerance: how far beyond its bound a row may be, and a push below zero.
+        values: C x (r,).
+        force: of every row (.., ); a row that pushes from its upper bound has a negative one.
+        base, size: where the rows that bind start and end in `force`.
+        active, taken: as `place_active` left them; `taken` is the result.
+    """
+    changed = False
+    for i in range(len(taken)):
+        if taken[i] == 0:
+            if values[i] - upper[i] > tolerance:
+                taken[i], changed = 1, True
+            elif lower[i] - values[i] > tolerance:
+                taken[i], changed = -1, True
+    for k in range(size - base):
+        if -force[base + k] * taken[active[k]] <= tolerance:
+            taken[active[k]], changed = 0, True
+    return changed
+
+
+@compiled(Nothing, Dense, Vector, OutVector)
+def place_values(rows: FloatArray, x: FloatArray, values: FloatArray) -> None:
+    """Write rows @ x (r,) into `values`."""
+    for i in range(len(rows)):
+        reached = 0.0
+        for j in range(len(x)):
+            reached += rows[i, j] * x[j]
+        values[i] = reached

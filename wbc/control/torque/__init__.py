@@ -1,0 +1,1 @@
+"""Between output torques and motors: directions of power, stiction, limits."""

@@ -1,0 +1,190 @@
+"""Finding the direction of power of every gear together with the motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.solvers import QPSolution, QPStatus
+from wbc.control.solvers.cascade import Cascade
+from wbc.control.torque.direction_branching import DirectionBranching
+from wbc.control.torque.gears import Slopes
+from wbc.control.torque.solution_torques import Limits, beyond_limits
+
+_ACTIVE = 1e-6
+SMALL = 1e-6
+"""[N m], output torque under which a gear's direction does not matter."""
+GUESSES = 3
+"""How often directions are turned over before they are searched."""
+_NONE: IntArray = np.zeros(0, dtype=np.int_)
+
+
+class Found(NamedTuple):
+    """A solution whose directions are right.
+
+    Attributes:
+        solution: of the last program solved.
+        output: T (m,) [N m].
+        rounds: programs solved.
+        solve_time: [s] in the solver.
+        proven: whether no other choice of directions can cost less.
+        acceleration: qdd (nv,).
+        iterations: of the solvers.
+        settled: whether the solution agrees with the directions it was computed with, as far as
+            limits depend on them.
+        blocking: what could not be kept beside the other constraints, "" where that is unknown.
+    """
+
+    solution: QPSolution
+    output: FloatArray
+    rounds: int
+    solve_time: float
+    proven: bool
+    acceleration: FloatArray
+    iterations: int = 0
+    blocking: str = ""
+    settled: bool = True
+
+
+class DirectionSearch:
+    """Solves the contact-force program with the directions of its own solution.
+
+    Of all rows only the torque limits depend on the directions, and of those only the ones that
+    bind. A guess, from the last tick, is therefore right almost always; where it is not, the gears
+    that differ are turned over and the program is solved again.
+
+    With forward slope >= backward slope (eta_f eta_b <= 1), N tau_phi is a convex function of T
+    in a gear that turns one way and a concave one the other way. A limit on the convex side is
+    two linear rows, so a solution that agrees with its directions is the best of all 2^m choices
+    unless a limit binds on the other side (a motor that brakes with all it has). There the allowed
+    set is the union of two half-spaces, one per direction, and the search branches on them: every
+    node keeps the convex rows of all gears and one half-space of the gears decided so far, which
+    bounds the cost of all that lies below it.
+    """
+
+    def __init__(
+        self, program: ContactForceProgram, plain: Cascade, branching: Cascade, rounds: int
+    ) -> None:
+        """Take the solvers of one program.
+
+        Args:
+            program: the program; its torque rows are written by the search.
+            plain: solves it.
+            branching: solves it with a second row for every gear that has a limit.
+            rounds: programs solved at most in one tick.
+        """
+        self.program, self._plain, self._rounds = program, plain, rounds
+        self._branching = DirectionBranching(program, branching)
+
+    def solve(
+        self,
+        positive: BoolArray,
+        slopes: Slopes,
+        limits: Limits,
+        speed: FloatArray,
+        last_output: FloatArray,
+    ) -> Found:
+        """Return the solution of the assembled program with directions that agree with it.
+
+        Args:
+            positive: (m,) guess of where T > 0.
+            slopes: of the mesh law for either sign of T.
+            limits: least and greatest N tau_phi (m,) [N m].
+            speed: expected dpsi (m,) [rad/s], for efforts.
+            last_output: T (m,) of the last tick [N m], for efforts.
+        """
+        program = self.program
+        self._plain.start_tick()
+        self._branching.solver.start_tick()
+        for _ in range(min(GUESSES, self._rounds)):
+            slope = slopes.at(positive)
+            program.assemble_torque_limits(slope, *limits)
+            program.assemble_efforts(slope, speed, last_output)
+            solution = self._plain.solve(program.blocks)
+            if solution.status is not QPStatus.SOLVED:
+                break
+            output = program.output_torque(solution.x)
+            turned = self._turned(positive, output, slopes, limits, solution)
+            if not turned.any():
+                contested = self._contested(slopes, solution)
+                if not contested.size:
+                    return self._found(solution, True, output)
+                return self._branch(slopes, limits, solution, contested, positive, solution)
+            positive = np.where(turned, ~positive, positive)
+        solved = solution.status is QPStatus.SOLVED
+        if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
+            return self._found(solution, False)
+        if (
+            solved
+            and program.efforts
+            and not beyond_limits(program, solution, slopes, limits).any()
+        ):
+            return self._found(solution, False)
+        return self._branch(slopes, limits, None, _NONE, positive, solution)
+
+    def _found(self, solution: QPSolution, proven: bool, output: FloatArray | None = None) -> Found:
+        if output is None:
+            output = self.program.output_torque(solution.x)
+        acceleration = solution.x[: self.program.nv].copy()
+        plain, branching = self._plain, self._branching.solver
+        rounds, spent = plain.count + branching.count, plain.spent + branching.spent
+        steps = max(plain.iterations, branching.iterations)  # the latter goes on from the former
+        return Found(solution, output, rounds, spent, proven, acceleration, steps, self._blocking())
+
+    def _blocking(self) -> str:
+        """Return what could not be kept beside the other constraints."""
+        row = self._plain.blocking
+        return "" if row < 0 else self.program.rows.labels[row]
+
+    def _turned(
+        self,
+        positive: BoolArray,
+        output: FloatArray,
+        slopes: Slopes,
+        limits: Limits,
+        solution: QPSolution,
+    ) -> BoolArray:
+        """Return the gears (m,) whose guess was wrong in a way that changes the solution."""
+        wrong = (output > 0.0) != positive
+        if not wrong.any():
+            return np.asarray(wrong)
+        wrong &= slopes.positive != slopes.negative
+        program = self.program
+        if program.efforts:
+            return np.asarray(wrong & (np.abs(output) > SMALL))
+        beyond = beyond_limits(program, solution, slopes, limits)
+        pushing = np.zeros(len(output), dtype=bool)
+        pushing[program.gears] = np.abs(solution.z[program.rows.torque]) > _ACTIVE
+        return np.asarray(wrong & (np.abs(output) > SMALL) & (beyond | pushing))
+
+    def _contested(self, slopes: Slopes, solution: QPSolution) -> IntArray:
+        """Return the gears at a limit on the side where the allowed set is a union."""
+        program = self.program
+        push, gears = solution.z[program.rows.torque], program.gears
+        if not push.any():
+            return _NONE
+        convex = slopes.positive[gears] > slopes.negative[gears]
+        concave = slopes.positive[gears] < slopes.negative[gears]
+        return np.asarray(gears[(convex & (push < -_ACTIVE)) | (concave & (push > _ACTIVE))])
+
+    def _branch(
+        self,
+        slopes: Slopes,
+        limits: Limits,
+        incumbent: QPSolution | None,
+        contested: IntArray,
+        positive: BoolArray,
+        unsolved: QPSolution,
+    ) -> Found:
+        """Return the best solution over all directions, or the best within the rounds left."""
+        self._branching.solver.start_tick(self._plain.iterations)
+        left = self._rounds - self._plain.count
+        found, proven = self._branching.solve(
+            slopes, limits, incumbent, contested.tolist(), positive, left
+        )
+        if found is not None:
+            return self._found(found, proven)
+        return self._found(unsolved, proven)._replace(settled=False)
