@@ -25,7 +25,7 @@ def hypothesis(
 ) -> Hypothesis:
     """Return what leaves these mean squares on each of five folds of 100 rows, 40 samples each."""
     folds = np.broadcast_to(np.atleast_1d(left), 5).astype(float)[:, None]
-    return Hypothesis(effects, folds, folds[:, 0], np.array([0.4]), np.full(5, 100.0), -prior, 0.0)
+    return Hypothesis(effects, folds, folds[:, 0], np.array([0.4]), np.full(5, 100.0), -prior, ())
 
 
 def test_evidence_is_the_log_density_of_gaussian_noise() -> None:

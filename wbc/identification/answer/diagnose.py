@@ -142,8 +142,10 @@ def _believed(
     """
     trials, final = found.trials, found.final
     problem, first = trials.problem, trials.nothing
+    doubted: set[Key] = set()
     while True:
-        odds = odds_of(trials)
+        # What rests on a cause that is not believed is no evidence for others.
+        odds = odds_of(trials, [h for h in trials.known if doubted.isdisjoint(h.keys)])
         level = attainable(problem, trials.fit(final))
         more = unexplained(problem, first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
@@ -152,6 +154,7 @@ def _believed(
         if fewer is None:
             # Where something was found and nothing of it is believed, something else is there.
             return final, odds, level, support, more or bool(found.final.effects and not kept)
+        doubted |= set(final.keys) - set(fewer.keys)
         final = fewer
 
 

@@ -78,7 +78,8 @@ def support_of(
     first = np.maximum(trials.nothing.outputs, 1e-300)
     joints = trials.problem.robot.transmission.size
     result = {}
-    for effect, rivals in zip(final.effects, odds.rivals(final), strict=True):
+    each = zip(final.effects, odds.rivals(final), final.implausible, strict=True)
+    for effect, rivals, implausible in each:
         smaller = trials.of(without(final.effects, effect))
         gain = np.zeros_like(excess) if smaller is None else smaller.outputs - final.outputs
         share = np.maximum(gain, 0.0) / first
@@ -90,7 +91,7 @@ def support_of(
             coverage=(places - 1) * places / joints,
             explained=explained,
             expected=effect.expected,
-            implausible=max(final.implausible - (smaller or final).implausible, 0.0),
+            implausible=implausible,
         )
     return result
 

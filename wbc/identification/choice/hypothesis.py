@@ -26,7 +26,7 @@ class Hypothesis:
         samples: (outputs,) independent samples per row of what this hypothesis leaves.
         rows: (F,) rows of each fold.
         asked: what its names, places and numbers cost [nats].
-        implausible: what numbers cost that no machine is likely to have [nats].
+        implausible: what each effect's numbers cost that no machine is likely to have [nats].
     """
 
     effects: tuple[Effect, ...]
@@ -35,12 +35,12 @@ class Hypothesis:
     samples: FloatArray
     rows: FloatArray
     asked: float
-    implausible: float
+    implausible: tuple[float, ...]
 
     @property
     def prior(self) -> float:
         """Log prior [nats]."""
-        return -self.asked - self.implausible
+        return -self.asked - sum(self.implausible)
 
     @property
     def outputs(self) -> FloatArray:

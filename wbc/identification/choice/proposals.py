@@ -23,6 +23,7 @@ _PROMISING = 0.5  # of the present error, that a swinging link must be screened 
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
+_SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
 _AMONG = 100  # pairs of causes that are screened on held-out data
 
@@ -126,6 +127,7 @@ class Proposer:
         taken = {*h.keys, *exclude, *self.aside}
         # One gear yields in one way: play before a spring is play with soft flanks.
         yielding = [e.where for e in h.effects if deflects(e)]
+        yielding += self._calm_joints(h)
         taken |= {(c.name, joint) for c in offered if deflects(c) for joint in yielding}
         simulated = self._simulated.setdefault(h.effects, {})
         while len(self._simulated) > _REMEMBERED:
@@ -133,6 +135,17 @@ class Proposer:
         fit = self.trials.fit(h)
         failures = self.trials.failures
         return screen(self.trials.problem, fit, offered, taken, simulated, near, failures)
+
+    def _calm_joints(self, h: Hypothesis) -> list[str]:
+        """Return the joints at which a gear that yields is not sought: little is left there.
+
+        Every joint is a simulation of its link per trial; of many, those with most left are tried.
+        """
+        problem = self.trials.problem
+        joints = problem.robot.transmission.joints
+        judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
+        order = np.argsort(-h.outputs[: len(judged)])
+        return [joints[judged[k]] for k in order[_SIMULATED:]]
 
 
 def _swinging_too(robot: Robot, atoms: Sequence[Atom], seen: set[tuple[Key, ...]]) -> list[Effect]:
