@@ -19,12 +19,7 @@ _COMMANDS = (init, check, compare, diagnose, play, metrics, design, listing)
 _EPILOG = """\
 examples:
   wbc init my_leg.urdf run*.csv
-  wbc check run*.csv --robot planar_leg_fixed
-  wbc compare run*.csv --robot planar_leg_fixed
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
-  wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
-  wbc metrics planar_leg --figures out
-  wbc design planar_leg --sweep reduction=6:160 --figures out
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
 2 bad input or wrong columns, 3 above --fail-above (compare), 130 interrupted
