@@ -120,7 +120,7 @@ def motion_mistakes(log: Log, ratios: Mapping[str, float]) -> list[MotionMistake
         stands = np.logaddexp(_log_odds(scale, 1.0) - _MISTAKE, _odd(scale) - _MISTAKE)
         best = int(np.argmax(odds))
         probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
-        if probability >= 0.5:
+        if probability >= 0.9:
             found.append(MotionMistake(known[best], joint, scale, probability))
     return found
 
