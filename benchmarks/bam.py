@@ -35,7 +35,7 @@ from benchmarks.servo_candidates import (
 )
 from benchmarks.servo_choice import PROCEDURES, Forecasts, forecasts, least, outsides
 from wbc.effects import load_robot
-from wbc.identification.servo_fit import ServoFit, fit_servos
+from wbc.identification.servo.servo_fit import ServoFit, fit_servos
 from wbc.robot import Robot
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun

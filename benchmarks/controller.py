@@ -76,9 +76,9 @@ def main():
         console.print(message)
 
 
-def machine():
-    """Return one line on the machine and the libraries."""
-    libraries = ("pin", "proxsuite", "daqp", "numpy", "scipy")
+def machine(*more):
+    """Return one line on the machine and the libraries, `more` of them besides the usual ones."""
+    libraries = ("pin", "proxsuite", "daqp", "numpy", "scipy", *more)
     versions = ", ".join(f"{name} {version(name)}" for name in libraries)
     return f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {versions}"
 

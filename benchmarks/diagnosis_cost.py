@@ -25,7 +25,7 @@ from wbc import load_robot
 from wbc.effects import EFFECTS, CoulombFriction, PayloadMass
 from wbc.files import write_text
 from wbc.identification import diagnose
-from wbc.identification.yielding import deflects
+from wbc.identification.model.yielding import deflects
 from wbc.measurement import Log
 from wbc.robot import Effect
 

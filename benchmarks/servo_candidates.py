@@ -17,7 +17,7 @@ from wbc.effects import (
     ViscousFriction,
 )
 from wbc.effects.joint_effect import JointEffect
-from wbc.identification.servo_fit import Span
+from wbc.identification.servo.servo_fit import Span
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.robot.dc_drive import DcDrive
 

@@ -1,9 +1,11 @@
 """Steps per second of the plant beside MuJoCo on the same model and step, in the same run.
 
 MuJoCo knows no directional efficiency: it gets lossless gears (armature N^2 I_r) and its own soft
-contact, the plant gets the lossy gears it is for. A second table holds every case against the
-least that its library calls cost in Python, a third the closed loop at 1 kHz, a fourth says where
-the time goes. Run: python -m benchmarks.sim [--profile]
+contact, the plant gets the lossy gears it is for. Both are stepped from Python under the same
+Python PD. A second table holds every case against the least that its library calls cost in Python,
+a third the closed loop at 1 kHz, a fourth says where the time goes, a fifth how it grows with gears
+and contacts.
+Run: python -m benchmarks.sim [--profile]
 """
 
 from __future__ import annotations
@@ -11,67 +13,15 @@ from __future__ import annotations
 import argparse
 import cProfile
 import pstats
-from collections.abc import Callable
-from time import process_time
 
-import mujoco
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.mujoco_model import mujoco_model
 from benchmarks.sim_cases import DT, Case, cases
 from benchmarks.sim_floor import bare_step
+from benchmarks.sim_growth import growth
 from benchmarks.sim_loop import closed_loop
-from wbc.sim import Plant
-
-ROUNDS = 15
-
-
-def best_time(run: Callable[[], object], count: int) -> float:
-    """Return the least CPU time [s] per call of what `run` does `count` times."""
-    best = np.inf
-    for _ in range(ROUNDS):
-        began = process_time()
-        run()
-        best = min(best, (process_time() - began) / count)
-    return best
-
-
-def plant_run(case: Case) -> tuple[Callable[[], None], int]:
-    """Return a function that steps the plant through the case, and how many steps it takes."""
-    plant, command = Plant(case.robot), case.command()
-    repeats = max(1, 60 // case.steps)
-
-    def run() -> None:
-        for _ in range(repeats):
-            state = case.start
-            for _ in range(case.steps):
-                state = plant.step(state, command(state.position, state.velocity), DT).state
-
-    return run, repeats * case.steps
-
-
-def mujoco_run(case: Case) -> tuple[Callable[[], None], int]:
-    """Return the same for mj_step under the same PD, called from Python."""
-    robot, gears = case.robot, case.robot.transmission
-    model, command = mujoco_model(robot, DT), case.command()
-    data = mujoco.MjData(model)
-    position = np.array(case.start.position)
-    if robot.has_free_flyer:
-        position[3:7] = position[[6, 3, 4, 5]]
-    repeats, order = max(1, 60 // case.steps), robot.actuated
-    to_joint = gears.distribution
-
-    def run() -> None:
-        for _ in range(repeats):
-            mujoco.mj_resetData(model, data)
-            data.qpos[:], data.qvel[:] = position, case.start.velocity
-            for _ in range(case.steps):
-                data.qfrc_applied[order] = to_joint @ command(data.qpos, data.qvel)
-                mujoco.mj_step(model, data)
-
-    return run, repeats * case.steps
+from benchmarks.sim_time import ROUNDS, best_time, mujoco_run, plant_run
 
 
 def rates(timed: dict[str, Case]) -> tuple[Table, Table, dict[str, float]]:
@@ -148,6 +98,7 @@ def main() -> dict[str, float]:
     beside, floor, seconds = rates(timed)
     for table in (beside, floor, loop_table()[0], where_it_goes(timed)):
         console.print(table)
+    growth()
     if parser.parse_args().profile:
         for name, case in timed.items():
             profiler = cProfile.Profile()

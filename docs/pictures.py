@@ -13,7 +13,17 @@ from pathlib import Path
 
 from PIL import Image
 
-from sims import backdrive, demo, holding, hopping, impact, parallelogram
+from sims import (
+    backdrive,
+    case_study,
+    demo,
+    energy_flow,
+    holding,
+    hopping,
+    impact,
+    parallelogram,
+    wedge,
+)
 from wbc import load_robot
 from wbc.cli import main as wbc
 from wbc.files import atomic_write
@@ -72,6 +82,19 @@ def metrics() -> None:
     keep(OUT / "planar_leg_tradeoff.png", "tradeoff")
 
 
+def designs() -> None:
+    """Draw maps and front of a sweep, and the studies of choosing a gearbox."""
+    sweeps = ("reduction=6:160:40:log", "forward_efficiency=0.45:0.98:40")
+    command = ["design", "planar_leg", "--figures", str(OUT)]
+    wbc([*command, *(part for sweep in sweeps for part in ("--sweep", sweep))])
+    keep(OUT / "planar_leg_design_map.png", "design_map")
+    keep(OUT / "planar_leg_design_front.png", "design_front")
+    for study in (case_study, energy_flow, wedge):
+        study.report(study.main())
+    for name in ("case_foot", "case_efficiency", "energy_flow", "wedge"):
+        keep(OUT / f"{name}.png", name)
+
+
 def studies() -> None:
     """Run the other studies and keep their plots."""
     hopping.report(hopping.main())
@@ -97,7 +120,7 @@ def keep(made: Path, name: str) -> None:
     print(f"  {target.relative_to(IMAGES.parent.parent)}")
 
 
-def main(parts: tuple[Callable[[], None], ...] = (metrics, explained, studies)) -> None:
+def main(parts: tuple[Callable[[], None], ...] = (metrics, designs, explained, studies)) -> None:
     """Make every picture."""
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)

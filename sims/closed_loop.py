@@ -16,10 +16,11 @@ from sims.legged import Act, CenterOfMass, com_reference, controller, pushed, sq
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.robot import Motion
-from wbc.sim import Plant
+from wbc.sim import Plant, SensorNoise, TorqueLag
 
 TICK = 1e-3
 PUSH = {"solo12": np.array([0.0, 8.0, 0.0]), "talos": np.array([0.0, 150.0, 0.0])}
+ERROR, TRAVEL = "centre of mass, rms error [mm]", "torque travel [limits/s]"
 DEPTH = {"solo12": 0.04, "anymal": 0.06, "talos": 0.06}
 
 
@@ -62,7 +63,15 @@ class OwnPlant:
         self._state = self._plant.step(self._state, rotor_torque, time, self._force).state
 
 
-def run(engine: Engine, robot: Robot, model: Robot, act: Act, duration: float) -> dict[str, float]:
+def run(
+    engine: Engine,
+    robot: Robot,
+    model: Robot,
+    act: Act,
+    duration: float,
+    noise: SensorNoise | None = None,
+    lag: TorqueLag | None = None,
+) -> dict[str, float]:
     """Run one loop; return tracking and torque figures over all but the first 0.2 s."""
     control, com = controller(robot, model), CenterOfMass(robot)
     start = com(engine.motion)
@@ -71,20 +80,36 @@ def run(engine: Engine, robot: Robot, model: Robot, act: Act, duration: float) -
         height, push = act(tick * TICK)
         motion = engine.motion
         target, wanted = com_reference(start, height)
-        command = control.step(motion, {"center_of_mass": wanted})
+        seen = motion if noise is None else noise(motion)
+        command = control.step(seen, {"center_of_mass": wanted})
         refused += not command.status.usable
         errors.append(com(motion) - target)
-        torques.append(command.rotor_torque / robot.transmission.torque_limit)
-        engine.advance(command.rotor_torque, push, TICK)
+        torques.append(command.rotor_torque)
+        delivered = command.rotor_torque if lag is None else lag(command.rotor_torque, TICK)
+        engine.advance(delivered, push, TICK)
+    return tracking(robot, errors, torques, refused)
+
+
+def tracking(
+    robot: Robot, errors: Sequence[FloatArray], torques: Sequence[FloatArray], refused: int
+) -> dict[str, float]:
+    """Return the figures of a run but for its first 0.2 s.
+
+    Args:
+        robot: whose torque limits count.
+        errors: of the centre of mass per tick, (1,) or (3,) [m].
+        torques: commanded on the rotors per tick, (m,) [N m].
+        refused: ticks without a usable command.
+    """
     settled = slice(round(0.2 / TICK), None)
-    error, torque = np.array(errors)[settled], np.array(torques)[settled]
-    size = np.linalg.norm(error, axis=1)
+    size = np.linalg.norm(np.array(errors)[settled], axis=1)
+    torque = (np.array(torques) / robot.transmission.torque_limit)[settled]
     travel = np.abs(np.diff(torque, axis=0)).sum(axis=1).mean() / TICK
     return {
-        "centre of mass, rms error [mm]": 1e3 * float(np.sqrt(np.mean(size**2))),
+        ERROR: 1e3 * float(np.sqrt(np.mean(size**2))),
         "centre of mass, largest error [mm]": 1e3 * float(size.max()),
         "torque, rms [% of limit]": 1e2 * float(np.sqrt(np.mean(torque**2))),
-        "torque travel [limits/s]": float(travel),
+        TRAVEL: float(travel),
         "refused ticks": refused,
     }
 

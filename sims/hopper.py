@@ -19,9 +19,10 @@ from wbc.control import (
     PointContact,
     PointFootBalanceTask,
     Reference,
+    State,
 )
 from wbc.robot import Robot
-from wbc.sim import SimState
+from wbc.sim import SensorNoise, SimState
 
 _G = 9.81
 _TUCK = 0.02  # [m] by which the leg is shorter in the air than at take-off
@@ -79,13 +80,12 @@ class Hopper:
         self._controller = Controller(self.model, tasks, [PointContact(name="foot")])
         self._data = self.model.model.createData()
         self._mass = pin.computeTotalMass(self.model.model)
-        self._random = np.random.default_rng(self.seed)
+        self._noise = SensorNoise(self.model, velocity=self.noise, seed=self.seed)
         self._since: float | None = None
 
     def __call__(self, state: SimState) -> FloatArray:
         """Return the rotor torque for a state."""
-        noise = self.noise * self._random.standard_normal(self.model.model.nv)
-        seen = state.replace(velocity=state.velocity + noise)
+        seen = self._noise(state)
         motion = self._motion(seen)
         since = self._phase(state.time, motion)
         references = {"balance": Reference(0.0)}
@@ -101,7 +101,7 @@ class Hopper:
         self.commands.append(command)
         return command.rotor_torque
 
-    def _motion(self, state: SimState) -> Motion:
+    def _motion(self, state: State) -> Motion:
         model, data = self.model.model, self._data
         momentum = pin.computeCentroidalMomentum(model, data, state.position, state.velocity)
         foot = pin.updateFramePlacement(model, data, model.getFrameId("foot")).translation

@@ -14,6 +14,7 @@ from wbc.control import (
     CenterOfMassTask,
     Command,
     Controller,
+    ControllerSettings,
     PointContact,
     PointFootBalanceTask,
     PostureTask,
@@ -21,7 +22,7 @@ from wbc.control import (
 )
 from wbc.dynamics import evaluate
 from wbc.robot import Robot
-from wbc.sim import SimState
+from wbc.sim import SensorNoise, SimState
 from wbc.transmission import wedge_backward_efficiency
 
 _CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
@@ -84,6 +85,22 @@ def squat(height: float, amplitude: float, frequency: float, start: float = 0.0)
     return at
 
 
+def stance_controller(model: Robot, settings: ControllerSettings | None = None) -> Controller:
+    """Return the controller of height, balance and posture on the foot that obeys `model`."""
+    tasks = [
+        CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
+        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
+        PostureTask.of(model, weight=1e-3),
+    ]
+    return Controller(model, tasks, [PointContact(name="foot")], settings=settings)
+
+
+def stance_references(height: FloatArray) -> dict[str, Reference]:
+    """Return what that controller is asked for at a height with its two rates (3,)."""
+    wanted = Reference(height[:1], height[1:2], height[2:])
+    return {"height": wanted, "balance": Reference(0.0)}
+
+
 @dataclass
 class LegControl:
     """The loop's controller: posture in the air, height and balance once the foot has touched.
@@ -105,18 +122,9 @@ class LegControl:
 
     def __post_init__(self) -> None:
         """Make the two controllers."""
-        posture = PostureTask.of(self.model, weight=1e-3)
-        self._stance = Controller(
-            self.model,
-            [
-                CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
-                PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
-                posture,
-            ],
-            [PointContact(name="foot")],
-        )
+        self._stance = stance_controller(self.model)
         self._air = Controller(self.model, [PostureTask.of(self.model, stiffness=900.0)])
-        self._random = np.random.default_rng(1)
+        self._noise = SensorNoise(self.model, velocity=self.noise, seed=1)
         self._landing = np.zeros(2)
         self._frame = self.model.model.getFrameId("foot")
         self._data = self.model.model.createData()
@@ -143,14 +151,12 @@ class LegControl:
             ]
             start = self.height(0.0)
             self._landing[:] = com[2] - start[0], speed - start[1]
-        noise = self.noise * self._random.standard_normal(model.nv)
-        state = state.replace(velocity=state.velocity + noise)
+        seen = self._noise(state)
         if self.touched is None:
-            command = self._air.step(state)
+            command = self._air.step(seen)
         else:
             height = self._cushioned(state.time - self.touched)
-            wanted = Reference(height[:1], height[1:2], height[2:])
-            command = self._stance.step(state, {"height": wanted, "balance": Reference(0.0)})
+            command = self._stance.step(seen, stance_references(height))
             pitch = float(state.position[self.model.position_index("base_pitch")])
             self.errors.append((com[2] - height[0], com[0] - foot[0], pitch))
         self.commands.append(command)

@@ -6,41 +6,26 @@ from collections.abc import Callable
 
 import numpy as np
 
+from sims.leg import stance_controller, stance_references
 from wbc import Robot
 from wbc.arrays import FloatArray
-from wbc.control import (
-    CenterOfMassTask,
-    Controller,
-    ControllerSettings,
-    PointContact,
-    PointFootBalanceTask,
-    PostureTask,
-    Reference,
-    RestPolicy,
-)
+from wbc.control import ControllerSettings, RestPolicy
 from wbc.dynamics import evaluate
 from wbc.measurement import Log
-from wbc.sim import SimState
+from wbc.sim import SensorNoise, SimState
 
 
 def standing_loop(
     robot: Robot, q: FloatArray, policy: RestPolicy, noise: float = 0.0
 ) -> Callable[[SimState], FloatArray]:
     """Return a controller that keeps the leg standing in pose q, speeds measured with noise."""
-    tasks = [
-        CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
-        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
-        PostureTask.of(robot, weight=1e-3),
-    ]
-    settings = ControllerSettings(rest_policy=policy)
-    controller = Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
+    controller = stance_controller(robot, ControllerSettings(rest_policy=policy))
     height = evaluate(robot, q, np.zeros(robot.model.nv)).center_of_mass[2:]
-    references = {"height": Reference(height), "balance": Reference(0.0)}
-    random = np.random.default_rng(1)
+    references = stance_references(np.array([height[0], 0.0, 0.0]))
+    sensors = SensorNoise(robot, velocity=noise, seed=1)
 
     def torque(state: SimState) -> FloatArray:
-        seen = state.velocity + noise * random.standard_normal(robot.model.nv)
-        return controller.step(state.replace(velocity=seen), references).rotor_torque
+        return controller.step(sensors(state), references).rotor_torque
 
     return torque
 

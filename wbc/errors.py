@@ -38,6 +38,10 @@ class LogError(WbcError):
     """A log is unreadable, incomplete or contradicts itself."""
 
 
+class DesignError(WbcError):
+    """A design study asks for what does not exist, or its results belong to another study."""
+
+
 class IdentificationError(WbcError):
     """Logs and robot cannot be compared, or hold too little to identify anything."""
 

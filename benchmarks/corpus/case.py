@@ -37,7 +37,7 @@ class Case:
 
     @property
     def unlisted(self) -> bool:
-        """Whether the cause is outside the library's list."""
+        """Whether a cause is outside the library's list."""
         return any(flaw.effect in UNLISTED for flaw in self.flaws)
 
     @property

@@ -48,6 +48,8 @@ def draw_case(number: int, seed: int = SEED) -> Case:
     signatures = Signatures(machine, excitations, sensors)
     kind = str(random.choice(["none", "unlisted", "one", "two", "three"],
                              p=[0.1, 0.15, 0.5, 0.18, 0.07]))  # fmt: skip
+    # Cases beyond the count hold a cause of the list beside one that is not in it.
+    kind = "mixed" if number >= COUNT else kind
     flaws: list[Flaw] = []
     for effect in _effects(random, machine, kind):
         flaws += _sized(random, effect, machine, signatures, kind)
@@ -104,8 +106,12 @@ def _excitations(
 
 def _effects(random: np.random.Generator, machine: Machine, kind: str) -> list[str]:
     closed, single = machine.family in CLOSED_LOOP, len(machine.driven) == 1
+    outside = [n for n in NAMES if not (single and n in TWO_JOINTS)]
     if kind == "unlisted":
-        return [str(random.choice([n for n in NAMES if not (single and n in TWO_JOINTS)]))]
+        return [str(random.choice(outside))]
+    if kind == "mixed":
+        listed = [n for n in LISTED if n not in _ALONE]
+        return [str(random.choice(listed)), str(random.choice(outside))]
     possible = [n for n in LISTED if closed or n not in _ONLY_CLOSED_LOOP]
     if kind in ("two", "three"):
         possible = [n for n in possible if n not in _ALONE]

@@ -40,7 +40,7 @@ def following_runs(case: Case, diagnosis: Diagnosis) -> tuple[Excitation, ...]:
         name.split(" at ")[0]
         for finding in diagnosis.findings
         if finding.alternatives
-        for name in (finding.effect.name, *finding.alternatives)
+        for name in (finding.effect.name, *finding.rivals)
     ]
     kinds = dict.fromkeys(RUN_FOR[name] for name in names if name in RUN_FOR)
     first = 1_000_000 + 100 * case.number

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.corpus.calibration import calibration_report
 from benchmarks.corpus.scorecard import breakdown, score
 from benchmarks.corpus.verdicts import Judged, judge_result
 
@@ -15,6 +16,7 @@ def report(results: Sequence[dict[str, Any]]) -> str:
     """Return the scorecard, the breakdowns, the cost, and what went wrong."""
     lines = [f"{'':36s}{'figure':>8s}{'of':>6s}   target"]
     lines += [f"{f.name:36s}{f.figure:8.2f}{f.of:6d}   {f.target}" for f in score(results)]
+    lines += ["", "probabilities", calibration_report(results)]
     for title, key in _TABLES.items():
         lines += ["", f"right, by {title}"]
         lines += [f"  {f.name:34s}{f.figure:8.1f}{f.of:6d}" for f in breakdown(results, key)]

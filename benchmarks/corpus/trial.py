@@ -78,7 +78,10 @@ def _tried(case: Case, logs: Sequence[Log]) -> tuple[Result, Diagnosis | None]:
             {
                 "effect": finding.effect.name,
                 "where": finding.effect.where,
-                "alternatives": list(finding.alternatives),
+                "alternatives": list(finding.rivals),
+                # Of the cause or one that is not told from it: ties score as a group.
+                "probability": finding.support.group_probability,
+                "support": asdict(finding.support),
                 "parameters": {
                     name: [estimate.value, estimate.low, estimate.high]
                     for name, estimate in finding.parameters.items()

@@ -19,6 +19,7 @@ from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.recipes import Typical
 from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.spans import Span, places_of, spans_of
+from benchmarks.corpus.unlisted import NAMES as UNLISTED
 
 COSINE = 0.995
 # Of what has more parameters. Not 1: signatures follow the true motion, while a shifted centre of
@@ -72,16 +73,20 @@ def truth_of(case: Case) -> Truth:
     if not groups:
         return Truth((), (), 0.0)
     candidates = _candidates(signatures, typical)
-    if case.unlisted:
+    if case.unlisted and len(groups) == 1:
         name = case.causes[0]
         signal = signatures.of(groups[name])
         cause = _cause(name, groups[name], largest(signal), True, ())
         return Truth((cause,), (), _unexplained(signal, candidates))
     own = {name: signatures.of(flaws) for name, flaws in groups.items()}
     runs = len(case.excitations) / len(signatures.motions)
-    causes = []
+    causes, unexplained = [], 0.0
     for name, flaws in groups.items():
         left, rest = _alone(own, (name,))
+        if name in UNLISTED:
+            unexplained = _unexplained(left.reshape(own[name].shape), candidates)
+            causes.append(_cause(name, flaws, largest(own[name]), True, ()))
+            continue
         felt = largest(own[name]) >= 1.0 and runs * float(left @ left) > TELLABLE
         shown = [f for f in flaws if largest(signatures.of([f])) >= 1.0]
         if name == "backlash":  # its signature is simulated, not drawn here
@@ -94,10 +99,10 @@ def truth_of(case: Case) -> Truth:
         causes.append(replace(cause, equals=tuple(sorted(alike))))
     merged = [
         (pair, name)
-        for pair in combinations(groups, 2)
+        for pair in combinations([name for name in groups if name not in UNLISTED], 2)
         for name in sorted(_stand_ins(candidates, pair, 2, *_alone(own, pair), runs))
     ]
-    return Truth(tuple(causes), tuple(merged), 0.0)
+    return Truth(tuple(causes), tuple(merged), unexplained)
 
 
 def _alone(

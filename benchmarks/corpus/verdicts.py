@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+CERTAIN = 0.95  # probability from which on a cause counts as certain
 FLOORS = 5.0  # from here on what no listed effect explains must be called unknown
 
 
@@ -15,7 +16,7 @@ class Judged:
     Attributes:
         result: as written.
         kind: `nothing`, `below` (one cause, below the floor), `one`, `two`, `three`, `outside`,
-            `outside small`.
+            `outside small`, `mixed` (a cause of the list beside one outside), `mixed small`.
         covered: every cause that is felt is among the names, or a stand-in of it.
         placed: exactly the causes that are felt, each where it is, nothing else.
         names: how many names the answer gives for one cause.
@@ -35,8 +36,10 @@ class Judged:
         verdict = self.result["verdict"]
         if self.kind == "nothing":
             return bool(verdict == "none")
-        if self.kind == "outside small":
+        if self.kind in ("outside small", "mixed small"):
             return True
+        if self.kind == "mixed":
+            return bool(verdict in ("partial", "unknown")) and not false_certain(self.result)
         return bool(verdict == "unknown") if self.kind == "outside" else self.covered
 
 
@@ -47,6 +50,7 @@ def judge_result(result: dict[str, Any]) -> Judged:
     kind = {0: "nothing", 1: "one", 2: "two", 3: "three"}[len(causes)]
     if result["unlisted"]:
         kind = "outside" if result["unexplained"] >= FLOORS else "outside small"
+        kind = kind.replace("outside", "mixed") if len(causes) > 1 else kind
     elif len(causes) == 1 and not felt:
         kind = "below"
     named = named_set(result)
@@ -103,6 +107,25 @@ def invented(result: dict[str, Any]) -> bool:
         and not allowed & {a.split(" at ")[0] for a in entry["alternatives"]}
         for entry in result["found"]
     )
+
+
+def certain(result: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the entries of an answer that it states with at least 0.95; none in older results."""
+    return [entry for entry in result["found"] if (entry.get("probability") or 0.0) >= CERTAIN]
+
+
+def false_certain(result: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the certain entries that are no cause and stand for none."""
+    return [entry for entry in certain(result) if not is_true(result, entry)]
+
+
+def is_true(result: dict[str, Any], entry: dict[str, Any]) -> bool:
+    """Whether an entry of an answer is hidden, or stands for what is; tied causes as a group."""
+    allowed = {name for _, name in result["merged"]}
+    for cause in result["causes"]:
+        allowed |= {cause["effect"], *cause["stand_ins"], *cause.get("equals", ())}
+    names = {entry["effect"], *(a.split(" at ")[0] for a in entry["alternatives"])}
+    return bool(names & allowed)
 
 
 def intervals(judged: Judged) -> list[tuple[str, str, float, float, float, float]]:

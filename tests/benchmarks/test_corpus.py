@@ -21,7 +21,7 @@ from benchmarks.corpus.trial import logs_of, robot_of, try_cases
 from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.verdicts import first_right, invented, judge_result
 from wbc.effects import effect_class
-from wbc.identification.problem import Problem
+from wbc.identification.model.problem import Problem
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
 # A tilted arm, a sound one, a body in flight with a torque offset, friction and an offset that a

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import json
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
 from wbc.cli import main
 from wbc.measurement import Log, save_log
 
-COMMANDS = ("compare", "diagnose", "check", "play", "metrics", "list", "completion")
+COMMANDS = ("compare", "diagnose", "check", "play", "metrics", "design", "list", "completion")
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 
@@ -125,3 +128,48 @@ def test_piped_tables_of_logs_fit_eighty_columns(command, rubbing, monkeypatch, 
     assert max(map(len, shown.out.splitlines())) <= 80
     assert "\x1b" not in shown.out
     assert shown.err == ""
+
+
+def test_metrics_of_an_arm_at_its_last_link(tmp_path, capsys):
+    """Six gears and three axes, no contact in the description: a frame stands in for it."""
+    result = tmp_path / "metrics.json"
+    pose = "joint_2=0.4,joint_3=1.2,joint_5=0.6"
+    command = ["metrics", "staubli_tx40", "--contact", "link_6", "--axes", "xyz", "--pose", pose]
+    assert main([*command, "--json", str(result)]) == 0
+    metrics = json.loads(result.read_text())
+    assert np.shape(metrics["Forward-GIT [kg]"]) == (3, 3)
+    assert metrics["effective mass up, driven [kg]"] > 0.0
+    assert metrics["force up, hold [N]"] == "unlimited"  # the arm's motors have no torque_limit
+    assert "torque_limit" in metrics["force polygon, moving up [N]"]
+    assert set(metrics["assumptions"]) == set(metrics) - {"assumptions"}
+    assert "what the numbers assume" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("limit", "code", "says"),
+    [
+        ("1000", 0, "not above 1000 noise floors"),
+        ("1.5floors", 3, "above 1.5 noise floors"),
+        ("5Nm", 0, "not above 5 Nm"),
+        ("0.1 N m", 3, "N m at hip"),
+    ],
+)
+def test_fail_above_is_an_exit_code(rubbing, capsys, limit, code, says):
+    assert main(["compare", *rubbing, *LEG, "--fail-above", limit]) == code
+    assert says in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("limit", ["-1", "0", "1kg", "nan", "much"])
+def test_a_limit_that_is_none_is_refused(rubbing, capsys, limit):
+    with pytest.raises(SystemExit) as stop:
+        main(["compare", *rubbing, *LEG, f"--fail-above={limit}"])
+    assert stop.value.code == 2
+    assert "is no limit" in capsys.readouterr().err
+
+
+def test_python_m_wbc_is_the_command():
+    done = subprocess.run(
+        [sys.executable, "-m", "wbc", "list", "robots"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0
+    assert "planar_leg" in done.stdout

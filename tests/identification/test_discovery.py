@@ -13,7 +13,7 @@ from tests.identification.discovery_plant import Moving, Torque, bouc_wen, logs,
 from wbc.cli import main
 from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
 from wbc.identification import compare, diagnose
-from wbc.identification.discovery import discover
+from wbc.identification.formulas import discover
 from wbc.measurement import Log, load_logs, save_log
 from wbc.robot import Robot
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from wbc.effects import TorqueTerm
-from wbc.identification.discovery.formula import find_formula
-from wbc.identification.discovery.sparse_regression import (
+from wbc.identification.formulas.formula import find_formula
+from wbc.identification.formulas.sparse_regression import (
     SparseRegression,
     block_errors,
     cell_losses,
 )
-from wbc.identification.discovery.term_table import TermTable
+from wbc.identification.formulas.term_table import TermTable
 
 ROWS, CELLS, COUNT = 1200, 24, 14
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from wbc import load_robot
-from wbc.identification.bandwidth import Bandwidth
-from wbc.identification.channels import read_channels
-from wbc.identification.impacts import away_from_impacts
+from wbc.identification.records.bandwidth import Bandwidth
+from wbc.identification.records.channels import read_channels
+from wbc.identification.records.impacts import away_from_impacts
 from wbc.measurement import Log
 
 LEG = load_robot("planar_leg")

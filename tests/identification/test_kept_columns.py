@@ -24,9 +24,9 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.derivatives import derivatives, evaluate
-from wbc.identification.kept_columns import KeptColumns
-from wbc.identification.problem import Problem
+from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.kept_columns import KeptColumns
+from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 
 LEG = load_robot("planar_leg_fixed").lossless()

@@ -7,18 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFriction, load_robot
 from wbc.effects.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
-from wbc.identification.design_matrix import DesignMatrix
-from wbc.identification.floor import drawn_noise, find_repeats, noise_floor
-from wbc.identification.preparation import prepare
-from wbc.identification.problem import Problem
-from wbc.identification.residual import condensed_residual
-from wbc.identification.smoothing import low_pass, white_level
+from wbc.identification.choice.design_matrix import DesignMatrix
+from wbc.identification.model.problem import Problem
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.noise_floor import drawn_noise, find_repeats, noise_floor
+from wbc.identification.records.preparation import prepare
+from wbc.identification.records.smoothing import low_pass, white_level
 from wbc.measurement import Log
 
 
@@ -40,6 +41,16 @@ def test_the_low_pass_has_no_phase_shift() -> None:
     slow = np.sin(2 * np.pi * 1.0 * t)[:, None]
     smooth = low_pass(slow + np.sin(2 * np.pi * 80.0 * t)[:, None], 8.0, 500.0)
     assert np.abs(smooth - slow)[200:-200].max() < 2e-3
+
+
+@pytest.mark.parametrize("shape", [(300,), (300, 2), (300, 2, 3), (7, 2)])
+@pytest.mark.parametrize("order", [2, 6])
+def test_the_low_pass_is_that_of_scipy(shape: tuple[int, ...], order: int) -> None:
+    values = np.random.default_rng(0).standard_normal(shape)
+    sections = butter(order, 8.0 / 250.0, output="sos")
+    padding = min(len(values) - 1, int(3.0 * 500.0 / 8.0))
+    expected = sosfiltfilt(sections, values, axis=0, padlen=padding)
+    np.testing.assert_allclose(low_pass(values, 8.0, 500.0, order), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_white_noise_is_measured_below_a_large_motion() -> None:

@@ -6,8 +6,8 @@ import pytest
 import wbc
 from sims.excitation import record_with
 from wbc.effects import JointSpring, TorqueRipple
-from wbc.identification.credibility import credible
-from wbc.identification.problem import Problem
+from wbc.identification.choice.prior import implausible
+from wbc.identification.model.problem import Problem
 from wbc.robot import Motion
 
 
@@ -27,7 +27,7 @@ def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: b
     problem = Problem.from_logs(leg, record_with(leg, [ripple], duration=3.0))
     fit = problem.fit([ripple])
     assert fit.effects[0].values["order"] == pytest.approx(order, rel=0.1)
-    assert credible(problem, fit) is believed
+    assert (sum(implausible(problem, fit)) < 1.0) is believed
 
 
 @pytest.mark.parametrize(("travel", "known"), [(1e-4, False), (0.1, True)])

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import wbc.measurement.bag_table as bag_table
+import wbc.measurement.formats.bag_table as bag_table
 from wbc.errors import LogError
 from wbc.measurement import load_log
 

@@ -123,7 +123,7 @@ def test_repeated_stamps_missing_cells_and_files_without_a_clock(tmp_path: Path)
 def test_unsigned_encoders_are_unwrapped_across_pieces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import wbc.measurement.npz_table as npz
+    import wbc.measurement.formats.npz_table as npz
 
     monkeypatch.setattr(npz, "CHUNK_ROWS", 37)
     time = np.arange(500) * 0.01
@@ -142,7 +142,9 @@ RULE = '[columns]\n"hip.position" = '
     ("text", "words"),
     [
         ("[columns", ["cannot read the column map"]),
-        ("", ["[columns] is missing"]),
+        ('columns = "q"', ["columns: a table is expected"]),
+        ("[time]\nalign_velocity = 1", ["time.align_velocity: true or false"]),
+        ("trusted = 1", ["trusted: true or false"]),
         ("[colums]\na = 1", ["Unknown section 'colums'", "Did you mean 'columns'"]),
         (RULE + '{ from = "q", unt = "deg" }', ["columns.hip.position", "Did you mean 'unit'"]),
         (
@@ -181,3 +183,74 @@ def test_a_missing_map_is_an_error_and_a_map_can_be_made_in_code(tmp_path: Path)
         read_column_map(tmp_path / "none.toml")
     made = parse_column_map({"columns": {"hip": {"position": "q", "velocity": {"from": "w"}}}})
     assert made.targets == ("hip.position", "hip.velocity")
+
+
+NATIVE = "time,hip.position,hip.velocity,hip.rotor_torque\n"
+
+
+def test_a_map_is_a_patch_and_valid_names_pass_through(tmp_path: Path) -> None:
+    rows = NATIVE + "0,1,2,3\n100,2,4,5\n"
+    log = load_log(*_write(tmp_path, 'time.unit = "ms"', rows))
+    assert log.names == ("hip.position", "hip.velocity", "hip.rotor_torque")
+    np.testing.assert_allclose(log.time, [0.0, 0.1])
+    rows = rows.replace("100,", "0.1,")
+    log = load_log(*_write(tmp_path, 'columns."hip.velocity" = { sign = -1 }', rows))
+    np.testing.assert_array_equal(log.column("hip.velocity"), [-2.0, -4.0])
+    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0])
+
+
+def test_a_column_used_under_another_name_does_not_pass_through_too(tmp_path: Path) -> None:
+    text = '[columns]\n"hip.motor_torque" = "hip.rotor_torque"\n"hip.velocity" = false\n'
+    log = load_log(*_write(tmp_path, text, NATIVE + "0,1,2,3\n0.1,2,4,5\n"))
+    assert log.names == ("hip.position", "hip.motor_torque")
+    assert log.source.ignored == ()
+
+
+def test_align_velocity_is_an_option_of_the_map(tmp_path: Path) -> None:
+    time = np.arange(2000) * 0.002
+
+    def speed(t: np.ndarray) -> np.ndarray:
+        return 5.0 * np.cos(5.0 * t) + 3.3 * np.cos(11.0 * t)
+
+    position = np.sin(5.0 * time) + 0.3 * np.sin(11.0 * time)
+    table = np.column_stack([time, position, speed(time - 0.003)])
+    lines = "\n".join(",".join(map(repr, map(float, row))) for row in table)
+    files = _write(
+        tmp_path, "time.align_velocity = true", f"time,hip.position,hip.velocity\n{lines}\n"
+    )
+    log = load_log(*files)
+    assert np.abs(table[:, 2] - speed(time)).max() > 0.1
+    np.testing.assert_allclose(log.column("hip.velocity"), speed(log.time), atol=0.01)
+
+
+def test_a_flag_that_comes_back_begins_another_log(tmp_path: Path) -> None:
+    flag = np.repeat([0, 1, 0, 1], 30)
+    rows = "time,phase,hip.position\n" + "".join(
+        f"{0.01 * k:.2f},{f},{k}\n" for k, f in enumerate(flag)
+    )
+    files = _write(tmp_path, '[rows]\nsplit = "phase"', rows)
+    logs = load_logs([files[0]], files[1])
+    assert [log.source.part for log in logs] == ["0/1", "1/1", "0/2", "1/2"]
+    for k, log in enumerate(logs):
+        np.testing.assert_array_equal(log.column("hip.position"), np.arange(30 * k, 30 * k + 30))
+    assert load_log(f"{files[0]}#0/2", files[1]).time[0] == pytest.approx(0.6)
+
+
+def test_holes_are_refused_only_in_columns_that_are_needed(tmp_path: Path) -> None:
+    rows = "time,hip.position,hip.temperature\n0,1,20\n0.1,2,nan\n0.2,3,20\n"
+    log = load_log(_write(tmp_path, "", rows)[0])
+    assert log.names == ("hip.position",)
+    with pytest.raises(LogError, match=r"'hip.temperature' holds nan at row 1 \(1 such rows of 3"):
+        log.column("hip.temperature")
+    text = 'columns."hip.temperature" = { missing = "error" }'
+    with pytest.raises(LogError, match="holds nan at row 1"):
+        load_log(*_write(tmp_path, text, rows))
+
+
+def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:
+    for name in ("goal_position", "target_position"):
+        log = load_log(_write(tmp_path, "", f"time,a.{name}\n0,1\n0.1,2\n")[0])
+        assert log.has("a.goal_position", "a.target_position")
+        np.testing.assert_array_equal(log.column("a.target_position"), [1.0, 2.0])
+        np.testing.assert_array_equal(log.column("a.goal_position"), [1.0, 2.0])
+        assert log.with_quantity("target_position") == ("a",)

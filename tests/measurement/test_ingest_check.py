@@ -211,3 +211,12 @@ def test_logs_that_fight_each_other_are_named(swing: Log) -> None:
     fewer = named(swing[100:].select(["hip.position", "knee.position"]), "fewer.csv")
     assert check_logs([a, fewer])[0].of_kind("channels_differ")
     assert check_logs([a, named(swing[100:], "tail.csv")])[0].findings == ()
+
+
+def test_an_extreme_in_the_last_row_of_a_log_is_no_crash(swing: Log) -> None:
+    time = np.arange(3300) * 0.002
+    torque = np.clip(np.sin(5.0 * time), -1.0, 0.7)
+    torque[-1] = 0.7
+    torque[-2] = 0.0
+    log = Log(time, {"a.position": np.sin(5.0 * time), "a.motor_torque": torque})
+    assert "saturation" in _kinds(log)

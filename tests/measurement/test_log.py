@@ -112,3 +112,12 @@ def test_bad_channels_are_refused_by_name_and_row(
 def test_large_finite_values_are_not_mistaken_for_infinity() -> None:
     huge = np.full(4, 1e308)
     assert Log(np.arange(4.0), {"hip.position": huge}).column("hip.position")[0] == 1e308
+
+
+def test_a_table_in_memory_becomes_a_log() -> None:
+    frame = {"time": [0.0, 0.1], "hip.position": [1, 2], "comment": ["a", "b"]}
+    log = Log.from_frame(frame)
+    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0])
+    assert log.source.ignored == ("comment",)
+    with pytest.raises(LogError, match="Unknown column 'time'"):
+        Log.from_frame({"t": [0.0, 0.1]})

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from wbc.errors import LogError
 from wbc.measurement import Log, load_log, load_logs, save_log
-from wbc.measurement.decimator import Decimator
+from wbc.measurement.columns.decimator import Decimator
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 SUFFIXES = [".csv", ".parquet", ".npz"]
@@ -124,7 +124,7 @@ GOOD = "time,hip.position\n0.0,1.0\n0.1,2.0\n0.2,3.0\n"
             b"time,a.current,a.current\n0,1,2\n",
             ["more than one column called 'a.current'"],
         ),
-        ("a.csv", b"\xff\xfe\x00\x01", ["cannot read", "as CSV"]),
+        ("a.csv", b"\xff\x00\x01", ["cannot read", "as CSV"]),
         ("a.parquet", b"PAR1 and then nothing", ["cannot read", "Parquet", "damaged"]),
         ("a.npz", b"PK and then nothing", ["cannot read", "NPZ"]),
         ("a.xlsx", b"anything", ["'.xlsx' is not read", ".parquet"]),

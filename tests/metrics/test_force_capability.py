@@ -120,4 +120,72 @@ def test_a_zero_direction_and_a_missing_axis_are_named() -> None:
         reach.along([0.0, 0.0, 1.0])
     spatial = force_capability(robot, robot.configuration(**POSE), "foot")
     with pytest.raises(DynamicsError, match="loads no motor"):
-        spatial.furthest([0.0, 0.0, 1.0], 0)
+        spatial.furthest([0.0, 1.0, 0.0], 0)
+
+
+def test_a_singular_pose_keeps_the_answers_that_exist() -> None:
+    robot = load_robot("planar_leg")
+    spatial = force_capability(robot, robot.configuration(**POSE), "foot")  # nothing moves along y
+    planar = force_capability(robot, robot.configuration(**POSE), "foot", "xz")
+    for across, up in ((0.0, 1.0), (1.0, 0.0), (-1.0, 2.0)):
+        found = spatial.furthest([across, 0.0, up], 1)
+        assert [across, 0.0, up] @ found == pytest.approx(
+            [across, up] @ planar.furthest([across, up], 1)
+        )
+    straight = force_capability(robot, robot.neutral(), "foot", "xz")
+    assert straight.furthest([1.0, 0.0], 0)[0] == pytest.approx(20.0 / 0.8)
+    with pytest.raises(DynamicsError, match=r"along \[-?0, -?1\]"):
+        straight.furthest([0.0, 1.0], 0)
+
+
+@pytest.mark.parametrize("name", ["planar_leg_fixed", "planar_leg", "parallelogram_leg"])
+@pytest.mark.parametrize("direction", [(0.0, 1.0), (1.0, 0.0), (-1.0, 2.0)])
+def test_the_combined_polygon_lifts_with_the_motion_and_holds_against_it(
+    name: str, direction: tuple[float, float]
+) -> None:
+    """Every corner is where each gear is at the end of the interval that its motion allows."""
+    robot = load_robot(name)
+    q = robot.pose("paper")
+    reach = force_capability(robot, q, "foot", "xz")
+    corners = reach.moving(direction)
+    n = np.array(direction) / np.linalg.norm(direction)
+    task = reach.task
+    motion = task.response(0, task.jacobian.T) @ np.linalg.solve(task.mobility(0), n)
+    speed = robot.transmission.motor_from_joint @ motion[robot.actuated]
+    speed[np.abs(speed) < 1e-9] = 0.0
+    motor = robot.transmission.gear_ratio * robot.transmission.torque_limit
+    eta_f, eta_b = (
+        robot.transmission.forward_efficiency,
+        robot.transmission.backward_efficiency,
+    )
+    assert len(corners) == 4
+    for corner in corners:
+        torque = reach.torque_from_force @ corner
+        with_motion = torque * speed > 0.0
+        needed = np.where(with_motion, np.abs(torque) / eta_f, np.abs(torque) * eta_b)
+        np.testing.assert_allclose(needed, motor, rtol=1e-9)
+    one = reach.along(direction)
+
+    def furthest_along(way: np.ndarray) -> float:
+        low, high = reach.interval(direction)
+        torque = reach.torque_from_force @ way
+        ends = np.where(torque > 0.0, high, low)
+        return float(np.min(ends[torque != 0.0] / torque[torque != 0.0]))
+
+    assert one.lift - 1e-9 <= furthest_along(n) <= one.hold + 1e-9
+    assert one.lift - 1e-9 <= furthest_along(-n) <= one.hold + 1e-9
+
+
+def test_the_combined_polygon_of_more_gears_than_axes_lies_between_lift_and_hold() -> None:
+    robot = load_robot("solo12")
+    reach = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "xz")
+    corners = reach.moving([0.0, 1.0])
+    low, high = reach.interval([0.0, 1.0])
+    torque = corners @ reach.torque_from_force.T
+    tight = 1e-7 * high.max()
+    assert np.all((torque >= low - tight) & (torque <= high + tight))
+    assert np.all(((np.abs(torque - low) < tight) | (np.abs(torque - high) < tight)).sum(1) >= 2)
+    one = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "z")
+    below, above = np.sort(one.moving([1.0])[:, 0])
+    assert above == pytest.approx(one.along([1.0]).lift)
+    assert -below == pytest.approx(one.along([1.0]).hold)

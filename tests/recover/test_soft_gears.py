@@ -18,7 +18,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification import diagnose
-from wbc.identification.problem import Problem
+from wbc.identification.model.problem import Problem
 from wbc.measurement import Log
 from wbc.robot import Effect
 

@@ -8,10 +8,10 @@ from scipy.optimize import minimize
 
 from wbc.errors import SimulationError
 from wbc.sim import Elements, StepProgram, Unilateral, solve_program
-from wbc.sim.newton import newton
-from wbc.sim.qp import qp_candidates
-from wbc.sim.reduced import reduce_program
-from wbc.sim.solver import TOLERANCE
+from wbc.sim.solve.newton import newton
+from wbc.sim.solve.qp import qp_candidates
+from wbc.sim.solve.reduced import reduce_program
+from wbc.sim.solve.solver import TOLERANCE
 
 CORPORA = {
     "legs": ((4, 13), (0, 5), (1, 5), 1.5),

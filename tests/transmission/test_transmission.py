@@ -51,7 +51,9 @@ def test_serial_drives_are_the_default_topology() -> None:
     [
         ("forward_efficiency", [0.8, 0.0], "forward_efficiency of joint 'knee' is 0"),
         ("forward_efficiency", [1.2, 0.5], "'hip' is 1.2; it must be <= 1"),
-        ("backward_efficiency", [1.3, 0.5], "must not create power"),
+        ("backward_efficiency", [1.3, 0.5], "would create power"),
+        # Less than 1/eta_f, and still more out than in while the joint drives.
+        ("backward_efficiency", [1.1, 0.5], "'hip' is 1.1; it must be at most 1"),
         ("gear_ratio", [0.0, 1.0], "other than 0"),
         ("gear_ratio", [np.nan, 1.0], "finite"),
         ("gear_ratio", [1.0], r"shape \(1,\), expected \(2\)"),

@@ -12,7 +12,18 @@ import pytest
 import wbc
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
-from wbc.identification import Diagnosis, ErrorLevel, Estimate, Finding, Step, diagnose
+from wbc.identification import (
+    Alternative,
+    Diagnosis,
+    ErrorLevel,
+    Estimate,
+    Finding,
+    OutputLevel,
+    Step,
+    Support,
+    diagnose,
+)
+from wbc.identification.answer.sentence import what_to_do
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report
@@ -57,9 +68,19 @@ def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
     estimate = Estimate(COEFFICIENT, "N m s/rad", 0.396, 0.404)
     return Diagnosis(
         verdict="ambiguous",
-        findings=(Finding(effect, {"coefficient": estimate}, ("coulomb_friction",), ("careful",)),),
+        findings=(
+            Finding(
+                effect,
+                {"coefficient": estimate},
+                Support(0.6, 1.0, 0.0, 0.0, explained=True),
+                (Alternative("coulomb_friction", "knee"),),
+                ("careful",),
+            ),
+        ),
         next_experiment="Turn the knee at several constant speeds.",
         error=ErrorLevel(40.0, 1.02, 1.0, "repeats"),
+        outputs=(OutputLevel("knee", "N m", 4.0, 0.1, 0.1, 0.1),),
+        explained=0.999,
         steps=(Step("", "", 40.0), Step("viscous_friction", "knee", 1.02)),
         remainder="",
         robot=robot.with_effect(effect),
@@ -78,20 +99,31 @@ def page(
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert verdict_sentence(diagnosis) == (
-        "Viscous friction at knee would take the held-out error from 40.0 to 1.02 noise floors, "
-        "but these logs cannot tell viscous friction from coulomb friction."
+        "Viscous friction at knee would explain these logs: 100 % of the squared error is "
+        "explained, 4 -> 0.1 N m at knee. But these logs cannot tell viscous friction from "
+        "coulomb friction."
     )
     named = replace(diagnosis, verdict="named")
     assert verdict_sentence(named).startswith("Viscous friction at knee is what was missing")
+    assert "--robot fitted.toml" in what_to_do(named)
     none = replace(diagnosis, verdict="none", findings=())
     assert verdict_sentence(none).startswith("Nothing is missing")
+    partial = replace(diagnosis, verdict="partial")
+    assert verdict_sentence(partial).startswith("Viscous friction at knee is missing, that is cer")
+    assert diagnosis.next_experiment in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
-    assert "of 40.0 noise floors 1.02 remain with viscous friction" in verdict_sentence(unknown)
+    assert "no known effect explains" in verdict_sentence(unknown)
     assert "disagree" in verdict_sentence(replace(diagnosis, verdict="not_repeatable"))
+    said = str(diagnosis)
+    assert "viscous_friction at knee, or coulomb_friction" in said
+    assert "knee: 4 -> 0.1 N m" in said
 
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
-    extra = tuple(Finding(CoulombFriction(joint, 0.5), {}) for joint in ("hip", "knee"))
+    extra = tuple(
+        Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, explained=True))
+        for joint in ("hip", "knee")
+    )
     both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
     assert verdict_sentence(both).startswith(
         "Viscous friction at knee and coulomb friction at hip and knee are what was missing"

@@ -8,7 +8,7 @@ import wbc
 from sims.excitation import record_with
 from wbc.effects import CustomTorque, ViscousFriction
 from wbc.identification import diagnose
-from wbc.identification.discovery import discover
+from wbc.identification.formulas import discover
 from wbc.view.report import write_report
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.sim.plane import Plane
-from wbc.sim.stairs import Stairs
-from wbc.sim.terrain import Terrain
+from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.stairs import Stairs
+from wbc.sim.ground.terrain import Terrain
 from wbc.view.ground import surface_under
 from wbc.view.terrain import terrain_slabs
 

@@ -11,17 +11,24 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from wbc.cli.inputs import add_log_options, logs_from, robot_from, table_console, write_json
+from wbc.cli.inputs import (
+    add_log_options,
+    gear_ratios,
+    robot_from,
+    table_console,
+    write_fix,
+    write_json,
+)
 from wbc.cli.outputs import require_outputs
-from wbc.measurement import LogQuality, check_logs
+from wbc.measurement import LogQuality, check_logs, find_repeats, read_logs
 
 
 def add_to(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "check",
-        help="rate, jitter, gaps, saturation, wraps, stuck sensors of logs",
-        epilog="example: wbc check run*.csv --robot planar_leg_fixed",
+        help="what logs are good for, and which columns are wrong",
+        epilog="example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
     )
     add_log_options(parser)
     parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
@@ -32,7 +39,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
     """Print the quality of every log; exit code 1 if one of them would give wrong results."""
     require_outputs(options)
     robot = robot_from(options)
-    qualities = check_logs(logs_from(options, robot), robot)
+    logs = read_logs(options.logs, options.columns, gear_ratios=gear_ratios(robot))
+    qualities = check_logs(logs, robot)
     shown = table_console(options, console)
     shown.print(_clock_table(qualities))
     for quality in qualities:
@@ -41,6 +49,10 @@ def run(options: argparse.Namespace, console: Console) -> int:
             shown.print(Padding(text, (0, 0, 0, 2)))
     if not any(quality.findings for quality in qualities):
         shown.print("nothing to complain about")
+    for group in find_repeats(logs):
+        shown.print(f"repeats of one run: {', '.join(_short(qualities[k]) for k in group)}")
+    wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
+    write_fix(options, list(wrong.values()), shown)
     write_json(
         options.json,
         {
@@ -57,6 +69,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
                         "column": finding.column,
                         "text": finding.text,
                         "way_out": finding.way_out,
+                        "mend": finding.mend,
+                        "probability": finding.probability,
                     }
                     for finding in quality.findings
                 ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +24,9 @@ from wbc.cli.outputs import require_outputs
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
 
+EXIT_ABOVE = 3
+"""Exit code of an error above --fail-above."""
+
 
 def add_to(commands: Any) -> None:
     """Add the command's parser."""
@@ -38,6 +42,12 @@ def add_to(commands: Any) -> None:
         default=[],
         metavar="NAME",
         help="other robots to rank on the same logs",
+    )
+    parser.add_argument(
+        "--fail-above",
+        type=_limit,
+        metavar="LIMIT",
+        help="exit code 3 if the error is above: 0.5Nm (any output's rms), or 3 (noise floors)",
     )
     add_output_options(parser)
     parser.set_defaults(run=run)
@@ -68,7 +78,39 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["robots"] = [contestant.to_json() for contestant in ranked]
     write_json(options.json, content, console)
     write_report_file(options, robot, logs, shown)
-    return 0
+    return _judged(options.fail_above, comparison, shown)
+
+
+def _limit(text: str) -> tuple[float, str]:
+    """Return (size, unit) of a limit; the unit is empty for noise floors."""
+    found = re.fullmatch(r"([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(floors?|N\s*m|N)?", text.strip())
+    try:
+        size = float(found[1]) if found else 0.0
+    except ValueError:
+        size = 0.0
+    if found is None or not size > 0.0:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no limit; give 0.5Nm (or N), or a number of noise floors such as 3"
+        )
+    unit = (found[2] or "").replace(" ", "")
+    return size, "" if unit.startswith("floor") else unit
+
+
+def _judged(limit: tuple[float, str] | None, comparison: Comparison, console: Console) -> int:
+    """Return the exit code: 3 where the error is above the limit, and say where."""
+    if limit is None:
+        return 0
+    size, unit = limit
+    if not unit:
+        above = comparison.error > size
+        error = f"{comparison.error:.3g} noise floors"
+    else:
+        worst = max(comparison.outputs, key=lambda output: output.rms)
+        above = worst.rms > size
+        error = f"{worst.rms:.3g} {worst.unit} at {worst.output}"
+    named = f"{size:g} {unit or 'noise floors'}"
+    console.print(f"{'above' if above else 'not above'} {named}: {error}")
+    return EXIT_ABOVE if above else 0
 
 
 def error_table(comparison: Comparison) -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from math import inf
 from typing import Any
 
 from rich.console import Console
@@ -24,8 +25,11 @@ from wbc.cli.outputs import require_outputs
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
-from wbc.identification.discovery import discover
+from wbc.identification.answer.sentence import verdict_sentence, what_to_do
+from wbc.identification.formulas import discover
 from wbc.robot import Effect
+
+_RANKED = 12  # rows of the ranking that are printed; --json has all of them
 
 _EPILOG = """example:
   wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
@@ -50,6 +54,13 @@ def add_to(commands: Any) -> None:
         "--save", metavar="FILE.toml", help="write the robot with the effects found"
     )
     parser.add_argument(
+        "--budget",
+        type=float,
+        default=inf,
+        metavar="SECONDS",
+        help="end the search after this time with the best answer so far (as Ctrl-C does)",
+    )
+    parser.add_argument(
         "--discover",
         action="store_true",
         help="propose formulas for what no effect explains (--save then writes them, too)",
@@ -66,8 +77,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
     candidates = _candidates(options.add)
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
-        diagnosis = diagnose(robot, logs, candidates, progress=progress)
-    print_diagnosis(shown, diagnosis)
+        diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
+    print_diagnosis(shown, diagnosis, options.save or "fitted.toml")
     content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
     discovery = None
     if options.discover:
@@ -98,13 +109,15 @@ def _candidates(choice: str) -> list[type[Effect]] | None:
     return [effect_class(name) for name in names]
 
 
-def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:
-    """Print verdict, effects, the staircase of held-out errors and what to do next."""
+def print_diagnosis(console: Console, diagnosis: Diagnosis, saved: str = "fitted.toml") -> None:
+    """Print the answer in a sentence, what to do now, then the detail."""
     console.print(f"verdict: {diagnosis.verdict}", style="bold")
+    console.print(verdict_sentence(diagnosis))
+    if to_do := what_to_do(diagnosis, saved):
+        console.print(f"do this now: {to_do}")
     if diagnosis.findings:
         console.print(_effects_table(diagnosis))
-    console.print(_steps_table(diagnosis))
-    console.print(_ranking_table(diagnosis))
+    console.print(_outputs_table(diagnosis))
     error = diagnosis.error
     console.print(
         f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors"
@@ -113,8 +126,19 @@ def print_diagnosis(console: Console, diagnosis: Diagnosis) -> None:
     for text in (diagnosis.remainder, *diagnosis.warnings):
         if text:
             console.print(text)
-    if diagnosis.next_experiment and diagnosis.verdict != "named":
-        console.print(f"next: {diagnosis.next_experiment}")
+    console.print(_steps_table(diagnosis))
+    console.print(_ranking_table(diagnosis))
+
+
+def _outputs_table(diagnosis: Diagnosis) -> Table:
+    table = Table("left at", "before", "after", "attainable", "sensors", "", box=None)
+    for column in table.columns[1:5]:
+        column.justify = "right"
+    for o in diagnosis.outputs:
+        numbers = (f"{x:.3g}" for x in (o.before, o.after, o.attainable, o.sensors))
+        table.add_row(o.output, *numbers, o.unit)
+    table.caption = "rms torque that the model does not explain; attainable by any model of motion"
+    return table
 
 
 def _effects_table(diagnosis: Diagnosis) -> Table:
@@ -122,12 +146,13 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
     table.columns[0].overflow = "fold"
     table.columns[1].justify = "right"
     for finding in diagnosis.findings:
-        table.add_row(f"{finding.effect.name} at {finding.effect.where}")
+        sure = f"{100.0 * finding.probability:.0f} % sure"
+        table.add_row(f"{finding.effect.name} at {finding.effect.where}", "", sure)
         for parameter, e in finding.parameters.items():
             interval = f"{e.low:.4g} .. {e.high:.4g}"
             table.add_row(f"  {parameter}", f"{e.value:.4g}", interval, e.unit)
         if finding.alternatives:
-            table.add_row("  or " + ", or ".join(finding.alternatives))
+            table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:
             table.add_row(f"  warning: {warning}")
     return table
@@ -146,7 +171,7 @@ def _ranking_table(diagnosis: Diagnosis) -> Table:
     table = Table("model", "error", "difference", "", box=None, title="what else was tried")
     for column in table.columns[1:3]:
         column.justify = "right"
-    for row in diagnosis.ranking:
+    for row in diagnosis.ranking[:_RANKED]:
         paired = f"{row.difference:+.3g} ± {row.deviation:.2g}"
         found = row.standing == "found"
         short = "tie" if row.standing == "not distinguishable" else row.standing

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from wbc.identification.discovery import Discovery
+from wbc.identification.formulas import Discovery
 
 
 def print_discovery(console: Console, discovery: Discovery) -> None:

@@ -17,8 +17,9 @@ from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis
-from wbc.identification.discovery import Discovery
-from wbc.measurement import Log, load_logs
+from wbc.identification.formulas import Discovery
+from wbc.measurement import Finding, Log, load_logs
+from wbc.measurement.columns.mend import merged, read_table, together, write_map
 from wbc.robot import Robot
 
 
@@ -33,6 +34,11 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--columns", metavar="MAP.toml", help="foreign column names, units, side of the gear"
+    )
+    parser.add_argument(
+        "--fix",
+        metavar="MAP.toml",
+        help="write the column map that mends columns found to be wrong",
     )
 
 
@@ -57,9 +63,26 @@ def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
 
 def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[Log, ...]:
     """Return the logs of files, read with the robot's gear ratios."""
+    return load_logs(paths, columns, gear_ratios=gear_ratios(robot))
+
+
+def gear_ratios(robot: Robot) -> dict[str, float]:
+    """Return N of the driven joints."""
     gears = robot.transmission
-    ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
-    return load_logs(paths, columns, gear_ratios=ratios)
+    return dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
+
+
+def write_fix(options: argparse.Namespace, findings: Sequence[Finding], console: Console) -> None:
+    """Write the column map that mends what was found, on top of the one in use, if asked to."""
+    if getattr(options, "fix", None) is None:
+        return
+    mend = together(finding.mend for finding in findings if finding.mend)
+    if not mend:
+        console.print("no column map mends what was found; --fix writes nothing")
+        return
+    said = [line for finding in findings if finding.mend for line in finding.text.splitlines()]
+    path = write_map(options.fix, merged(read_table(options.columns), mend), said)
+    console.print(f"wrote {path}; give it with --columns {path}")
 
 
 def require_one_robot(logs: Sequence[Log]) -> None:

@@ -9,20 +9,25 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import check, compare, completion, diagnose, listing, metrics, play
+from wbc.cli import check, compare, completion, design, diagnose, init, listing, metrics, play
+from wbc.cli.inputs import write_fix
 from wbc.errors import WbcError
+from wbc.measurement import SuspiciousLogError
 
-_COMMANDS = (compare, diagnose, check, play, metrics, listing)
+_COMMANDS = (init, check, compare, diagnose, play, metrics, design, listing)
 
 _EPILOG = """\
 examples:
+  wbc init my_leg.urdf run*.csv
+  wbc check run*.csv --robot planar_leg_fixed
   wbc compare run*.csv --robot planar_leg_fixed
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
   wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
   wbc metrics planar_leg --figures out
+  wbc design planar_leg --sweep reduction=6:160 --figures out
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
-2 bad input, 130 interrupted
+2 bad input or wrong columns, 3 above --fail-above (compare), 130 interrupted
 `wbc COMMAND --help` shows every option of a command with an example."""
 
 
@@ -51,6 +56,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = build_parser().parse_args(arguments)
     try:
         return int(options.run(options, Console(markup=False)))
+    except SuspiciousLogError as error:
+        _complain(str(error))
+        try:
+            write_fix(options, error.findings, Console(stderr=True, markup=False, highlight=False))
+        except (WbcError, OSError) as cause:
+            _complain(str(cause))
+        return 2
     except WbcError as error:
         _complain(str(error))
         return 2

@@ -13,15 +13,10 @@ from rich.table import Table
 from wbc.arrays import FloatArray
 from wbc.cli.inputs import table_console, write_json
 from wbc.cli.outputs import require_outputs
+from wbc.cli.sites import checked_axes, first_contact, pose_from
 from wbc.effects import load_robot
-from wbc.errors import DynamicsError, RobotError, ViewError, WbcError
-from wbc.metrics import (
-    backward_generalized_inertia,
-    force_capability,
-    forward_generalized_inertia,
-    generalized_inertia,
-    impact_mitigation,
-)
+from wbc.errors import ViewError
+from wbc.metrics import Metric, summary, with_contact_at
 from wbc.robot import Robot
 
 
@@ -33,11 +28,14 @@ def add_to(commands: Any) -> None:
         epilog="example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
     )
     parser.add_argument("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
-    parser.add_argument("--contact", metavar="NAME", help="default: the first one")
+    parser.add_argument("--contact", metavar="NAME", help="or a frame; default: the first contact")
     parser.add_argument(
         "--pose", metavar="NAME|J=V,...", help="a named pose or joint positions [rad, m]"
     )
     parser.add_argument("--axes", default="xz", help="world axes (default xz)")
+    parser.add_argument(
+        "--load", type=float, metavar="N", help="force to hold [N]; default: the robot's weight"
+    )
     parser.add_argument(
         "--figures", nargs="?", const="out", metavar="DIR", help="write the two figures (PNG)"
     )
@@ -54,71 +52,67 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.figures and len(options.axes) != 2:
         raise ViewError(f"--figures are drawn in two axes, not in '{options.axes}'.")
     robot = load_robot(options.robot)
-    contact = options.contact or _first_contact(robot)
-    position = _pose(robot, options.pose)
-    figures = _figures(robot, position, contact, options.axes)
+    contact = options.contact or first_contact(robot)
+    robot = with_contact_at(robot, contact)
+    position = pose_from(robot, options.pose)
+    metrics = summary(robot, position, contact, checked_axes(options.axes), options.load)
     shown = table_console(options, console)
-    table = Table("metric", "value", box=None, title=f"{robot.name}, contact {contact}")
-    for name, value in figures.items():
-        table.add_row(name, _text(value))
-    shown.print(table)
-    write_json(options.json, figures, console)
+    _print(metrics, f"{robot.name}, contact {contact}", shown)
+    write_json(options.json, _json(metrics), console)
     if options.figures:
         _draw(robot, position, contact, options, shown)
     return 0
 
 
-def _first_contact(robot: Robot) -> str:
-    if not robot.contacts:
-        raise RobotError(f"'{robot.name}' has no contact; add [[contacts]] to its description.")
-    return robot.contacts[0].name
-
-
-def _pose(robot: Robot, text: str | None) -> FloatArray:
-    if text is None or "=" not in text:
-        return robot.pose(text)
-    joints: dict[str, float] = {}
-    for item in text.split(","):
-        name, _, value = item.partition("=")
-        try:
-            joints[name.strip()] = float(value)
-        except ValueError as cause:
-            raise RobotError(f"--pose: '{item}' is not JOINT=VALUE [rad, m].") from cause
-    return robot.configuration(**joints)
-
-
-def _figures(robot: Robot, q: FloatArray, contact: str, axes: str) -> dict[str, Any]:
-    """Return the metrics by name, tensors as nested lists."""
-    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set("xyz"):
-        raise WbcError(f"--axes '{axes}': name some of x, y, z, each once.")
-    main = "z" if "z" in axes else axes[-1]
-    way = "up" if main == "z" else f"along {main}"
-    up = np.array([1.0 if axis == main else 0.0 for axis in axes])
-    force = force_capability(robot, q, contact, axes).along(up)
-    found: dict[str, Any] = {
-        "GIT [kg]": generalized_inertia(robot, q, contact, axes).tolist(),
-        "Backward-GIT [kg]": backward_generalized_inertia(robot, q, contact, axes).tolist(),
-    }
-    try:
-        forward = forward_generalized_inertia(robot, q, contact, axes)
-        found["Forward-GIT [kg]"] = forward.tolist()
-    except DynamicsError as reason:
-        found["Forward-GIT [kg]"] = str(reason)
-    found[f"force {way}, lossless [N]"] = force.conventional
-    found[f"force {way}, lift [N]"] = force.lift
-    found[f"force {way}, hold [N]"] = force.hold if np.isfinite(force.hold) else "unlimited"
-    for name, directions in (("conservative", 0.0), ("dissipative", -1.0)):
-        mitigation = impact_mitigation(robot, q, contact, axes, directions)
-        found[f"IMF {way}, {name}"] = mitigation.along(up)
+def _json(metrics: list[Metric]) -> dict[str, Any]:
+    """Return name with unit -> value, and the assumption of each under "assumptions"."""
+    found: dict[str, Any] = {_label(metric): _plain(metric.value) for metric in metrics}
+    found["assumptions"] = {_label(metric): metric.assumption for metric in metrics}
     return found
 
 
-def _text(value: Any) -> str:
-    if isinstance(value, str):
-        return value
+def _label(metric: Metric) -> str:
+    return metric.name if metric.unit == "1" else f"{metric.name} [{metric.unit}]"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value that JSON can hold: infinite is "unlimited", unknown is None."""
+    if isinstance(value, np.ndarray):
+        return [_plain(entry) for entry in value.tolist()]
     if isinstance(value, list):
-        return "\n".join("  ".join(f"{x:9.4f}" for x in row) for row in value)
-    return f"{value:.6g}"
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None if np.isnan(value) else "unlimited"
+    return value
+
+
+def _print(metrics: list[Metric], title: str, console: Console) -> None:
+    """Print the table, and below it what each number assumes."""
+    notes = list(dict.fromkeys(metric.assumption for metric in metrics))
+    table = Table("metric", "value", "assumes", box=None, title=title)
+    for metric in metrics:
+        table.add_row(_label(metric), _text(metric.value), str(notes.index(metric.assumption) + 1))
+    console.print(table)
+    assumed = Table("", "what the numbers assume", box=None)
+    for number, note in enumerate(notes, 1):
+        assumed.add_row(str(number), note)
+    console.print(assumed)
+
+
+def _text(value: Any) -> str:
+    plain = _plain(value)
+    if isinstance(plain, str):
+        return plain
+    if plain is None:
+        return "unknown (no torque_constant or resistance)"
+    if isinstance(plain, list):
+        rows = plain if plain and isinstance(plain[0], list) else [plain]
+        return "\n".join("  ".join(_entry(x) for x in row) for row in rows)
+    return f"{plain:.6g}"
+
+
+def _entry(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:9.4f}"
 
 
 def _draw(

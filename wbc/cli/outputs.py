@@ -15,6 +15,8 @@ _ENDINGS = {
     "png": (".png",),
     "gif": (".gif", ".mp4"),
     "save": (".toml",),
+    "out": (".parquet",),
+    "fix": (".toml",),
     "json": (),
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wbc.arrays import FloatArray
-from wbc.robot import Effect, Motion, Robot
+from wbc.robot import Effect, Hook, Motion, Robot
 
 
 class EffectTorques:
@@ -71,5 +71,5 @@ class EffectTorques:
         return torque
 
 
-def _overriding(effects: Sequence[Effect], hook: str) -> tuple[Effect, ...]:
-    return tuple(e for e in effects if getattr(type(e), hook) is not getattr(Effect, hook))
+def _overriding(effects: Sequence[Effect], hook: Hook) -> tuple[Effect, ...]:
+    return tuple(effect for effect in effects if hook in effect.acts_by)

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self, final
 
-from wbc.arrays import FloatArray
-from wbc.effects.flanks import Contact
-from wbc.effects.loose_search import best_contacts
-from wbc.effects.striking_links import struck_deflections
-from wbc.effects.yielding_gear import YieldingGear, by_side
-from wbc.robot import Evidence, LinkResponse, Motion, Parameter, Robot, Screen
+from wbc.effects.yielding_gear import YieldingGear
+from wbc.robot import Motion, Parameter, Robot
+from wbc.transmission import Flanks
 
-_PLAYS = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad]
 _LEAST_PLAY = 1e-4  # [rad]
-_FLANK = 25.0  # [Hz]
-_DAMPING = 0.15  # of the critical one, to begin with
 
 
 @final
@@ -54,24 +48,12 @@ class Backlash(YieldingGear):
         "slowly and fast: the link jumps while the motor does not."
     )
 
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return the plays and flanks that explain the unexplained torque best."""
-        return tuple(
-            Screen.fixed(
-                {"width": c.play, "stiffness": c.stiffness, "damping": c.damping},
-                friction_side=side,
-            )
-            for side, responses in by_side(evidence, where)
-            for c in best_contacts(responses, count=2)
-        )
+    has_play: ClassVar[bool] = True
 
     @classmethod
-    def coarsely(cls, where: str, inertia: float) -> Iterator[Self]:
-        """Yield plays from 4 to 45 mrad between flanks on which the link swings at 25 Hz."""
-        for play in _PLAYS:
-            contact = Contact.swinging(inertia, _FLANK, _DAMPING, play)
-            yield cls(where, play, contact.stiffness, contact.damping)
+    def having(cls, where: str, flanks: Flanks) -> Self:
+        """Return the play between these flanks."""
+        return cls(where, flanks.play, flanks.stiffness, flanks.damping)
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot whose gear has this play."""
@@ -87,11 +69,3 @@ class Backlash(YieldingGear):
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether there is play to speak of: flanks without it are a spring."""
         return self.width > _LEAST_PLAY
-
-    def contact(self) -> Contact:
-        """Return the flanks of the gear."""
-        return Contact(self.stiffness, self.damping, self.width)
-
-    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray:
-        """Return the link's motion relative to the motor, (N, 3), and its dry friction if any."""
-        return struck_deflections([response], [self.contact()])[0]

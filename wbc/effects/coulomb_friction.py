@@ -23,6 +23,7 @@ class CoulombFriction(JointEffect):
 
     level: float
 
+    expected: ClassVar[float] = 2.0
     name: ClassVar[str] = "coulomb_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),

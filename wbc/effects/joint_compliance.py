@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self, final
 
-from wbc.effects.flanks import Contact
-from wbc.effects.soft_search import best_springs
-from wbc.effects.yielding_gear import YieldingGear, by_side
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.effects.yielding_gear import YieldingGear
+from wbc.robot import Motion, Parameter, Robot
+from wbc.transmission import Flanks
 
-_SWINGS = (3.5, 7.0, 14.0)  # [Hz]
-_DAMPING = 0.15  # of the critical one, to begin with
 _CREEPS = 0.5  # [s], damping over stiffness
 
 
@@ -45,21 +42,12 @@ class JointCompliance(YieldingGear):
         "frequency, and sags while the motor does not."
     )
 
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return the stiffnesses that explain the unexplained torque best."""
-        return tuple(
-            Screen.fixed({"stiffness": k, "damping": c}, friction_side=side)
-            for side, responses in by_side(evidence, where)
-            for k, c in best_springs(responses, count=2)
-        )
+    has_play: ClassVar[bool] = False
 
     @classmethod
-    def coarsely(cls, where: str, inertia: float) -> Iterator[Self]:
-        """Yield springs behind which the link swings at 3.5, 7 and 14 Hz."""
-        for frequency in _SWINGS:
-            contact = Contact.swinging(inertia, frequency, _DAMPING)
-            yield cls(where, contact.stiffness, contact.damping)
+    def having(cls, where: str, flanks: Flanks) -> Self:
+        """Return the spring that these flanks are without play."""
+        return cls(where, flanks.stiffness, flanks.damping)
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the gear gives and comes back: one that creeps writes down any slow drift."""
@@ -69,11 +57,3 @@ class JointCompliance(YieldingGear):
         """Return the robot whose gear is that soft."""
         gears = robot.transmission.with_value("stiffness", self.where, self.stiffness)
         return robot.with_transmission(gears.with_value("damping", self.where, self.damping))
-
-    def contact(self) -> Contact:
-        """Return the spring as flanks without play."""
-        return Contact(self.stiffness, self.damping, 0.0)
-
-    def spring(self) -> tuple[float, float]:
-        """Return stiffness and damping."""
-        return self.stiffness, self.damping

@@ -20,6 +20,7 @@ class RotorCoulombFriction(CoupledGearEffect):
 
     level: float
 
+    expected: ClassVar[float] = 2.0
     name: ClassVar[str] = "rotor_coulomb_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),

@@ -20,6 +20,7 @@ class RotorInertia(JointEffect):
 
     reflected_inertia: float
 
+    expected: ClassVar[float] = 1.0
     name: ClassVar[str] = "rotor_inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("reflected_inertia", "kg m^2", 0.0, 0.0, 10000.0, 0.02),

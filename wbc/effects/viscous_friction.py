@@ -21,6 +21,7 @@ class ViscousFriction(JointEffect):
 
     coefficient: float
 
+    expected: ClassVar[float] = 2.0
     name: ClassVar[str] = "viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),

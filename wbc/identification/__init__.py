@@ -1,14 +1,25 @@
 """Compare logs with a robot, learn what the model lacks, add it, see the error fall."""
 
-from wbc.identification.breakdown import Breakdown
-from wbc.identification.compare import compare
-from wbc.identification.comparison import Comparison, OutputError, Series
-from wbc.identification.contest import Contestant, rank_robots
-from wbc.identification.diagnose import diagnose
-from wbc.identification.diagnosis import Diagnosis, ErrorLevel, Estimate, Finding, Step, Verdict
-from wbc.identification.ranking import Ranked
+from wbc.identification.answer.breakdown import Breakdown
+from wbc.identification.answer.compare import compare
+from wbc.identification.answer.comparison import Comparison, OutputError, Series
+from wbc.identification.answer.contest import Contestant, rank_robots
+from wbc.identification.answer.diagnose import diagnose
+from wbc.identification.answer.diagnosis import (
+    Alternative,
+    Diagnosis,
+    ErrorLevel,
+    Estimate,
+    Finding,
+    OutputLevel,
+    Step,
+    Verdict,
+)
+from wbc.identification.answer.ranking import Ranked
+from wbc.identification.choice.certainty import Support
 
 __all__ = [
+    "Alternative",
     "Breakdown",
     "Comparison",
     "Contestant",
@@ -17,9 +28,11 @@ __all__ = [
     "Estimate",
     "Finding",
     "OutputError",
+    "OutputLevel",
     "Ranked",
     "Series",
     "Step",
+    "Support",
     "Verdict",
     "compare",
     "diagnose",

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.fit import Fit
-from wbc.identification.folds import ROWS_PER_SAMPLE
-from wbc.identification.problem import Problem
-from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.problem import Problem
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.identification.records.record import Record
 
 _SAME = 0.995  # cosine from which on two signatures are one
 _UNSEEN = 9.0  # chi-square of what is left of a signature that noise hides

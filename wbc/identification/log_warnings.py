@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.fit import Fit
-from wbc.identification.folds import ROWS_PER_SAMPLE
-from wbc.identification.record import Record
+from wbc.identification.arguments import require_logs
+from wbc.identification.model.fit import Fit
+from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.identification.records.record import Record
 from wbc.measurement import Log, find_duplicates
 from wbc.robot import Robot
 
@@ -22,7 +23,11 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """Return the logs without copies of one another, and a warning for each copy.
 
     A copy is no second observation: it would be held out against itself.
+
+    Raises:
+        IdentificationError: one log in place of a sequence, or something else than logs.
     """
+    require_logs(logs)
     warnings, dropped = [], set()
     for first, *copies in find_duplicates(logs):
         for copy in copies:

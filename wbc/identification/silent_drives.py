@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.record import Record
+from wbc.identification.records.record import Record
 
 _SHARE = 0.4  # of what the motion needs; a drive that reports less is not merely mis-scaled
 _FOLLOWS = 0.7  # correlation with what the motion needs

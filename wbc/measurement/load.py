@@ -7,13 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from wbc.errors import LogError
-from wbc.measurement.column_map import ColumnMap, read_column_map
+from wbc.measurement.columns.column_map import ColumnMap, read_column_map
+from wbc.measurement.columns.map_choice import patched, restricted
+from wbc.measurement.columns.partition import find_parts, read_parts
+from wbc.measurement.columns.units import LOG_UNITS
+from wbc.measurement.formats.open_table import digest, open_table
+from wbc.measurement.formats.table import Table
 from wbc.measurement.log import Log
-from wbc.measurement.map_choice import for_table, native_map, restricted
-from wbc.measurement.open_table import digest, open_table
-from wbc.measurement.partition import count_rows, read_parts
 from wbc.measurement.source import LogSource
-from wbc.measurement.unit_check import require_plausible_units
+from wbc.measurement.suspicions.find import require_plausible_units
 
 MAX_ROWS = 2_000_000
 """Longest log kept row by row (2e6 rows of 20 channels take 340 MB); a longer one is decimated."""
@@ -56,7 +58,7 @@ def load_logs(
         paths: files. `FILE#PATTERN` picks logs by name (`*` and `?` allowed) from a file that a
             column map splits into several.
         columns: column map for foreign names and units, or its path; None for a file that has our
-            names (a bag counts as such: JointState effort is read as motor_torque).
+            names (`effort` is read as motor_torque).
         gear_ratios: N of joints, for a map that names a side of the gear but no ratio.
         only: channels wanted; the others are not read.
         max_rows: a longer log is low-passed and decimated by the integer factor that brings it
@@ -68,30 +70,62 @@ def load_logs(
     Raises:
         LogError: a file, map or log that cannot be used; the message says which and why.
     """
+    logs = read_logs(paths, columns, gear_ratios=gear_ratios, only=only, max_rows=max_rows)
+    for log in logs:
+        require_plausible_units(log)
+    return logs
+
+
+def read_logs(
+    paths: Iterable[str | Path],
+    columns: str | Path | ColumnMap | None = None,
+    *,
+    gear_ratios: Mapping[str, float] | None = None,
+    only: Sequence[str] | None = None,
+    max_rows: int = MAX_ROWS,
+) -> tuple[Log, ...]:
+    """Read logs as `load_logs` does, also those whose columns contradict each other.
+
+    Raises:
+        LogError: a file, map or log that cannot be read; the message says which and why.
+    """
     if max_rows < 2:
         raise LogError(f"max_rows is {max_rows}; a log needs at least two rows.")
     if isinstance(columns, str | Path):
         columns = read_column_map(columns, gear_ratios)
     logs: list[Log] = []
     for path in paths:
-        logs += _load(path, columns, only, max_rows)
-    for log in logs:
-        require_plausible_units(log)
+        logs += _load(path, columns or ColumnMap(()), only, max_rows)
     return tuple(logs)
 
 
 def _load(
-    path: str | Path, columns: ColumnMap | None, only: Sequence[str] | None, max_rows: int
+    path: str | Path, columns: ColumnMap, only: Sequence[str] | None, max_rows: int
 ) -> list[Log]:
     file, pattern = _split_path(path)
-    table = open_table(file, columns.rows.topic if columns else "")
-    rules, ignored = (columns, ()) if columns else native_map(table)
-    rules = for_table(restricted(rules, only, str(file)), table)
-    source = LogSource(str(file), digest(file), mapping=rules.path, ignored=ignored)
-    counts = count_rows(table, rules, pattern)
-    factors = {part: -(-count // max_rows) for part, count in counts.items()}
-    sources = {part: replace(source, part=part) for part in counts}
-    return read_parts(table, rules, factors, sources)
+    table = open_table(file, columns.rows.topic, columns.rows.header)
+    rules, ignored, notes = patched(columns, table)
+    rules = _in_units_of_file(restricted(rules, only, str(file)), table)
+    source = LogSource(
+        str(file),
+        digest(file),
+        mapping=rules.path,
+        ignored=ignored,
+        notes=(*table.notes, *notes),
+        trusted=rules.trusted,
+    )
+    parts = find_parts(table, rules, pattern)
+    factors = {part: -(-count // max_rows) for part, count in parts.counts.items()}
+    sources = {part: replace(source, part=part) for part in parts.counts}
+    return read_parts(table, rules, parts, factors, sources)
+
+
+def _in_units_of_file(rules: ColumnMap, table: Table) -> ColumnMap:
+    """Return the map with the unit of the clock that the file itself states."""
+    kind, factor = LOG_UNITS.get(table.units.get(rules.time.source, ""), ("", 1.0))
+    if kind != "s" or rules.time.factor != 1.0:
+        return rules
+    return replace(rules, time=replace(rules.time, factor=factor))
 
 
 def _split_path(path: str | Path) -> tuple[Path, str]:

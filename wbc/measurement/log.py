@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from wbc.measurement.schema import (
     JOINT_QUANTITIES,
     TIME,
     is_column,
+    known_as,
     likely_meant,
     owners,
 )
@@ -54,6 +56,26 @@ class Log:
             columns[name] = checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
+
+    @classmethod
+    def from_frame(cls, frame: Any, source: LogSource | None = None) -> Log:
+        """Return the log of a table in memory: a pandas or polars frame, or any mapping of columns.
+
+        Args:
+            frame: columns by name; those that are no column of a log are passed over.
+            source: where it came from, if that is known.
+
+        Raises:
+            LogError: no column `time`, or columns that make no log (see `Log`).
+        """
+        names = [str(name) for name in (frame.keys() if hasattr(frame, "keys") else frame.columns)]
+        if TIME not in names:
+            raise LogError("log in memory: " + unknown_name("column", TIME, names))
+        known = [name for name in names if name != TIME and is_column(name)]
+        ignored = tuple(name for name in names if name != TIME and name not in known)
+        columns = {name: np.asarray(frame[name]) for name in known}
+        own = LogSource(ignored=ignored) if source is None else source
+        return cls(np.asarray(frame[TIME]), columns, own)
 
     def __len__(self) -> int:
         """N, the number of rows."""
@@ -97,11 +119,11 @@ class Log:
 
     def has(self, *names: str) -> bool:
         """Whether all of these channels are there."""
-        return all(name == TIME or name in self.columns for name in names)
+        return all(name == TIME or any(n in self.columns for n in known_as(name)) for name in names)
 
     def with_quantity(self, quantity: str) -> tuple[str, ...]:
         """Return the joints that have a channel of this quantity."""
-        return owners(self.columns, [quantity])
+        return owners(self.columns, [name[1:] for name in known_as(f".{quantity}")])
 
     def column(self, name: str) -> FloatArray:
         """Return one channel, (N,), read-only.
@@ -112,13 +134,16 @@ class Log:
         """
         if name == TIME:
             return self.time
-        if name not in self.columns:
+        held = next((known for known in known_as(name) if known in self.columns), None)
+        if held is None:
+            if name in self.source.unusable:
+                raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
             message = f"{self.source.label}: " + unknown_name("column", name, self.names)
             if self.source.ignored:
                 left_out = ", ".join(self.source.ignored)
                 message += f" Not read, for want of a known name: {left_out} (map them: --columns)."
             raise LogError(message)
-        return self.columns[name]
+        return self.columns[held]
 
     def stack(self, quantity: str, owner_names: Sequence[str] | None = None) -> FloatArray:
         """Return one quantity of several joints (or contacts) as columns, (N, n).

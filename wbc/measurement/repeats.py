@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.measurement.local_noise import residual_noise
 from wbc.measurement.log import Log
+from wbc.measurement.motion.local_noise import residual_noise
 
 REPEAT_TOLERANCE = 0.05
 """Largest rms distance of two position trajectories, relative to their motion, of repeats."""

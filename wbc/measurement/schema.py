@@ -22,6 +22,8 @@ JOINT_QUANTITIES: dict[str, tuple[str, ...]] = {
     "voltage": ("V",),
     "duty": ("1",),
     "enabled": ("1",),
+    "target_position": ("rad", "m"),
+    "target_velocity": ("rad/s", "m/s"),
     "goal_position": ("rad", "m"),
 }
 """Quantity of `<joint>.<quantity>` and its units (rotary, linear).
@@ -29,8 +31,12 @@ JOINT_QUANTITIES: dict[str, tuple[str, ...]] = {
 `rotor_torque` acts on the rotor, `motor_torque` = N rotor_torque is the same after the reduction,
 `joint_torque` comes from a sensor at the output. `voltage` is the supply of the drive, `duty` the
 share of it on the winding (-1 to 1), `enabled` is 1 while the drive is powered and 0 while the
-winding is open, `goal_position` the set point of a position drive.
+winding is open, `target_position` and `target_velocity` the set point of a position drive;
+`goal_position` is the old name of `target_position`.
 """
+
+OLD_NAMES = {"goal_position": "target_position"}
+"""Quantity by its old name -> by its name of today; a log is asked for either."""
 
 CONTACT_QUANTITIES: dict[str, tuple[str, ...]] = {f"force.{axis}": ("N",) for axis in "xyz"}
 """Quantity of `<contact>.<quantity>`: force of the ground on the robot, world frame."""
@@ -86,6 +92,15 @@ def likely_meant(name: str) -> str | None:
         return None
     near = get_close_matches(last.lower(), list(JOINT_QUANTITIES), n=1, cutoff=0.8)
     return f"{owner}.{near[0]}" if near else None
+
+
+def known_as(name: str) -> tuple[str, ...]:
+    """Return the names under which a log may hold a column: its own, and the one it had or has."""
+    for old, new in OLD_NAMES.items():
+        for one, other in ((old, new), (new, old)):
+            if name.endswith(f".{one}"):
+                return name, f"{name.removesuffix(one)}{other}"
+    return (name,)
 
 
 def owners(names: Iterable[str], quantities: Iterable[str]) -> tuple[str, ...]:

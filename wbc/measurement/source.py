@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,8 @@ class LogSource:
         decimation: every how many rows one was kept (after the anti-alias filter); 1 is all.
         ignored: columns of the file that were not read because no name of the schema fits them.
         notes: what else was changed while reading (rows dropped, columns left out).
+        unusable: channels that were left out because they hold NaN -> where, and the way out.
+        trusted: whether the user vouches for the columns, so that suspicions only warn.
     """
 
     path: str = ""
@@ -26,6 +29,8 @@ class LogSource:
     decimation: int = 1
     ignored: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    unusable: Mapping[str, str] = field(default_factory=dict)
+    trusted: bool = False
 
     @property
     def label(self) -> str:

@@ -41,6 +41,9 @@ def torque_quantity(log: Log, joint: str) -> str:
     for quantity in _QUANTITIES:
         if log.has(f"{joint}.{quantity}"):
             return quantity
+    for quantity in _QUANTITIES:
+        if f"{joint}.{quantity}" in log.source.unusable:
+            raise LogError(f"{log.source.label}: " + log.source.unusable[f"{joint}.{quantity}"])
     ways = ", ".join(f"{joint}.{quantity}" for quantity in _QUANTITIES)
     ignored = ", ".join(log.source.ignored)
     hint = f" Not read, for want of a known name: {ignored}." if ignored else ""

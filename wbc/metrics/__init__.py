@@ -1,7 +1,14 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.contact_task import ContactTask, contact_task
+from wbc.metrics.batch import DesignMetrics, Designs, design_metrics, link_length
+from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
+from wbc.metrics.directional_inertia import (
+    DirectionalInertia,
+    directional_inertia,
+    share_of_accelerations_forward,
+)
 from wbc.metrics.force_capability import ForceCapability, ForceRange, force_capability
+from wbc.metrics.holding import Holding, backdriving_force, backdriving_torque, holding
 from wbc.metrics.impact_mitigation import ImpactMitigation, impact_mitigation
 from wbc.metrics.inertia_ellipsoid import InertiaEllipsoid, inertia_ellipsoid
 from wbc.metrics.inertia_tensor import (
@@ -9,23 +16,38 @@ from wbc.metrics.inertia_tensor import (
     forward_generalized_inertia,
     generalized_inertia,
 )
+from wbc.metrics.summary import Metric, summary
 from wbc.metrics.sweep import Sweep, efficiency_sweep, gear_ratio_sweep, pose_sweep
 
 __all__ = [
     "ContactTask",
+    "DesignMetrics",
+    "Designs",
+    "DirectionalInertia",
     "ForceCapability",
     "ForceRange",
+    "Holding",
     "ImpactMitigation",
     "InertiaEllipsoid",
+    "Metric",
     "Sweep",
+    "backdriving_force",
+    "backdriving_torque",
     "backward_generalized_inertia",
     "contact_task",
+    "design_metrics",
+    "directional_inertia",
     "efficiency_sweep",
     "force_capability",
     "forward_generalized_inertia",
     "gear_ratio_sweep",
     "generalized_inertia",
+    "holding",
     "impact_mitigation",
     "inertia_ellipsoid",
+    "link_length",
     "pose_sweep",
+    "share_of_accelerations_forward",
+    "summary",
+    "with_contact_at",
 ]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
 from wbc.dynamics import Terms, dissipative_equation, evaluate
-from wbc.errors import DynamicsError, unknown_name
-from wbc.robot import Robot
+from wbc.errors import DynamicsError, RobotError, unknown_name
+from wbc.robot import ContactPoint, Robot
 
 _SINGULAR = 1e10
 
@@ -113,3 +113,22 @@ def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "x
     start = 3 * [point.name for point in robot.contacts].index(contact)
     rows = [start + "xyz".index(axis) for axis in axes]
     return ContactTask(robot, terms, contact, axes, terms.contact_jacobian[rows])
+
+
+def with_contact_at(robot: Robot, name: str) -> Robot:
+    """Return the robot with a contact called `name`: its own, or the origin of a frame.
+
+    An arm's description names no contacts; its metrics are those of a frame, for example its last
+    link or its tool.
+
+    Raises:
+        RobotError: neither a contact nor a frame of that name.
+    """
+    if any(point.name == name for point in robot.contacts):
+        return robot
+    if not robot.model.existFrame(name):
+        known = [point.name for point in robot.contacts]
+        known += [frame.name for frame in robot.model.frames]
+        raise RobotError(unknown_name(f"contact or frame of '{robot.name}'", name, known))
+    point = ContactPoint(name=name, frame=name, offset=np.zeros(3))
+    return replace(robot, contacts=(*robot.contacts, point))

@@ -3,7 +3,9 @@
 Sim & Ramos, section IV.B.2: J_m^-T B E_m convhull(tau_phi). The statics read backwards need no
 inverse: a force f on the point asks gear torques T = D' J_m' f, and each gear passes at most
 eta_f U (lifting) or U/eta_b (holding) of its motor's U = N tau_max. At rest both are ends of one
-interval (slip 7 in docs/physics.md). The weight of the links is not counted, as in the paper.
+interval (slip 7 in docs/physics.md). Which end counts depends on where the point is about to move:
+`moving` gives one polygon in which each gear whose power runs with the motion lifts and each other
+one holds. The weight of the links is not counted, as in the paper.
 """
 
 from __future__ import annotations
@@ -83,41 +85,93 @@ class ForceCapability:
             DynamicsError: a direction in which the structure carries the force without any
                 torque (a singular pose).
         """
-        n = self.task.direction(direction)
-        torque = np.abs(self.torque_from_force @ n)
-        if not torque.size or torque.max() <= _NOTHING * self._scale():
-            raise self._unbounded(n)
-        loaded = torque > _NOTHING * self._scale()
+        torque = self.levers(direction)
+        loaded = torque > 0.0
         modes = (Direction.STUCK, Direction.FORWARD, Direction.BACKWARD)
         ends = [float(np.min(self.limits(mode)[loaded] / torque[loaded])) for mode in modes]
         return ForceRange(*ends)
 
+    def levers(self, direction: ArrayLike) -> FloatArray:
+        """Return the gear torque per force along `direction` (k,) [m], 0 where a gear bears none.
+
+        Raises:
+            DynamicsError: no gear bears anything (a singular pose).
+        """
+        n = self.task.direction(direction)
+        torque = np.abs(self.torque_from_force @ n)
+        loaded = torque > _NOTHING * self._scale()
+        if not loaded.any():
+            raise self._unbounded(n)
+        return np.asarray(np.where(loaded, torque, 0.0))
+
+    def moving(self, direction: ArrayLike) -> FloatArray:
+        """Return the corners (c, n) [N] of the combined polygon of lifting and holding.
+
+        The point is about to move along `direction`, and the motors push it with f. A gear whose
+        torque does work in that motion lifts and passes at most eta_f U; a gear that is driven by
+        it holds and bears up to U/eta_b; a gear that does not turn holds. Along the motion the
+        polygon reaches as far as the leg can lift, against it as far as the leg can hold.
+
+        Args:
+            direction: (n,) along the task's axes, in which the point moves; of the motions that
+                the gears allow, the one of least kinetic energy is meant.
+
+        Raises:
+            DynamicsError: a singular pose, or a gear that holds any torque: no finite corners.
+        """
+        low, high = self.interval(direction)
+        self._require_regular()
+        self._require_finite(np.minimum(-low, high))
+        return self._corners(low, high)
+
+    def interval(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return least and greatest gear torque (k,), (k,) [N m] of a motion; see `moving`."""
+        n = self.task.direction(direction)
+        robot, perfect = self.task.robot, Direction.STUCK
+        moved = self.task.response(perfect, self.task.jacobian.T)
+        give = self.task.jacobian @ moved
+        path = moved @ np.linalg.lstsq(give, n, rcond=None)[0]
+        turning = (robot.transmission.motor_from_joint @ path[robot.actuated])[list(self.gears)]
+        turning[np.abs(turning) <= _NOTHING * np.abs(turning).max(initial=0.0)] = 0.0
+        lift, hold = self.limits(Direction.FORWARD), self.limits(Direction.BACKWARD)
+        high = np.where(turning > 0.0, lift, hold)
+        low = np.where(turning < 0.0, -lift, -hold)
+        return low, high
+
     def furthest(self, direction: ArrayLike, directions: ArrayLike) -> FloatArray:
         """Return the force (n,) [N] that reaches furthest along `direction`, free across it.
 
-        In closed form where D'J_m' is square, by a linear program otherwise.
+        In closed form where D'J_m' is square and regular, by a linear program otherwise. In a
+        singular pose a direction in which motors do bound the force keeps its answer.
 
         Args:
             direction: (n,) along the task's axes.
             directions: +1 lift, -1 hold, 0 without losses, per gear or one for all.
 
         Raises:
-            DynamicsError: a singular pose, or a gear without torque limit: no force is largest.
+            DynamicsError: no motor bounds the force (a singular pose, a gear without torque
+                limit).
         """
         n = self.task.direction(direction)
-        limits = self._bounded(directions)
-        matrix = self.torque_from_force
-        if matrix.shape[0] == matrix.shape[1]:
+        limits, matrix = self.limits(directions), self.torque_from_force
+        if matrix.shape[0] == matrix.shape[1] and self._lost() is None:
+            self._require_finite(limits)
             return np.asarray(
                 np.linalg.solve(matrix, limits * np.sign(np.linalg.solve(matrix.T, n)))
             )
+        bounded = np.isfinite(limits)
         result = linprog(
             -n,
-            A_ub=np.vstack([matrix, -matrix]),
-            b_ub=np.concatenate([limits, limits]),
+            A_ub=np.vstack([matrix[bounded], -matrix[bounded]]),
+            b_ub=np.concatenate([limits[bounded], limits[bounded]]),
             bounds=(None, None),
             method="highs",
         )
+        if result.status in (2, 3, 4):  # infeasible never; unbounded, or told apart by presolve
+            lost = self._lost()
+            if lost is not None:
+                raise self._unbounded(lost)
+            self._require_finite(limits)
         if not result.success:
             raise DynamicsError(f"the linear program of the force capability: {result.message}")
         return np.asarray(result.x)
@@ -131,27 +185,41 @@ class ForceCapability:
         Raises:
             DynamicsError: a singular pose, or a gear without torque limit: no finite corners.
         """
-        limits = self._bounded(directions)
+        limits = self.limits(directions)
+        self._require_regular()
+        self._require_finite(limits)
+        return self._corners(-limits, limits)
+
+    def _corners(self, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Return the corners (c, n) of {f : low <= T_from_f f <= high}, 0 inside."""
         matrix = self.torque_from_force
         if matrix.shape[0] == matrix.shape[1]:
-            corners = np.array(list(product((-1.0, 1.0), repeat=len(limits)))) * limits
+            corners = np.array(list(product(*zip(low, high, strict=True))))
             return np.asarray(np.linalg.solve(matrix, corners.T).T)
         if matrix.shape[1] == 1:
-            end = 1.0 / float(np.max(np.abs(matrix[:, 0]) / limits))
-            return np.array([[-end], [end]])
-        half = np.column_stack([np.vstack([matrix, -matrix]), -np.tile(limits, 2)])
+            lever = matrix[:, 0]
+            ends = np.where(lever > 0.0, [low, high], [high, low])[:, lever != 0.0]
+            below, above = ends / lever[lever != 0.0]
+            return np.array([[below.max()], [above.min()]])
+        half = np.column_stack([np.vstack([matrix, -matrix]), np.concatenate([-high, low])])
         corners = HalfspaceIntersection(half, np.zeros(matrix.shape[1])).intersections
         # Corners where several faces meet come out once per set of faces.
         size = float(np.abs(corners).max())
         return np.asarray(size * np.unique(np.round(corners / size, 9), axis=0))
 
-    def _bounded(self, directions: ArrayLike) -> FloatArray:
-        limits = self.limits(directions)
+    def _lost(self) -> FloatArray | None:
+        """Return a direction (n,) in which no gear bears a force, None in a regular pose."""
         sizes = np.linalg.svd(self.torque_from_force)[1:]
         values = np.zeros(len(self.task.axes))
         values[: len(sizes[0])] = sizes[0]
-        if values[-1] <= _NOTHING * self._scale():
-            raise self._unbounded(sizes[1][-1])
+        return sizes[1][-1] if values[-1] <= _NOTHING * self._scale() else None
+
+    def _require_regular(self) -> None:
+        lost = self._lost()
+        if lost is not None:
+            raise self._unbounded(lost)
+
+    def _require_finite(self, limits: FloatArray) -> None:
         if not np.isfinite(limits).all() or not np.all(limits > 0.0):
             joints = self.task.robot.transmission.joints
             open_ended = [
@@ -164,7 +232,6 @@ class ForceCapability:
                 "a self-locking gear, or friction above the limit): the force capability has no "
                 "finite corners. Use along() instead."
             )
-        return limits
 
     def _scale(self) -> float:
         return float(np.abs(self.torque_from_force).max(initial=_NOTHING))

@@ -2,19 +2,18 @@
 
 from wbc.robot.contact import ContactPoint
 from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
-from wbc.robot.effect import Effect, Parameter
+from wbc.robot.effect import Effect, Hook, Parameter
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
-from wbc.robot.screening import Evidence, LinkFriction, LinkResponse, Screen
+from wbc.robot.screening import Evidence, Screen
 
 __all__ = [
     "ContactPoint",
     "Effect",
     "Evidence",
-    "LinkFriction",
-    "LinkResponse",
+    "Hook",
     "Memory",
     "Motion",
     "Parameter",

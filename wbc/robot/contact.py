@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, checked
@@ -12,19 +13,21 @@ from wbc.errors import RobotError
 
 @dataclass(frozen=True, eq=False)
 class ContactPoint:
-    """A point fixed to a link that may touch the ground.
+    """A point fixed to a link that may touch the ground, or the centre of a ball that does.
 
     Attributes:
         name: how logs and controllers call it.
         frame: name of a frame of the pinocchio model.
         offset: (3,) [m] of the point in that frame.
         friction: Coulomb coefficient mu assumed between point and ground.
+        radius: [m] of a ball around the point that touches in its stead and rolls; 0 for a point.
     """
 
     name: str
     frame: str
     offset: FloatArray
     friction: float = 0.7
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -32,6 +35,8 @@ class ContactPoint:
         object.__setattr__(self, "offset", checked(self.offset, (3,), label, RobotError))
         if not self.friction >= 0.0:
             raise RobotError(f"contact '{self.name}': friction must be >= 0, got {self.friction}.")
+        if not 0.0 <= self.radius < np.inf:
+            raise RobotError(f"contact '{self.name}': radius must be >= 0, got {self.radius}.")
 
     def placement(self) -> pin.SE3:
         """Return the placement of the point in its frame."""

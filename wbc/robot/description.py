@@ -56,7 +56,7 @@ _LEFT_OUT = {
     "resistance": np.nan,
 }
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
-_CONTACT_KEYS = ("name", "frame", "offset", "friction")
+_CONTACT_KEYS = ("name", "frame", "offset", "friction", "radius")
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,8 @@ def _contact(entry: Any, path: Path) -> ContactPoint:
     place = f"{path}: contact '{entry['name']}'"
     offset = numbers_in(entry.get("offset", {"value": [0.0, 0.0, 0.0], "unit": "m"}), "m", place)
     friction = number_in(entry.get("friction", {"value": 0.7, "unit": "1"}), "1", place)
-    return ContactPoint(str(entry["name"]), str(entry["frame"]), offset, friction)
+    radius = number_in(entry.get("radius", {"value": 0.0, "unit": "m"}), "m", place)
+    return ContactPoint(str(entry["name"]), str(entry["frame"]), offset, friction, radius)
 
 
 def bare_robot(model: pin.Model, name: str = "robot") -> Robot:

@@ -6,17 +6,29 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
-from wbc.robot.screening import Evidence, LinkResponse, Screen
+from wbc.robot.screening import Evidence, Screen
 
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
     from wbc.robot.robot import Robot
+
+Hook = Literal[
+    "change",
+    "joint_torque",
+    "joint_friction",
+    "rotor_torque",
+    "drive",
+    "drive_inverse",
+    "measured",
+    "true",
+]
+"""The methods of an effect by which it acts on a robot."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +68,10 @@ class Effect(ABC):
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
+        expected: log prior odds [nats], beside other effects, that a real machine has it where its
+            model has not: robots come with models without friction, and friction is in all.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
+        acts_by: the hooks that its class overrides: what it may act on. Nobody writes it down.
     """
 
     where: str
@@ -66,7 +81,16 @@ class Effect(ABC):
     explanation: ClassVar[str]
     experiment: ClassVar[str]
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    expected: ClassVar[float] = 0.0
     near_rest: ClassVar[bool] = False
+    acts_by: ClassVar[frozenset[Hook]] = frozenset()
+
+    def __init_subclass__(cls) -> None:
+        """Note which hooks the class overrides."""
+        super().__init_subclass__()
+        hooks: tuple[Hook, ...] = get_args(Hook)
+        own = (hook for hook in hooks if getattr(cls, hook) is not getattr(Effect, hook))
+        cls.acts_by = frozenset(own)
 
     def __post_init__(self) -> None:
         """Check every parameter against its bounds."""
@@ -137,6 +161,11 @@ class Effect(ABC):
     def freedom(self) -> int:
         """How many numbers had to be chosen to describe it; fewer are believed more easily."""
         return len(self.parameters)
+
+    @property
+    def implausibility(self) -> float:
+        """What its numbers cost that no machine is likely to have [nats]."""
+        return 0.0
 
     @property
     def values(self) -> dict[str, float]:
@@ -217,24 +246,6 @@ class Effect(ABC):
         raise EffectError(
             f"{self.name} has a memory (first_memory) but no next_memory; give it both."
         )
-
-    def spring(self) -> tuple[float, float] | None:
-        """Return stiffness [N m/rad] and damping [N m s/rad] of a gear that is a linear spring.
-
-        All such gears of a robot are simulated together along a log. None means that the gear is
-        stiff, or nothing so simple (see `deflection`).
-        """
-        return None
-
-    def deflection(self, robot: Robot, response: LinkResponse) -> FloatArray | None:
-        """Return how far the link behind a gear strays from its motor, (N, 3), along a log.
-
-        Columns are the deflection [rad], its rate and its second derivative, and, where the
-        response has dry friction, its torque (N, 4) [N m]. None means that the gear is stiff or a
-        linear `spring`. Only identification asks: a simulator carries the
-        deflection as state.
-        """
-        return None
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:
         """Return what the encoders report for the true `motion`."""

@@ -1,43 +1,64 @@
 """The plant: convex time steps with gears, ground contact and impacts; recordings are logs."""
 
-from wbc.sim.audit import EnergyAudit
-from wbc.sim.elements import Elements
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.impact import Impact
-from wbc.sim.plane import Plane
+from wbc.sim.closed_loop import (
+    ClosedLoop,
+    LoopTick,
+    SensorNoise,
+    TorqueLag,
+    with_wrong_efficiencies,
+)
+from wbc.sim.energy.audit import EnergyAudit
+from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.ground.box import Box
+from wbc.sim.ground.height_field import HeightField
+from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.sphere import Sphere
+from wbc.sim.ground.stairs import Stairs
+from wbc.sim.ground.terrain import Terrain, Together
+from wbc.sim.laws.elements import Elements
 from wbc.sim.plant import Plant
-from wbc.sim.program import StepProgram, Unilateral
 from wbc.sim.recorder import Recorder
-from wbc.sim.residuals import Residuals
-from wbc.sim.sensor import Sensor
-from wbc.sim.sensor_model import SensorModel
+from wbc.sim.sensors.sensor import Sensor
+from wbc.sim.sensors.sensor_model import SensorModel
 from wbc.sim.simulate import Simulation, simulate
-from wbc.sim.solution import StepSolution
-from wbc.sim.solver import solve_program
-from wbc.sim.stairs import Stairs
+from wbc.sim.solve.residuals import Residuals
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
-from wbc.sim.step_result import StepResult
-from wbc.sim.terrain import Terrain
+from wbc.sim.step.events import StepEvent
+from wbc.sim.step.impact import Impact
+from wbc.sim.step.program import StepProgram, Unilateral
+from wbc.sim.step.step_result import StepResult
 
 __all__ = [
+    "Box",
+    "ClosedLoop",
     "Elements",
     "EnergyAudit",
     "EnergyFlow",
+    "HeightField",
     "Impact",
+    "LoopTick",
     "Plane",
     "Plant",
     "Recorder",
     "Residuals",
     "Sensor",
     "SensorModel",
+    "SensorNoise",
     "SimState",
     "Simulation",
+    "Sphere",
     "Stairs",
+    "StepEvent",
     "StepProgram",
     "StepResult",
     "StepSolution",
     "Terrain",
+    "Together",
+    "TorqueLag",
     "Unilateral",
     "simulate",
     "solve_program",
+    "with_wrong_efficiencies",
 ]

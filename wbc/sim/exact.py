@@ -19,9 +19,9 @@ from scipy.integrate import solve_ivp
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.robot import Robot
-from wbc.sim.drivetrain import drivetrain
-from wbc.sim.forces import first_memory
+from wbc.sim.laws.drivetrain import drivetrain
 from wbc.sim.mechanism import Input, Mechanism, Piece
+from wbc.sim.step.forces import first_memory
 
 _MAX_PIECES = 2000
 _REST = 1e-10

@@ -10,11 +10,11 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
-from wbc.sim.drivetrain import Drivetrain, drivetrain
-from wbc.sim.elements import Elements, modes_at
-from wbc.sim.forces import EffectForces, effect_forces
-from wbc.sim.program import StepProgram, Unilateral
-from wbc.sim.solver import solve_program
+from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
+from wbc.sim.laws.elements import Elements, modes_at
+from wbc.sim.solve.solver import solve_program
+from wbc.sim.step.forces import EffectForces, effect_forces
+from wbc.sim.step.program import StepProgram, Unilateral
 
 Input = Callable[[float], FloatArray]
 """A function of time [s]: rotor torques (m,) or generalised forces (nv,)."""

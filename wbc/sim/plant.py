@@ -11,24 +11,24 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, checked
+from wbc.arrays import BoolArray, FloatArray, checked
 from wbc.errors import SimulationError
 from wbc.robot import Robot
-from wbc.sim.barriers import TOUCH
-from wbc.sim.collision import settle
-from wbc.sim.flow import Flow, flow
-from wbc.sim.forces import checked_memory
-from wbc.sim.impact import Impact
-from wbc.sim.kinetic_energy import kinetic_energy
-from wbc.sim.motor_motion import MotorMotion, rotor_motion
-from wbc.sim.plane import Plane
+from wbc.sim.energy.kinetic_energy import mechanical_energy
+from wbc.sim.ground.barriers import TOUCH
+from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.laws.motor_motion import MotorMotion, rotor_motion
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
-from wbc.sim.step_result import StepResult
-from wbc.sim.terrain import Terrain
+from wbc.sim.step.collision import settle
+from wbc.sim.step.flow import Flow, flow
+from wbc.sim.step.forces import checked_memory
+from wbc.sim.step.impact import Impact
+from wbc.sim.step.overlap import lifted_out
+from wbc.sim.step.step_result import StepResult
 
-_MAX_PARTS = 12
-
+_TRIES = 40
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
 
@@ -44,6 +44,8 @@ class Plant:
         terrain: what it stands on.
         restitution: normal speed after over before an impact (Newton), 0 to 1; less in an impact
             that would gain energy from it (`Impact.restitution`).
+        return_speed: speed [m/s, rad/s] at which an overlap is taken back at most; it moves the
+            robot and gives it no velocity. What is left after a step is an event of its result.
         motor_bounds: least and greatest rotor torque (m,) [N m] of a robot's motors at rotor
             speeds (m,) [rad/s], at the start of a step; None for the robot's `torque_limit` at
             every speed. `RotorTorqueLimit(knee=...).bounds` gives motors a torque-speed curve.
@@ -52,6 +54,7 @@ class Plant:
     robot: Robot
     terrain: Terrain = field(default_factory=Plane)
     restitution: float = 0.0
+    return_speed: float = 1.0
     motor_bounds: MotorBounds | None = None
     _setup: Setup = field(init=False, repr=False)
 
@@ -67,24 +70,38 @@ class Plant:
                 f"the gear of '{name}' is self-locking (backward efficiency < 0) and has no rotor "
                 "inertia: while it turns, its motion is not determined. Give rotor_inertia."
             )
-        object.__setattr__(self, "_setup", prepare(self.robot, self.terrain, self.restitution))
+        if not self.return_speed > 0.0:
+            raise SimulationError(f"return_speed must be positive, got {self.return_speed:g}.")
+        setup = prepare(self.robot, self.terrain, self.restitution, self.return_speed)
+        object.__setattr__(self, "_setup", setup)
 
-    def state(self, position: ArrayLike, velocity: ArrayLike | None = None) -> SimState:
+    def state(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike | None = None,
+        *,
+        lifted: bool = False,
+    ) -> SimState:
         """Return a state to start from, at time zero.
+
+        A state in the ground or beyond a joint limit can be asked for its `gaps`; the first step
+        from it is refused.
 
         Args:
             position: q (nq,).
             velocity: v (nv,), default at rest.
+            lifted: move a robot that starts in the ground or beyond a joint limit out of it: joints
+                to their limits, then all of it by the least motion, of the base where it is free.
 
         Raises:
-            SimulationError: wrong shapes, or a value that is not finite.
+            SimulationError: wrong shapes, a value that is not finite, or no way out of the ground.
         """
         model = self.robot.model
         v = np.zeros(model.nv) if velocity is None else velocity
-        return SimState(
-            checked(position, (model.nq,), "position q", SimulationError),
-            checked(v, (model.nv,), "velocity v", SimulationError),
-        )
+        q = checked(position, (model.nq,), "position q", SimulationError)
+        if lifted:
+            q = lifted_out(self._setup, q)
+        return SimState(q, checked(v, (model.nv,), "velocity v", SimulationError))
 
     def step(
         self,
@@ -96,7 +113,10 @@ class Plant:
         """Return what the plant does in `dt` seconds under a constant command.
 
         A point that lands within the step, or a joint that reaches its limit, splits it: the
-        plant flows to the touchdown, takes the impact there, and flows on.
+        plant flows to the touchdown, takes the impact there, and flows on. A barrier that is hit
+        again within one step bounces faster than the step can tell: it is hit without restitution
+        and is kept as a row, which may close but not be passed, for what is left of the step. So
+        every barrier that closes is kept, in finitely many parts.
 
         Args:
             state: where it starts.
@@ -110,24 +130,31 @@ class Plant:
         setup, command = self._setup, self._command(state, rotor_torque, dt)
         parts: list[Flow] = []
         impacts: list[Impact] = []
-        impact = None
         if state.memory or setup.memory:
             state = state.replace(memory=checked_memory(setup.robot, setup.memory, state.memory))
+        struck = kept = np.zeros(setup.barriers.size, dtype=bool)
+        start, left = state, dt
         if len(state.closed) != setup.barriers.size:
-            state, impact = settle(setup, state)
-        left = dt
-        while True:
+            state, impact, fresh = settle(setup, state)
             if impact is not None:
-                impacts.append(impact)
-            part = flow(setup, state, command, left, external)
-            if len(parts) < _MAX_PARTS and _lands(state, part):
-                part = self._until_landing(state, command, part, left, external)
+                impacts, struck = [impact], fresh
+        while True:
+            part = flow(setup, state, command, left, external, kept)
+            landing = ~state.closed & ~kept & (part.gap < -TOUCH)
+            if landing.any():
+                found = self._until_landing(state, command, part, left, external, kept)
+                if found is None:
+                    kept = kept | landing
+                    continue
+                part = found
             parts.append(part)
             left -= part.state.time - state.time
             if left <= 1e-9 * dt:
                 break
-            state, impact = settle(setup, part.state)
-        return StepResult(part.state, dt, command, tuple(parts), tuple(impacts))
+            state, impact, fresh = settle(setup, part.state, ~struck)
+            impacts += [impact] if impact is not None else []
+            kept, struck = kept | (struck & fresh), struck | fresh
+        return StepResult(part.state, dt, command, tuple(parts), tuple(impacts), start, setup)
 
     def run(
         self,
@@ -146,11 +173,7 @@ class Plant:
 
     def mechanical_energy(self, state: SimState) -> float:
         """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
-        setup = self._setup
-        motor = MotorMotion.of(setup.drive, state)
-        height = pin.computePotentialEnergy(setup.space.model, setup.space.data, state.position)
-        kinetic = kinetic_energy(setup, state.position, state.velocity, motor.speed)
-        return float(kinetic + height + setup.drive.spring_energy(motor.deflection))
+        return mechanical_energy(self._setup, state)
 
     def encoders(self, state: SimState) -> SimState:
         """Return the state with q and v as encoders on the motors show them.
@@ -172,7 +195,8 @@ class Plant:
         """Return the distance (k,) of the contact points from the ground [m]."""
         space, barriers = self._setup.space, self._setup.barriers
         pin.forwardKinematics(space.model, space.data, state.position)
-        return barriers.clearance(state.position).gap[barriers.limits :]
+        gap = barriers.clearance(state.position).gap[barriers.limits :]
+        return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
 
     def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
         if not dt > 0.0:
@@ -199,32 +223,32 @@ class Plant:
         part: Flow,
         step: float,
         external: FloatArray | None,
-    ) -> Flow:
-        """Return the flow that ends where the first barrier is reached (regula falsi)."""
+        kept: BoolArray,
+    ) -> Flow | None:
+        """Return the flow that ends where the first barrier is reached (regula falsi).
+
+        None where the gap jumps, so that there is no such place.
+        """
         space, barriers = self._setup.space, self._setup.barriers
         pin.forwardKinematics(space.model, space.data, state.position)
-        ahead = ~state.closed
+        ahead = ~state.closed & ~kept
         early, late = 0.0, step
         gap_early = barriers.clearance(state.position).gap[ahead]
-        gap_late = part.gap[ahead]
-        for _ in range(40):
-            share = _first_crossing(gap_early, gap_late)
+        level = np.minimum(gap_early, 0.0)
+        gap_early, gap_late = gap_early - level, part.gap[ahead] - level
+        for i in range(_TRIES):
+            # Every third try halves, lest one end of the interval never move.
+            share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
             trial = early + share * (late - early)
-            part = flow(self._setup, state, command, trial, external)
-            gap = part.gap[ahead]
+            part = flow(self._setup, state, command, trial, external, kept)
+            gap = part.gap[ahead] - level
             if abs(gap.min()) <= 0.5 * TOUCH:
-                break
+                return part
             if gap.min() > 0.0:
                 early, gap_early = trial, gap
             else:
                 late, gap_late = trial, gap
-        return part
-
-
-def _lands(state: SimState, part: Flow) -> bool:
-    if min(part.gap.tolist(), default=0.0) >= -TOUCH:
-        return False
-    return bool((part.gap[~state.closed] < -TOUCH).any())
+        return None
 
 
 def _first_crossing(early: FloatArray, late: FloatArray) -> float:

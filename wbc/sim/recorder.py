@@ -8,10 +8,10 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.sim.drivetrain import drivetrain
-from wbc.sim.motor_motion import rotor_motion
+from wbc.sim.laws.drivetrain import drivetrain
+from wbc.sim.laws.motor_motion import rotor_motion
 from wbc.sim.state import SimState
-from wbc.sim.step_result import StepResult
+from wbc.sim.step.step_result import StepResult
 
 _BASE = (
     *(f"base.position.{axis}" for axis in "xyz"),

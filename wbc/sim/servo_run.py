@@ -31,7 +31,7 @@ class ServoRun:
 
     @classmethod
     def from_log(cls, log: Log, joint: str, gain: float, step: float) -> ServoRun:
-        """Return the run of a log with position, goal_position and, if there is one, enabled.
+        """Return the run of a log with position, target_position and, if there is one, enabled.
 
         Args:
             log: the log.
@@ -42,8 +42,8 @@ class ServoRun:
         Raises:
             LogError: a channel is missing.
         """
-        for quantity in ("position", "goal_position"):
-            if f"{joint}.{quantity}" not in log.columns:
+        for quantity in ("position", "target_position"):
+            if not log.has(f"{joint}.{quantity}"):
                 raise LogError(
                     f"{log.source.label}: the column '{joint}.{quantity}' is missing; a servo's "
                     "rollout needs position and set point."
@@ -54,7 +54,7 @@ class ServoRun:
         return cls(
             name=log.source.part or log.source.label,
             gain=gain,
-            goal=np.interp(time, log.time, log.columns[f"{joint}.goal_position"]),
+            goal=np.interp(time, log.time, log.column(f"{joint}.target_position")),
             enabled=np.asarray(enabled[last]),
             position=np.interp(time, log.time, log.columns[f"{joint}.position"]),
         )

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import pinocchio as pin
+from scipy.linalg import lapack
+
 from wbc.dynamics import Workspace
+from wbc.errors import SimulationError
 from wbc.robot import Robot
-from wbc.sim.barriers import Barriers
-from wbc.sim.drivetrain import Drivetrain, drivetrain
-from wbc.sim.forces import first_memory
+from wbc.sim.ground.barriers import Barriers
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
+from wbc.sim.solve.reduced import NOT_POSITIVE
 from wbc.sim.state import EffectMemory
-from wbc.sim.terrain import Terrain
-from wbc.sim.warm_start import ImpulseLayout
+from wbc.sim.step.flight import FreeBase, free_bases
+from wbc.sim.step.forces import first_memory
+from wbc.sim.step.warm_start import ImpulseLayout
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -23,7 +29,9 @@ class Setup:
         space: memory for its kinematics.
         drive: its gears.
         barriers: its limits and contacts.
+        bases: its free bases.
         restitution: normal speed after over before an impact.
+        return_speed: at which an overlap is taken back at most [m/s, rad/s].
         layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
     """
@@ -32,15 +40,34 @@ class Setup:
     space: Workspace
     drive: Drivetrain
     barriers: Barriers
+    bases: tuple[FreeBase, ...]
     restitution: float
+    return_speed: float
     layout: ImpulseLayout
     memory: EffectMemory
 
 
-def prepare(robot: Robot, terrain: Terrain, restitution: float) -> Setup:
-    """Return the setup of `robot` on `terrain`."""
+def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
+    """Return the setup of `robot` on `terrain`.
+
+    Raises:
+        SimulationError: a robot with a body without mass that moves freely.
+    """
     space = Workspace(robot)
+    inertia = pin.crba(space.model, space.data, robot.neutral())
+    if lapack.dpotrf(inertia)[1] != 0:
+        raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
     barriers = Barriers(robot, terrain, space)
     drive = drivetrain(robot)
     layout = ImpulseLayout.of(drive.size, space.model.nv, barriers)
-    return Setup(robot, space, drive, barriers, restitution, layout, first_memory(robot))
+    return Setup(
+        robot,
+        space,
+        drive,
+        barriers,
+        free_bases(robot),
+        restitution,
+        return_speed,
+        layout,
+        first_memory(robot),
+    )

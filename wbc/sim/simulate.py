@@ -11,13 +11,14 @@ from rich.progress import Progress
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
-from wbc.sim.audit import EnergyAudit
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.impact import Impact
+from wbc.sim.energy.audit import EnergyAudit
+from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
-from wbc.sim.residuals import Residuals, worst
+from wbc.sim.solve.residuals import Residuals, worst
 from wbc.sim.state import SimState
+from wbc.sim.step.events import StepEvent
+from wbc.sim.step.impact import Impact
 
 Controller = Callable[[SimState], FloatArray]
 """Takes the plant's state, returns the rotor torque (m,) [N m] to hold until the next tick."""
@@ -31,6 +32,7 @@ class Simulation:
         log: the recording, true values.
         state: at the end.
         impacts: all that happened.
+        events: what steps had to say: energy made, overlaps left (`StepEvent`).
         audit: where the energy went.
         residuals: the worst of every step.
         fallbacks: how many step programs neither Newton nor proximal rounds solved.
@@ -42,6 +44,7 @@ class Simulation:
     audit: EnergyAudit
     residuals: Residuals
     fallbacks: int
+    events: tuple[StepEvent, ...]
 
 
 def simulate(
@@ -79,6 +82,7 @@ def simulate(
     recorder = Recorder(plant.robot)
     flow, residuals, fallbacks = EnergyFlow(), Residuals(), 0
     impacts: list[Impact] = []
+    events: list[StepEvent] = []
     before = plant.mechanical_energy(state)
     with Progress(disable=progress is None, transient=True) as bar:
         task = bar.add_task(progress or "", total=ticks)
@@ -90,9 +94,12 @@ def simulate(
             state = result.state
             flow = flow + result.energy
             impacts.extend(result.impacts)
+            events.extend(result.events)
             residuals = worst(residuals, *(s.residuals for s in result.solutions))
             fallbacks += sum(s.method in ("sweeps", "qp") for s in result.solutions)
             if tick % 100 == 99:
                 bar.advance(task, 100)
     audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)
-    return Simulation(recorder.log(), state, tuple(impacts), audit, residuals, fallbacks)
+    return Simulation(
+        recorder.log(), state, tuple(impacts), audit, residuals, fallbacks, tuple(events)
+    )

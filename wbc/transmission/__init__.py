@@ -1,5 +1,6 @@
 """Reduction, topology, efficiencies and the mesh law."""
 
+from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import (
     Direction,
     direction,
@@ -9,11 +10,14 @@ from wbc.transmission.mesh import (
     mesh_output,
     wedge_backward_efficiency,
 )
+from wbc.transmission.planetary import CompoundPlanetaryGear
 from wbc.transmission.transmission import Transmission
 from wbc.transmission.wedge import WedgeBlock
 
 __all__ = [
+    "CompoundPlanetaryGear",
     "Direction",
+    "Flanks",
     "Transmission",
     "WedgeBlock",
     "direction",

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import TransmissionError, unknown_name
+from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
 
 _POSITIVE_INFINITY_ALLOWED = ("torque_limit", "speed_limit", "stiffness")
@@ -29,8 +30,8 @@ class Transmission:
         topology: D (m, m), identity for serial drives.
         rotor_inertia: I_r (m,) [kg m^2], before the reduction.
         forward_efficiency: eta_f (m,), in (0, 1].
-        backward_efficiency: eta_b (m,), eta_f eta_b <= 1; zero or less is self-locking. When left
-            out it follows from the wedge: 2 - 1/eta_f.
+        backward_efficiency: eta_b (m,), at most 1; zero or less is self-locking. When left out it
+            follows from the wedge: 2 - 1/eta_f.
         rotor_coulomb_friction: (m,) [N m] on the rotor, inside the mesh law.
         rotor_viscous_friction: (m,) [N m s/rad] on the rotor.
         torque_limit: (m,) [N m] on the rotor.
@@ -84,8 +85,8 @@ class Transmission:
         _require(
             self,
             "backward_efficiency",
-            self.forward_efficiency * self.backward_efficiency <= 1.0 + 1e-12,
-            "at most 1/forward_efficiency (the two together must not create power)",
+            self.backward_efficiency <= 1.0,
+            "at most 1 (above it a gear that its joint drives would create power)",
         )
         defaults: dict[str, ArrayLike] = {
             "gear_ratio": self.gear_ratio,
@@ -184,6 +185,12 @@ class Transmission:
         values = np.array(getattr(self, name))
         values[self.index(joint)] = value
         return self.replace(**{name: values})
+
+    def flanks(self, joint: str) -> Flanks:
+        """Return the law of one gear that winds up or has play."""
+        k = self.index(joint)
+        numbers = self.stiffness[k], self.damping[k], self.backlash[k]
+        return Flanks(*map(float, numbers))
 
     def lossless(self) -> Transmission:
         """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""

@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, evaluate
-from wbc.identification.preparation import prepare
-from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual, raw_residual
+from wbc.identification.model.residual import condensed_residual, raw_residual
+from wbc.identification.records.preparation import prepare
+from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import configuration

@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from wbc.files import write_text
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.sim.terrain import Terrain
+from wbc.sim.ground.terrain import Terrain
 from wbc.view.ghost import Ghost
 from wbc.view.ghost_track import track_ghost
 from wbc.view.ground import GroundSlab, flat_ground, surface_under

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.problem import Problem
-from wbc.identification.record import Record
-from wbc.identification.residual import condensed_residual
+from wbc.identification.model.problem import Problem
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.axes import coordinate_names

@@ -7,9 +7,9 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import ViewError
-from wbc.sim.plane import Plane
-from wbc.sim.stairs import Stairs
-from wbc.sim.terrain import Terrain
+from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.stairs import Stairs
+from wbc.sim.ground.terrain import Terrain
 from wbc.view.geometry import along
 from wbc.view.ground import GroundSlab, profile_ground, slab_below
 

@@ -1,5 +1,6 @@
 """Plots for print and screen; every function returns a matplotlib figure."""
 
+from wbc.view.plots.design import design_map, pareto_figure
 from wbc.view.plots.energy import LogEnergy, energy_audit, energy_figure
 from wbc.view.plots.impact import impact_figure
 from wbc.view.plots.leg import leg_figure
@@ -12,12 +13,14 @@ from wbc.view.plots.tradeoff import tradeoff_figure
 __all__ = [
     "DASHES",
     "LogEnergy",
+    "design_map",
     "drawing",
     "energy_audit",
     "energy_figure",
     "impact_figure",
     "leg_figure",
     "new_figure",
+    "pareto_figure",
     "power_figure",
     "residual_figure",
     "staircase_figure",

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, Ranked
+from wbc.identification.answer.sentence import spoken, verdict_sentence
 from wbc.measurement import LogQuality
 from wbc.view.report.numbers import plain, with_interval
-from wbc.view.report.sentence import spoken, verdict_sentence
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
@@ -82,7 +82,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
                 "explanation": finding.effect.explanation,
                 "parameters": parameters,
                 "warnings": [spoken(warning) for warning in finding.warnings],
-                "alternatives": [spoken(name) for name in finding.alternatives],
+                "alternatives": [spoken(name) for name in finding.rivals],
             }
         )
     return cards

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from wbc.identification.discovery import Discovery
+from wbc.identification.formulas import Discovery
 from wbc.view.report.numbers import plain, with_interval
 
 

@@ -13,10 +13,10 @@ from plotly.offline import get_plotlyjs
 
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis
-from wbc.identification.compare import compare_problem
-from wbc.identification.discovery import Discovery
-from wbc.identification.intervals import BOOTSTRAP_SEED
-from wbc.identification.problem import Problem
+from wbc.identification.answer.compare import compare_problem
+from wbc.identification.formulas import Discovery
+from wbc.identification.model.intervals import BOOTSTRAP_SEED
+from wbc.identification.model.problem import Problem
 from wbc.measurement import Log, check_logs
 from wbc.robot import Robot
 from wbc.view.ghost import model_ghost

@@ -1,0 +1,111 @@
+"""Whether probabilities are what they say: of the causes stated at p, a share p must be true."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import beta
+
+from benchmarks.corpus.verdicts import CERTAIN, FLOORS, certain, is_true
+
+_EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0 + 1e-9)
+_LEVEL = 0.9  # of the binomial intervals
+
+
+class Bin(NamedTuple):
+    """Causes stated with a probability in one range.
+
+    `stated` is their mean probability, `true` the share that is hidden or stands for what is,
+    `low` and `high` the ends of its 90 % interval (Clopper-Pearson).
+    """
+
+    stated: float
+    true: float
+    low: float
+    high: float
+    count: int
+
+
+def reliability(results: Sequence[dict[str, Any]]) -> list[Bin]:
+    """Return the causes of these results by their stated probability."""
+    rows = [
+        (entry["probability"], is_true(result, entry))
+        for result in results
+        for entry in result["found"]
+        if entry.get("probability") is not None
+    ]
+    stated = np.array([p for p, _ in rows])
+    true = np.array([t for _, t in rows], dtype=float)
+    bins = []
+    for low, high in pairwise(_EDGES):
+        inside = (stated >= low) & (stated < high)
+        count, hits = int(inside.sum()), int(true[inside].sum())
+        if count:
+            ends = _interval(hits, count)
+            bins.append(Bin(float(stated[inside].mean()), hits / count, *ends, count))
+    return bins
+
+
+def reached(results: Sequence[dict[str, Any]]) -> tuple[int, int]:
+    """Return how many large causes without stand-ins are certain, and how many there are."""
+    hits = total = 0
+    for result in results:
+        names = {entry["effect"] for entry in certain(result)}
+        merged = {name for pair, _ in result["merged"] for name in pair}
+        for cause in result["causes"]:
+            alone = (
+                not cause["stand_ins"] and not cause.get("equals") and cause["effect"] not in merged
+            )
+            outside = result["unlisted"] and cause is result["causes"][-1]
+            if cause["size"] >= FLOORS and cause["felt"] and alone and not outside:
+                total += 1
+                hits += cause["effect"] in names
+    return hits, total
+
+
+def calibration_report(results: Sequence[dict[str, Any]]) -> str:
+    """Return the table of stated and true shares."""
+    lines = [f"{'stated':>8s}{'true':>8s}{'90 % interval':>18s}{'of':>6s}"]
+    for b in reliability(results):
+        span = f"{b.low:.2f} to {b.high:.2f}"
+        lines.append(f"{b.stated:8.2f}{b.true:8.2f}{span:>18s}{b.count:6d}")
+    hits, total = reached(results)
+    lines.append(
+        f"causes of {FLOORS:.0f} floors or more without a stand-in that reach {CERTAIN}: "
+        f"{hits} of {total}"
+    )
+    return "\n".join(lines)
+
+
+def draw_diagram(results: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw the share that is true over the probability stated, with its intervals."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    bins = reliability(results)
+    figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
+    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.7", linewidth=1.0, label="calibrated")
+    stated, true = np.array([b.stated for b in bins]), np.array([b.true for b in bins])
+    spread = np.abs(np.array([[b.low, b.high] for b in bins]).T - true)
+    axes.errorbar(stated, true, spread, fmt="o", capsize=3, label="corpus, 90 % intervals")
+    for b in bins:
+        axes.annotate(f"{b.count}", (b.stated, b.true), xytext=(6, -12), textcoords="offset points")
+    axes.set(
+        xlabel="stated probability", ylabel="share that is true", xlim=(0, 1.05), ylim=(0, 1.05)
+    )
+    axes.legend(loc="upper left")
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def _interval(hits: int, count: int) -> tuple[float, float]:
+    tail = 0.5 * (1.0 - _LEVEL)
+    low = beta.ppf(tail, hits, count - hits + 1) if hits else 0.0
+    high = beta.ppf(1.0 - tail, hits + 1, count - hits) if hits < count else 1.0
+    return float(low), float(high)

@@ -1,0 +1,1 @@
+"""Measured tosses of a cube, predicted by several simulators from their first free frames."""

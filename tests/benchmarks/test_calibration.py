@@ -1,0 +1,68 @@
+"""The reliability of stated probabilities, on results whose truth is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.corpus.calibration import draw_diagram, reached, reliability
+from benchmarks.corpus.draw import COUNT, LISTED, draw_case
+from benchmarks.corpus.truth import truth_of
+from benchmarks.corpus.unlisted import NAMES
+from benchmarks.corpus.verdicts import judge_result
+
+
+def result(found: str, probability: float, verdict: str = "named", size: float = 8.0) -> Any:
+    cause = {"effect": "coulomb_friction", "where": ["j1"], "size": size, "felt": True,
+             "stand_ins": []}  # fmt: skip
+    entry = {"effect": found, "where": "j1", "alternatives": [], "parameters": {},
+             "probability": probability}  # fmt: skip
+    return {"found": [entry], "causes": [cause], "merged": [], "unlisted": False, "flaws": [],
+            "verdict": verdict, "unexplained": 0.0}  # fmt: skip
+
+
+def test_the_share_that_is_true_is_counted_by_what_was_stated(tmp_path: Path) -> None:
+    right = [result("coulomb_friction", 0.99) for _ in range(19)]
+    results = [*right, result("torque_offset", 0.97), result("torque_offset", 0.6)]
+    low, high = reliability(results)
+    assert (low.true, low.count) == (0.0, 1)
+    assert (high.true, high.count) == (0.95, 20)
+    assert high.low < 0.95 < high.high
+    assert high.stated == pytest.approx((19 * 0.99 + 0.97) / 20)
+    draw_diagram(results, tmp_path / "diagram.png")
+    assert (tmp_path / "diagram.png").stat().st_size > 1000
+
+
+def test_large_causes_must_reach_certainty() -> None:
+    results = [
+        result("coulomb_friction", 0.99),
+        result("coulomb_friction", 0.9),
+        result("torque_offset", 0.99),
+        result("coulomb_friction", 0.99, size=2.0),
+    ]
+    assert reached(results) == (1, 3)
+
+
+def test_cases_beyond_the_count_hold_a_cause_of_the_list_beside_one_outside() -> None:
+    case = draw_case(COUNT + 3)
+    listed, outside = case.causes
+    assert listed in LISTED
+    assert outside in NAMES
+    truth = truth_of(case)
+    assert [cause.effect for cause in truth.causes] == [listed, outside]
+    assert truth.unexplained > 0.0
+
+
+def test_a_certain_cause_that_is_false_is_wrong_beside_one_outside() -> None:
+    mixed = result("coulomb_friction", 0.99, "partial")
+    mixed["unlisted"], mixed["unexplained"] = True, 9.0
+    mixed["causes"].append({"effect": "dahl_bristle", "where": ["j2"], "size": 9.0, "felt": True,
+                            "stand_ins": []})  # fmt: skip
+    assert judge_result(mixed).kind == "mixed"
+    assert judge_result(mixed).good
+    mixed["found"][0]["effect"] = "viscous_friction"
+    assert not judge_result(mixed).good
+    mixed["found"][0]["probability"] = 0.8
+    assert judge_result(mixed).good

@@ -1,0 +1,135 @@
+"""`wbc init`: from a stranger's files to a verdict, on recorded sets and on a generated log."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from wbc import load_robot
+from wbc.cli import main
+from wbc.measurement import Log, load_log
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT.parent / "shared" / "data"
+PENDULUM = """
+<robot name="pendulum">
+  <link name="world"/>
+  <link name="arm">
+    <inertial><origin xyz="0 0 -0.4338"/><mass value="0.675"/>
+      <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.001"/></inertial>
+  </link>
+  <joint name="pivot" type="revolute">
+    <parent link="world"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-20" upper="20" effort="10" velocity="50"/>
+  </joint>
+</robot>
+"""
+
+
+def recorded(name: str) -> str:
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"the recorded data '{name}' is not beside this repository")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("model", "log", "part", "joints"),
+    [
+        (
+            "double_pendulum/double_pendulum.urdf",
+            "dfki_double_pendulum/double_pendulum.parquet",
+            "#A.0/trajectory_00",
+            ("shoulder", "elbow"),
+        ),
+        ("emps/emps.urdf", "emps/emps_estimation.parquet", "", ("slide",)),
+        ("", "simple_pendulum/direct_collocation.parquet", "", ("pivot",)),
+    ],
+)
+def test_a_strangers_files_become_a_verdict(
+    model: str,
+    log: str,
+    part: str,
+    joints: tuple[str, ...],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = recorded(log)
+    given = ROOT / "robots" / model if model else tmp_path / "pendulum.urdf"
+    if not model:
+        given.write_text(PENDULUM)
+    assert main(["init", str(given), path, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    robot, columns = str(tmp_path / "robot.toml"), str(tmp_path / "columns.toml")
+    assert f"next: wbc check {path} --robot {robot} --columns {columns}" in said
+    assert "guess: " in Path(columns).read_text()
+    assert "guess: not in the model file" in Path(robot).read_text()
+    assert load_robot(robot).transmission.joints == joints
+    read = [f"{path}{part}", "--robot", robot, "--columns", columns]
+    assert main(["check", *read]) == 0
+    code = main(["diagnose", *read, "--add", "coulomb_friction,viscous_friction"])
+    assert code in (0, 1)
+    assert "verdict: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("first", "second", "sign"), [("a", "b", 1.0), ("knee", "hip", -1.0)])
+def test_units_sides_signs_and_joints_are_guessed_from_the_rows(
+    first: str,
+    second: str,
+    sign: float,
+    excited_log: Callable[..., Log],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log = excited_log(duration=6.0)
+    foreign = {"t": 1e3 * log.time}
+    for theirs, ours in ((first, "knee"), (second, "hip")):
+        foreign[f"ang_{theirs}_deg"] = np.degrees(log.column(f"{ours}.position"))
+        foreign[f"speed_{theirs}"] = 20.0 * log.column(f"{ours}.velocity")
+        foreign[f"trq_{theirs}"] = 20.0 * log.column(f"{ours}.rotor_torque")
+    foreign[f"trq_{first}"] *= sign
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table(foreign), path)
+    assert main(["init", "planar_leg_fixed", str(path), "--out", str(tmp_path)]) == 0
+    table = tomllib.loads((tmp_path / "columns.toml").read_text())
+    assert table["time"] == {"from": "t", "unit": "ms"}
+    ratios = dict.fromkeys(("hip", "knee"), 20.0)
+    mended = load_log(path, tmp_path / "columns.toml", gear_ratios=ratios)
+    for joint in ratios:
+        for quantity in ("position", "velocity"):
+            name = f"{joint}.{quantity}"
+            np.testing.assert_allclose(mended.column(name), log.column(name), atol=1e-9)
+        torque = 20.0 * log.column(f"{joint}.rotor_torque")
+        np.testing.assert_allclose(mended.column(f"{joint}.motor_torque"), torque, atol=1e-9)
+    assert "(probability" in capsys.readouterr().out
+
+
+def test_files_that_are_there_are_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "columns.toml").write_text("")
+    assert main(["init", "planar_leg_fixed", "run.csv", "--out", str(tmp_path)]) == 2
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_an_mjcf_model_gives_its_armature(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco><worldbody><body name="arm"><joint name="pivot" axis="0 1 0" range="-3 3" '
+        'limited="true" armature="0.01"/><geom type="capsule" fromto="0 0 0 0 0 -0.5" size="0.02"/>'
+        "</body></worldbody></mujoco>"
+    )
+    time = np.arange(400) * 0.005
+    rows = np.column_stack([time, np.sin(4.0 * time), np.cos(4.0 * time)])
+    header = "time,pivot_pos,pivot_torque_Nm"
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header=header, comments="")
+    files = [str(tmp_path / "arm.xml"), str(tmp_path / "run.csv")]
+    assert main(["init", *files, "--out", str(tmp_path / "out")]) == 0
+    table = tomllib.loads((tmp_path / "out" / "robot.toml").read_text())
+    assert table["gears"]["pivot"]["rotor_inertia"]["value"] == 0.01
+    assert table["gears"]["pivot"]["rotor_inertia"]["source"] == "the model file"

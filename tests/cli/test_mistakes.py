@@ -1,0 +1,246 @@
+"""The mistakes that people make with logs: each is named by `wbc check`, most with its mend.
+
+Twenty-two of them, on a leg of two joints whose motion and torques are exact but for noise. Where
+a map mends the log, the map that `--fix` writes gives the columns back.
+"""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc import load_robot
+from wbc.cli import main
+from wbc.effects import CoulombFriction
+from wbc.measurement import Log, load_log, read_logs, save_log
+
+LEG = ["--robot", "planar_leg_fixed", "--lossless"]
+RATIOS = {"hip": 20.0, "knee": 20.0}
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def right(excited_log: Callable[..., Log]) -> Log:
+    return excited_log((CoulombFriction("hip", 0.4),), duration=6.0)
+
+
+def scaled(factor: float, *names: str) -> Callable[[Columns], Columns]:
+    return lambda columns: {**columns, **{name: factor * columns[name] for name in names}}
+
+
+def exchanged(*quantities: str) -> Callable[[Columns], Columns]:
+    pairs = [("hip", "knee"), ("knee", "hip")]
+    return lambda columns: {
+        **columns,
+        **{f"{a}.{q}": columns[f"{b}.{q}"] for q in quantities for a, b in pairs},
+    }
+
+
+TORQUES = ("hip.rotor_torque", "knee.rotor_torque")
+MENDED = [
+    ("time in ms", scaled(1e3, "time"), "the time is in ms?"),
+    ("torque in N mm", scaled(1e3, *TORQUES), "hold N mm?"),
+    ("both torque signs", scaled(-1.0, *TORQUES), "the signs of hip.rotor_torque and knee"),
+    ("one torque sign", scaled(-1.0, TORQUES[1]), "the sign of knee.rotor_torque is reversed?"),
+    (
+        "a position's sign",
+        scaled(-1.0, "knee.position", "knee.velocity"),
+        "the sign of knee.position is reversed?",
+    ),
+    ("a velocity's sign", scaled(-1.0, "hip.velocity"), "opposite signs?"),
+    (
+        "swapped joints",
+        exchanged("position", "velocity"),
+        "the positions of hip and knee are exchanged?",
+    ),
+    (
+        "swapped torques",
+        exchanged("rotor_torque"),
+        "the torques of hip and knee are exchanged?",
+    ),
+    ("speed of the rotor", scaled(20.0, "knee.velocity"), "the velocity is that of the rotor?"),
+    ("speed in rpm", scaled(30.0 / np.pi, "hip.velocity"), "the velocity is in rpm?"),
+    (
+        "degrees",
+        scaled(180.0 / np.pi, *(f"{j}.{q}" for j in RATIOS for q in ("position", "velocity"))),
+        "hip.position and knee.position hold degrees?",
+    ),
+    (
+        "torque behind the gear",
+        scaled(20.0, *TORQUES),
+        "the log gives torque after the reduction as hip.rotor_torque and knee.rotor_torque",
+    ),
+]
+
+
+def written(log: Log, change: Callable[[Columns], Columns], path: Path) -> Path:
+    columns = change({"time": log.time, **log.columns})
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    return path
+
+
+@pytest.mark.parametrize(("change", "says"), [m[1:] for m in MENDED], ids=[m[0] for m in MENDED])
+def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
+    change: Callable[[Columns], Columns],
+    says: str,
+    right: Log,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, fix = written(right, change, tmp_path / "run.csv"), tmp_path / "map.toml"
+    assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 1
+    assert says in " ".join(capsys.readouterr().out.split())
+    mended = load_log(path, fix, gear_ratios=RATIOS)
+    np.testing.assert_allclose(mended.time, right.time, atol=1e-9)
+    robot = load_robot("planar_leg_fixed")
+    for name, values in right.columns.items():
+        same = mended.column(name)
+        np.testing.assert_allclose(same, values, rtol=1e-6, atol=1e-9, err_msg=name)
+    assert main(["check", str(path), *LEG, "--columns", str(fix)]) == 0
+    assert robot.joints == ("hip", "knee")
+
+
+def test_a_right_log_has_no_suspicions(
+    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, fix = written(right, dict, tmp_path / "run.csv"), tmp_path / "map.toml"
+    assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 0
+    assert "nothing to complain about" in capsys.readouterr().out
+    assert not fix.exists()
+
+
+def test_a_wrong_column_stops_the_diagnosis_and_is_its_headline(
+    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change = scaled(-1.0, "knee.rotor_torque")
+    path, fix = written(right, change, tmp_path / "run.csv"), tmp_path / "map.toml"
+    for command in ("diagnose", "compare"):
+        assert main([command, str(path), *LEG, "--fix", str(fix)]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.startswith("wbc: the sign of knee.rotor_torque is reversed?")
+        assert "give it with --columns" in " ".join(captured.err.split())
+        assert load_log(path, fix).column("knee.rotor_torque") == pytest.approx(
+            right.column("knee.rotor_torque")
+        )
+
+
+OTHER = """
+name = "other"
+model = "{model}"
+base = "fixed"
+lock = ["base_x", "base_z", "base_pitch"]
+[gears.hip]
+gear_ratio = {{ value = 9.0, unit = "1", source = "another robot" }}
+rotor_inertia = {{ value = 6.66667e-5, unit = "kg m^2", source = "same motor" }}
+[gears.knee]
+gear_ratio = {{ value = 9.0, unit = "1", source = "another robot" }}
+rotor_inertia = {{ value = 6.66667e-5, unit = "kg m^2", source = "same motor" }}
+"""
+
+
+def test_gear_ratios_of_another_robot_are_named(
+    right: Log,
+    excited_log: Callable[..., Log],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    model = Path(__file__).parents[2] / "robots" / "planar_leg" / "planar_leg.urdf"
+    (tmp_path / "robot.toml").write_text(OTHER.format(model=model))
+    more = excited_log((CoulombFriction("hip", 0.4),), seed=1, duration=8.0)
+    paths = [str(save_log(log, tmp_path / f"run{k}.csv")) for k, log in enumerate((right, more))]
+    assert main(["check", *paths, "--robot", str(tmp_path / "robot.toml")]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the gear ratios of the robot are 2.2" in said
+    assert "gear_ratio in robot.toml" in said
+
+
+def test_constant_logs_other_joints_and_logs_without_torque_are_named(
+    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def said(log: Log | None, text: str = "") -> str:
+        path = tmp_path / "run.csv"
+        if log is None:
+            path.write_text(text)
+        else:
+            save_log(log, path)
+        assert main(["check", str(path), *LEG, "--fix", str(tmp_path / "map.toml")]) == 1
+        return " ".join(capsys.readouterr().out.split())
+
+    still = {name: np.full(len(right), values[0]) for name, values in right.columns.items()}
+    assert "no joint moves in this log" in said(Log(right.time, still))
+    moving = right.select([name for name in right.names if "torque" not in name])
+    assert "no torque of hip, knee" in said(moving)
+    lines = save_log(right, tmp_path / "right.csv").read_text()
+    strange = lines.replace("hip.", "b.").replace("knee.", "a.")
+    assert "no position of hip, knee" in said(None, strange)
+    mended = load_log(tmp_path / "run.csv", tmp_path / "map.toml")
+    np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
+
+
+def test_the_order_of_strange_joints_is_told_by_their_torques(right: Log, tmp_path: Path) -> None:
+    columns = {
+        f"{'a' if name.startswith('knee') else 'b'}.{name.partition('.')[2]}": values
+        for name, values in right.columns.items()
+    }
+    swapped = dict(sorted(columns.items()))
+    path, fix = save_log(Log(right.time, swapped), tmp_path / "run.csv"), tmp_path / "map.toml"
+    assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 1
+    mended = load_log(path, fix)
+    np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
+
+
+def test_how_a_file_is_written_is_read_and_named(
+    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = save_log(right, tmp_path / "right.csv").read_text()
+    header, _, rows = text.partition("\n")
+    units = ",".join(["s", *("rad", "rad/s", "N m") * 2])
+    order = "time,hip.position,hip.velocity,hip.rotor_torque"
+    assert header.replace('"', "").startswith(order)
+
+    def said(content: bytes, name: str = "run.csv") -> str:
+        (tmp_path / name).write_bytes(content)
+        assert main(["check", str(tmp_path / name), *LEG]) == 0
+        (log,) = read_logs([tmp_path / name])
+        for column in ("hip.position", "knee.velocity"):
+            np.testing.assert_array_equal(log.column(column), right.column(column))
+        return " ".join(capsys.readouterr().out.split())
+
+    assert "line 2 gives units" in said(f"{header}\n{units}\n{rows}".encode())
+    assert "1 comment lines above the header" in said(f"# a run\n{text}".encode())
+    assert "the file is UTF-16" in said(text.encode("utf-16"))
+    said(gzip.compress(text.encode()), "run.csv.gz")
+    twenty = {f"{joint}.rotor_torque": 20.0 for joint in RATIOS}
+    behind = right.with_columns({n: f * right.column(n) for n, f in twenty.items()})
+    efforts = save_log(behind, tmp_path / "b.csv").read_text().replace("rotor_torque", "effort")
+    assert "hip.effort is taken for hip.motor_torque" in said(efforts.encode())
+
+
+def test_files_without_a_header_and_maps_with_a_typo_say_what_to_write(
+    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = save_log(right, tmp_path / "right.csv").read_text()
+    header, _, rows = text.partition("\n")
+    path = tmp_path / "run.csv"
+    path.write_text(rows)
+    assert main(["check", str(path), *LEG]) == 2
+    said = capsys.readouterr().err
+    assert "has no header line" in said
+    stated = said[said.index("rows.header") :].strip()
+    names = header.replace('"', "").split(",")
+    for k, name in enumerate(names, start=1):
+        stated = stated.replace(f'"column_{k}"', f'"{name}"')
+    (tmp_path / "map.toml").write_text(stated)
+    assert load_log(path, tmp_path / "map.toml").names == right.names
+    (tmp_path / "map.toml").write_text('columns."hip.positon" = { unit = "deg" }')
+    assert (
+        main(["check", str(tmp_path / "right.csv"), *LEG, "--columns", str(tmp_path / "map.toml")])
+        == 2
+    )
+    assert "Did you mean 'hip.position'?" in capsys.readouterr().err

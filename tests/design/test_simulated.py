@@ -1,0 +1,100 @@
+"""Simulated metrics against what physics says of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.design.point_leg import PointLeg, placed
+from wbc.design.simulated import SIMULATIONS, simulate_design
+from wbc.dynamics import evaluate
+from wbc.effects import load_robot
+from wbc.errors import DesignError
+from wbc.metrics import impact_mitigation
+from wbc.robot import Robot
+
+
+def leg(limit: float = 5.0, efficiency: float | None = None, ratio: float = 20.0) -> Robot:
+    robot = load_robot("planar_leg_strong")
+    gears = robot.transmission.replace(torque_limit=np.full(2, limit), gear_ratio=np.full(2, ratio))
+    if efficiency is not None:
+        gears = gears.replace(forward_efficiency=np.full(2, efficiency), backward_efficiency=None)
+    return robot.with_transmission(gears)
+
+
+def test_a_drop_on_ice_is_what_the_impact_mitigation_predicts() -> None:
+    from dataclasses import replace
+
+    robot = leg()
+    smooth = replace(robot, contacts=tuple(replace(c, friction=0.0) for c in robot.contacts))
+    locked = smooth.with_transmission(
+        smooth.transmission.replace(backward_efficiency=np.full(2, -1.0))
+    )
+    q = robot.pose()
+    give, rigid = (simulate_design("drop", r, q, "foot") for r in (smooth, locked))
+    factor = impact_mitigation(smooth, q, "foot", "xz").along([0, 1])
+    assert give["drop_impulse"] / rigid["drop_impulse"] == pytest.approx(1.0 - factor, rel=1e-3)
+    assert give["drop_mesh_loss"] > 0.0
+    assert rigid["drop_mesh_loss"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_four_feet_drop_too() -> None:
+    robot = load_robot("solo12")
+    found = simulate_design("drop", robot, robot.pose(), "FL_foot")
+    assert 0.0 < found["drop_impulse_share"] < 1.0
+    with pytest.raises(DesignError, match="only the drop"):
+        simulate_design("standing", robot, robot.pose(), "FL_foot")
+    fixed = load_robot("planar_leg_fixed")
+    with pytest.raises(DesignError, match="cannot fall"):
+        simulate_design("drop", fixed, fixed.pose(), "foot")
+
+
+def test_standing_costs_the_interval_s_lower_end() -> None:
+    robot = leg(efficiency=0.7)
+    found = simulate_design("standing", robot, robot.pose(), "foot")
+    backward = 2.0 - 1.0 / 0.7
+    assert found["standing_torque"] == pytest.approx(
+        backward * found["standing_neutral_torque"], rel=1e-3
+    )
+    assert found["standing_heat"] == pytest.approx(0.1 / 0.1**2 * found["standing_torque"] ** 2)
+
+
+def test_a_leg_too_weak_to_stand_or_hop_is_no_number() -> None:
+    robot = leg(limit=0.5)
+    assert np.isnan(simulate_design("standing", robot, robot.pose(), "foot")["standing_heat"])
+    assert simulate_design("hop", robot, robot.pose(), "foot")["hop_height"] == 0.0
+
+
+def test_better_gears_hop_higher_and_heavy_rotors_lower() -> None:
+    heights = [
+        simulate_design("hop", leg(efficiency=eta), leg().pose(), "foot")["hop_height"]
+        for eta in (0.6, 0.8, 1.0)
+    ]
+    assert heights[0] < heights[1] < heights[2]
+    # The work of the motors bounds the flight: force times stroke, less what lifts the weight.
+    assert heights[2] < 0.3
+
+
+def test_wrong_efficiencies_cost_height_in_a_landing() -> None:
+    robot = leg(efficiency=0.8)
+    found = simulate_design("landing", robot, robot.pose(), "foot")
+    assert found["landing_error"] < 2e-4
+    assert found["landing_error_high"] > 10.0 * found["landing_error"]
+    assert found["landing_error_low"] > 10.0 * found["landing_error"]
+
+
+def test_the_balanced_pose_balances_on_the_ground() -> None:
+    robot = leg()
+    point = PointLeg.of(robot, "foot")
+    q = point.balanced(robot.pose(), lift=0.03)
+    terms = evaluate(robot, q, np.zeros(robot.model.nv))
+    assert terms.contact_position[0, 2] == pytest.approx(0.03)
+    assert terms.center_of_mass[0] == pytest.approx(terms.contact_position[0, 0], abs=1e-9)
+    assert placed(robot, q, 0.1)[1] == pytest.approx(q[1] + 0.07)
+
+
+def test_every_simulation_names_its_columns() -> None:
+    robot = leg()
+    for name, metric in SIMULATIONS.items():
+        if name != "landing":  # tested above, and slow
+            assert set(simulate_design(name, robot, robot.pose(), "foot")) == set(metric.columns)

@@ -1,0 +1,250 @@
+"""Studies: what is varied, the table, its resumption after a kill, and the command."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from wbc.cli import main
+from wbc.design import (
+    Study,
+    SweepParameter,
+    describe_columns,
+    parse_sweep,
+    read_designs,
+    run_study,
+)
+from wbc.effects import load_robot
+from wbc.errors import DesignError, RobotError, TransmissionError, WbcError
+from wbc.metrics import pose_sweep
+
+LEG = load_robot("planar_leg")
+POSE = tuple(LEG.pose("paper").tolist())
+
+
+def study(*sweeps: str, **changes: object) -> Study:
+    chosen = sweeps or ("reduction=6:160:12:log", "forward_efficiency=0.45:0.98:15")
+    first = Study("planar_leg", tuple(map(parse_sweep, chosen)), "foot", POSE)
+    return replace(first, **changes)  # type: ignore[arg-type]
+
+
+def test_sweeps_are_read_as_they_are_written() -> None:
+    assert parse_sweep("reduction=6:160").grid[[0, -1]].tolist() == [6.0, 160.0]
+    np.testing.assert_allclose(parse_sweep("reduction=1:100:3:log").grid, [1.0, 10.0, 100.0])
+    assert parse_sweep("reduction=5,10,50").grid.tolist() == [5.0, 10.0, 50.0]
+    knee = parse_sweep("forward_efficiency.knee=0.5:0.9:5")
+    assert (knee.column, knee.place, len(knee.grid)) == ("forward_efficiency.knee", "knee", 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("reduction", "use NAME=LOW:HIGH"),
+        ("reduction=a:b", "could not convert"),
+        ("reduction=9:3", "no range"),
+        ("reduction=0:3:3:log", "above 0"),
+        ("reduction=1:3:0", "at least 1"),
+        ("reduction=1:2:3:4", "use NAME=LOW:HIGH"),
+        ("ratio=1:3", "There are: reduction"),
+        ("length=1:3", "name the link"),
+        ("joint=1:3", "name the joint"),
+        ("reduction=nan:3", "no range"),
+    ],
+)
+def test_sweeps_that_cannot_be_are_named(text: str, message: str) -> None:
+    with pytest.raises(DesignError, match=message):
+        parse_sweep(text)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "message"),
+    [
+        ("reduction.ankle=1:3", "hip, knee"),
+        ("mass.foot=1:3", "There are"),
+        ("joint.ankle=1:3", "There are"),
+        ("reduction=0:3", "other than 0"),
+        ("forward_efficiency=0.5:1.2", r"\(0, 1\]"),
+        ("length.slide_x=1:3", "no length"),
+    ],
+)
+def test_places_and_values_that_are_not_there_are_named(
+    sweep: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(WbcError, match=message):
+        run_study(study(sweep), tmp_path / "x.parquet")
+    assert not list(tmp_path.glob("*.parquet"))
+
+
+def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> None:
+    chosen = study(
+        "reduction=6,20",
+        "forward_efficiency.knee=0.6:0.9:3",
+        "mass.thigh=1,3",
+        "joint.knee=0.9,1.2",
+    )
+    path = run_study(chosen, tmp_path / "x.parquet", chunk=5)
+    table = read_designs(path)
+    assert list(table) == list(describe_columns(chosen))
+    assert table["design"].tolist() == list(range(24))
+    assert len({tuple(table[p.column][i] for p in chosen.parameters) for i in range(24)}) == 24
+    for i in (0, 7, 23):
+        robot, q = chosen.designs(i, i + 1).robot_at(0)
+        knee = robot.transmission.forward_efficiency[1]
+        assert knee == table["forward_efficiency.knee"][i]
+        assert robot.transmission.backward_efficiency[1] == pytest.approx(2.0 - 1.0 / knee)
+        assert robot.transmission.forward_efficiency[0] == 0.8  # the hip keeps its own
+        assert robot.transmission.backward_efficiency[0] == pytest.approx(0.75)
+        assert robot.model.inertias[4].mass == pytest.approx(table["mass.thigh"][i])
+        single = pose_sweep(robot, q[None], "foot", [0, 1], axes="xz")
+        assert table["lift"][i] == pytest.approx(single.lift[0])
+        assert table["impact_mitigation"][i] == pytest.approx(single.impact_mitigation[0])
+    field = pq.read_schema(path).field("lift")
+    assert field.metadata == {b"unit": b"N"}
+    assert not path.with_name("x.parquet.parts").exists()
+
+
+def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:
+    chosen = study(samples=300, seed=4)
+    one = run_study(chosen, tmp_path / "one.parquet", chunk=37)
+    two = run_study(chosen, tmp_path / "two.parquet", chunk=37, workers=2)
+    assert one.read_bytes() == two.read_bytes()
+    again = read_designs(run_study(replace(chosen, seed=5), tmp_path / "x.parquet", chunk=37))
+    assert not np.array_equal(read_designs(one)["reduction"], again["reduction"])
+    assert read_designs(one)["reduction"].min() >= 6.0
+
+
+def test_a_study_with_another_key_is_refused(tmp_path: Path) -> None:
+    path = run_study(study(), tmp_path / "x.parquet")
+    before = path.read_bytes()
+    assert run_study(study(), path).read_bytes() == before  # nothing left to do
+    with pytest.raises(DesignError, match="another study"):
+        run_study(study(samples=8), path)
+    half = tmp_path / "y.parquet.parts"
+    half.mkdir()
+    (half / "study.json").write_text("{}")
+    with pytest.raises(DesignError, match="another study"):
+        run_study(study(), tmp_path / "y.parquet")
+    pq.write_table(pq.read_table(path).replace_schema_metadata({}), tmp_path / "z.parquet")
+    with pytest.raises(DesignError, match="no table of designs"):
+        run_study(study(), tmp_path / "z.parquet")
+
+
+RUN = """
+import sys
+from wbc.design import Study, parse_sweep, run_study
+pose = {pose!r}
+sweeps = tuple(map(parse_sweep, ("reduction=6:160", "length.shin=0.2:0.5")))
+run_study(Study("planar_leg", sweeps, "foot", pose, samples=15000, seed=2), sys.argv[1], chunk=100)
+"""
+
+
+def test_a_killed_study_goes_on_and_ends_with_the_same_table(tmp_path: Path) -> None:
+    script = RUN.format(pose=POSE)
+    path = tmp_path / "killed.parquet"
+    parts = tmp_path / "killed.parquet.parts"
+    with subprocess.Popen([sys.executable, "-c", script, str(path)]) as process:
+        limit = time.monotonic() + 60.0
+        while len(list(parts.glob("0*.parquet"))) < 5 and time.monotonic() < limit:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL
+    left = {part.name: part.read_bytes() for part in parts.glob("0*.parquet")}
+    assert 5 <= len(left) < 150
+    assert not path.exists()
+    done: list[int] = []
+    sweeps = tuple(map(parse_sweep, ("reduction=6:160", "length.shin=0.2:0.5")))
+    same = Study("planar_leg", sweeps, "foot", POSE, samples=15000, seed=2)
+
+    run_study(same, path, chunk=100, watch=lambda count, total: done.append(count))
+    assert done[0] == 100 * len(left)
+    assert len(done) == 151 - len(left)
+    whole = run_study(same, tmp_path / "whole.parquet", chunk=100)
+    assert path.read_bytes() == whole.read_bytes()
+
+
+def test_the_command_writes_table_front_and_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ["design", "planar_leg", "--sweep", "reduction=6:160:8:log"]
+    command += ["--sweep", "forward_efficiency=0.5:0.98:6", "--figures", "out", "--json", "f.json"]
+    assert main(command) == 0
+    assert "Pareto front" in capsys.readouterr().out
+    found = json.loads(Path("f.json").read_text())
+    assert found["designs"] == 48
+    assert found["objectives"] == ["lift:max", "impact_mitigation:max"]
+    # Of two gears the more efficient one is better in both: the front is that of one efficiency.
+    assert {row["forward_efficiency"] for row in found["front"]} == {0.98}
+    assert len(found["front"]) == 8
+    assert {p.name for p in Path("out").iterdir()} == {
+        "planar_leg_design_map.png",
+        "planar_leg_design_front.png",
+    }
+    assert main([*command, "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["designs"] == 48
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (["--objective", "speed:max"], "Unknown objective"),
+        (["--objective", "lift:more"], "lift:max or lift:min"),
+        (["--out", "x.csv"], "must end in .parquet"),
+        (["--workers", "0"], "-1 for all cores"),
+        (["--simulate", "swim"], "Unknown simulation"),
+        (["--cluster", "tcp://127.0.0.1:1"], "Dask"),
+        (["--sweep", "reduction=6:9"], "swept twice"),
+        (["--samples", "-1"], ">= 0"),
+    ],
+)
+def test_bad_commands_end_with_two(
+    extra: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", "planar_leg", "--sweep", "reduction=6:160", *extra]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.parquet"))
+
+
+def test_a_robot_without_contact_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", "emps", "--sweep", "reduction=6:160"]) == 2
+    assert "no contact" in capsys.readouterr().err
+
+
+def test_parameters_check_themselves() -> None:
+    with pytest.raises(DesignError, match="at least one parameter"):
+        study(parameters=())
+    assert SweepParameter("reduction", "", 2.0, 2.0, 1).grid.tolist() == [2.0]
+    with pytest.raises((RobotError, TransmissionError)):
+        Study("nowhere", (parse_sweep("reduction=1:2"),), "foot", POSE)
+
+
+@pytest.mark.parametrize(
+    ("robot", "extra"),
+    [
+        ("solo12", ["--sweep", "reduction=5:20:5", "--sweep", "length.FL_LOWER_LEG=0.1:0.2:3"]),
+        ("staubli_tx40", ["--sweep", "reduction=10:200:5", "--contact", "link_6"]),
+    ],
+)
+def test_a_quadruped_and_an_arm(
+    robot: str, extra: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arm = ["--pose", "joint_2=0.4,joint_3=1.2"] if robot == "staubli_tx40" else []
+    assert main(["design", robot, *extra, *arm, "--axes", "xyz", "--json", "f.json"]) == 0
+    table = read_designs("designs.parquet")
+    assert np.all(np.isfinite(table["backward_inertia"]))
+    assert np.all(np.diff(table["backward_inertia"].reshape(5, -1)[:, 0]) > 0.0)

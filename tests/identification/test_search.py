@@ -1,0 +1,66 @@
+"""The search: several causes give way to the one that they imitate, and two causes stay two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from sims.excitation import record_with
+from wbc.effects import (
+    EFFECTS,
+    CoulombFriction,
+    LoadFriction,
+    PayloadMass,
+    SupplySag,
+    TorqueConstant,
+    TransmissionEfficiency,
+    load_robot,
+)
+from wbc.identification.choice.hypothesis import Hypothesis
+from wbc.identification.choice.proposals import Proposer
+from wbc.identification.choice.search import Search
+from wbc.identification.choice.trials import Trials
+from wbc.identification.model.problem import Problem
+from wbc.robot import Effect
+
+LEG = load_robot("planar_leg_fixed").lossless()
+
+
+def _climbed(hidden: Sequence[Effect], start: Sequence[Effect]) -> tuple[Search, Hypothesis]:
+    """Return the search on logs of what is hidden, from a start, and where it ends."""
+    problem = Problem.from_logs(LEG, record_with(LEG, list(hidden), duration=4.0))
+    trials = Trials(problem)
+    search = Search(Proposer(trials, tuple(EFFECTS.values())).at_once)
+    begun = trials.of(tuple(start))
+    assert begun is not None
+    return search, search.climb(begun)
+
+
+@pytest.mark.parametrize("beside", [[], [CoulombFriction("hip", 0.5)]], ids=["alone", "beside"])
+def test_load_friction_with_a_wrong_torque_constant_is_one_lossy_gear(
+    beside: list[Effect],
+) -> None:
+    hidden = [TransmissionEfficiency("knee", 0.8, 0.9), *beside]
+    _, end = _climbed(hidden, [LoadFriction("knee", 0.05), TorqueConstant("knee", 0.9), *beside])
+    assert set(end.keys) == {e.key for e in hidden}
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        [CoulombFriction("hip", 0.5), PayloadMass("foot", 0.3)],
+        [LoadFriction("hip", 0.1), SupplySag("robot", 2e-3), TorqueConstant("knee", 0.8)],
+    ],
+    ids=["two", "three"],
+)
+def test_causes_that_no_other_explains_stay(hidden: list[Effect]) -> None:
+    _, end = _climbed(hidden, hidden)
+    assert set(end.keys) == {e.key for e in hidden}
+
+
+def test_a_wrong_start_is_left() -> None:
+    hidden = CoulombFriction("hip", 0.5)
+    search, end = _climbed([hidden], [TorqueConstant("knee", 1.2)])
+    assert end.keys == (hidden.key,)
+    assert search.path[-1] is end

@@ -1,0 +1,115 @@
+"""Links behind soft and loose gears, against an ODE solver that shares nothing with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import butter, sosfiltfilt
+
+from wbc.identification.choice.gears.plays import best_plays
+from wbc.identification.choice.gears.springs import best_springs
+from wbc.links import LinkResponse, deflections
+from wbc.transmission import Flanks
+
+STEP = 0.004
+TIME = np.arange(1000) * STEP
+LOAD = 2.0 * np.sin(2 * np.pi * 0.8 * TIME) + 0.3
+INERTIA, DRAG, PULL = 0.12, 0.05, 0.7
+
+
+def _truth(contact: Flanks, start: tuple[float, float]) -> np.ndarray:
+    """Return deflection, rate and second derivative (N, 3), by an adaptive solver."""
+
+    def rate(time: float, state: np.ndarray) -> list[float]:
+        d, v = state
+        stretch = d - np.clip(d, -0.5 * contact.play, 0.5 * contact.play)
+        held = contact.stiffness * stretch + (contact.damping * v if stretch != 0.0 else 0.0)
+        return [v, -(np.interp(time, TIME, LOAD) + DRAG * v + PULL * d + held) / INERTIA]
+
+    span = (0.0, float(TIME[-1]))
+    path = solve_ivp(rate, span, start, t_eval=TIME, max_step=2e-4, rtol=1e-9, atol=1e-9).y
+    second = [rate(t, state)[1] for t, state in zip(TIME, path.T, strict=True)]
+    return np.column_stack([*path, second])
+
+
+def _response(truth: np.ndarray, inertia: float = INERTIA) -> LinkResponse:
+    """Return a log whose unexplained torque is that of the true deflection."""
+    d, v, a = truth.T
+    torque = INERTIA * a + DRAG * v + PULL * d
+    one = np.ones((TIME.size, 1))
+    return LinkResponse(
+        step=STEP,
+        row=0,
+        load=LOAD[:, None],
+        inertia=inertia * one,
+        damping=DRAG * one,
+        stiffness=PULL * one,
+        unexplained=torque,
+        band=lambda values: values,
+    )
+
+
+def _in_band(values: np.ndarray) -> np.ndarray:
+    return np.asarray(sosfiltfilt(butter(2, 15.0, fs=1.0 / STEP, output="sos"), values, axis=0))
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (0.01, -0.2)])
+@pytest.mark.parametrize("damping", [0.1, 6.0])
+def test_a_soft_link_swings_as_an_ode_solver_says(
+    start: tuple[float, float], damping: float
+) -> None:
+    truth = _truth(Flanks(300.0, damping, 0.0), start)
+    found = deflections([_response(truth)], [Flanks(300.0, damping)]).paths[0]
+    assert found[:, 0] == pytest.approx(truth[:, 0], abs=0.01 * np.abs(truth[:, 0]).max())
+    assert found[:, 1] == pytest.approx(truth[:, 1], abs=0.02 * np.abs(truth[:, 1]).max())
+
+
+def test_a_swing_that_dies_before_the_log_is_judged_began_as_small_as_the_load_winds_up() -> None:
+    spring = (600.0, 15.0)
+    truth = _truth(Flanks(*spring, 0.0), (0.0, 0.0))
+    whole = _response(truth)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(TIME.size)
+    judged = (TIME > 0.24).astype(float)  # fifteen time constants of the swing
+    seen = replace(
+        whole,
+        unexplained=whole.unexplained + noise,
+        band=lambda values: values * judged.reshape(-1, *(1,) * (np.ndim(values) - 1)),
+    )
+    found = deflections([seen], [Flanks(*spring)]).paths[0]
+    assert np.abs(found[:, 0]).max() < 2.0 * np.abs(LOAD).max() / spring[0]
+    assert found[judged > 0.0, 0] == pytest.approx(truth[judged > 0.0, 0], abs=1e-5)
+
+
+def test_the_spring_behind_a_swing_is_found() -> None:
+    truth = _truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0))
+    found = best_springs([_response(truth)], count=1)[0]
+    assert found.stiffness == pytest.approx(300.0, rel=0.05)
+    assert found.damping == pytest.approx(0.5, rel=0.6)
+
+
+def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
+    contact = Flanks(800.0, 6.0, 0.02)
+    truth = _truth(contact, (0.01, 0.0))
+    response = replace(_response(truth), band=_in_band)
+    found = deflections([response], [contact]).paths[0]
+    # What came before the first strike leaves hardly a trace in the band.
+    assert found[TIME > 0.1, 0] == pytest.approx(truth[TIME > 0.1, 0], abs=8e-4)
+
+
+# A small play is hardly more than what its flanks are wound up by.
+@pytest.mark.parametrize(("play", "stiffness", "near"), [(0.02, 3e3, 0.15), (7e-4, 3e4, 0.25)])
+def test_the_play_behind_a_bounce_is_found_well_enough_to_start_a_fit(
+    play: float, stiffness: float, near: float
+) -> None:
+    response = _response(_truth(Flanks(stiffness, 6.0, play), (0.5 * play, 0.0)))
+    found = best_plays([response], count=1)[0]
+    assert found.play == pytest.approx(play, rel=near)
+
+
+def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:
+    response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
+    assert best_springs([response], count=1) == []
+    assert best_plays([response], count=1) == []

@@ -1,0 +1,42 @@
+"""Hypothesis looks for a step whose contacts, stops or gears make energy at frozen H(q).
+
+`python -m benchmarks.passivity` searches many thousands more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.sim.random_grounds import GROUNDS, made_by_rows, random_scene
+from tests.sim.random_robots import BASES
+from wbc.errors import SimulationError
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    base=st.sampled_from(BASES),
+    ground=st.sampled_from(GROUNDS),
+    restitution=st.sampled_from([0.0, 0.0, 0.5, 1.0]),
+    strength=st.sampled_from([0.0, 0.0, 10.0]),
+    decade=st.floats(-5.0, -1.5),
+)
+def test_no_step_makes_energy_through_its_rows(
+    seed, base, ground, restitution, strength, decade
+) -> None:
+    rng = np.random.default_rng(seed)
+    plant, state = random_scene(rng, base, ground, restitution)
+    m = plant.robot.transmission.size
+    torque = strength * rng.uniform(-1.0, 1.0, m) / np.abs(plant.robot.transmission.gear_ratio)
+    for _ in range(4):
+        try:
+            result = plant.step(state, torque, 10.0**decade)
+        except SimulationError as error:
+            assert "self-locking gears 'j" in str(error)  # several solutions: refused by name
+            return
+        state = result.state
+        assert made_by_rows(result) < 1e-9
+        assert not [event for event in result.events if event.kind == "energy"]
+        assert plant.gaps(state).min() > -1e-3 - 10.0 * 10.0 ** (2 * decade)

@@ -1,0 +1,223 @@
+"""Rolling, bouncing and momentum as github.com/leggedrobotics/SimBenchmark asks for them.
+
+That project throws bodies at one another. Bodies of this library's robots do not collide with each
+other, so each test keeps what it measures and the closed solution: its balls on a box that is
+pushed see, from the box, a gravity that is tilted, which is a ball on a slope; its elastic balls
+bounce on the ground alone; its quadruped in weightlessness is set in motion by its own joints
+instead of by a ball.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from benchmarks.mujoco_model import mujoco_model
+from tests.reference.free_bodies import at, ball, block, mujoco_block_on_slope, world_velocity
+from wbc import load_robot
+from wbc.sim import Plane, Plant
+
+G, R, NONE = 9.81, 0.1, np.zeros(0)
+TIME, STEP = 0.5, 2e-3
+
+
+def along(plant, state, time=TIME, step=STEP, external=None):
+    """Return the states from start to end."""
+    states = [state]
+    for _ in range(round(time / step)):
+        states.append(plant.step(states[-1], NONE, step, external).state)
+    return states
+
+
+# Rolling: friction, and whether its cone is round.
+
+
+@pytest.mark.parametrize("direction", [0.0, 0.25 * np.pi, 1.0])
+def test_a_pushed_box_slides_as_a_round_cone_wants(direction):
+    """150 N on 10 kg with mu = 0.4: F/m - mu g, whatever the direction (a pyramid fails at 45)."""
+    plant, push = Plant(block()), 150.0 * np.array([np.cos(direction), np.sin(direction), 0.0])
+    force = np.zeros(6)
+    force[:3] = push  # the block does not turn: its axes stay the world's
+    # Pushed at the height of its feet, it does not tip either: M = r x F about its centre.
+    force[3:] = np.cross([0.0, 0.0, -0.05], push)
+    end = along(plant, plant.state(at([0.0, 0.0, 0.05])), external=force)[-1]
+    speed, turning = world_velocity(end)
+    wanted = (15.0 - 0.4 * G) * TIME * push / 150.0
+    np.testing.assert_allclose(speed, wanted, atol=1e-9)
+    np.testing.assert_allclose(turning, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("push", [10.0, 39.0])
+def test_a_box_pushed_with_less_than_friction_does_not_move_at_all(push):
+    plant, force = Plant(block()), np.zeros(6)
+    force[[0, 1]] = push * np.sqrt(0.5)
+    end = along(plant, plant.state(at([0.0, 0.0, 0.05])), external=force)[-1]
+    assert np.abs(end.position[:3] - [0.0, 0.0, 0.05]).max() < 1e-12
+
+
+@pytest.mark.parametrize(("degrees", "friction"), [(10.0, 0.8), (30.0, 0.8), (30.0, 0.17)])
+def test_a_ball_rolls_down_a_slope(degrees, friction):
+    """Rolling: 5/7 g sin a, without loss; friction needed: 2/7 tan a (0.165 at 30 degrees)."""
+    angle = np.deg2rad(degrees)
+    plane, down = Plane.slope(angle), np.array([-np.cos(angle), 0.0, -np.sin(angle)])
+    plant = Plant(ball(R, friction=friction), plane)
+    states = along(plant, plant.state(at(R * plane.normal)))
+    speed, spin = world_velocity(states[-1])
+    wanted = 5.0 / 7.0 * G * np.sin(angle) * TIME
+    np.testing.assert_allclose(speed, wanted * down, atol=1e-9)
+    np.testing.assert_allclose(R * np.cross(spin, plane.normal), speed, atol=1e-9)
+    energy = [plant.mechanical_energy(state) for state in (states[0], states[-1])]
+    assert energy[1] == pytest.approx(energy[0], abs=1e-9)
+
+
+def test_a_ball_slips_where_friction_is_too_little():
+    """v' = g (sin a - mu cos a) and R w' = 5/2 mu g cos a, below mu = 2/7 tan a."""
+    angle, friction = np.deg2rad(30.0), 0.1
+    plane = Plane.slope(angle)
+    plant = Plant(ball(R, friction=friction), plane)
+    speed, spin = world_velocity(along(plant, plant.state(at(R * plane.normal)))[-1])
+    slide = G * (np.sin(angle) - friction * np.cos(angle)) * TIME
+    assert np.linalg.norm(speed) == pytest.approx(slide, rel=1e-6)
+    assert R * np.linalg.norm(spin) == pytest.approx(2.5 * friction * G * np.cos(angle) * TIME)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.25 * np.pi])
+def test_a_ball_thrown_flat_slides_until_it_rolls(heading):
+    """v falls by mu g t to 5/7 of its start, at t = 2 v / (7 mu g), and stays."""
+    plant, friction, start = Plant(ball(R, friction=0.3)), 0.3, 3.0
+    way = np.array([np.cos(heading), np.sin(heading), 0.0])
+    state = plant.state(at([0.0, 0.0, R]), np.concatenate([start * way, np.zeros(3)]))
+    rolls = 2.0 * start / (7.0 * friction * G)
+    states = along(plant, state, 1.5 * rolls, rolls / 100.0)
+    for k in (30, 60, 90):
+        speed = world_velocity(states[k])[0]
+        np.testing.assert_allclose(speed, (start - friction * G * k * rolls / 100) * way, atol=1e-9)
+    for k in (101, 150):
+        speed, spin = world_velocity(states[k])
+        np.testing.assert_allclose(speed, 5.0 / 7.0 * start * way, atol=1e-9)
+        np.testing.assert_allclose(R * np.cross(spin, [0.0, 0.0, 1.0]), speed, atol=1e-9)
+
+
+def test_a_block_stands_on_a_slope_where_mujoco_creeps():
+    """Friction 0.6 on 25 degrees (tan = 0.466) holds. MuJoCo's soft friction lets it creep."""
+    angle, friction = np.deg2rad(25.0), 0.6
+    plane = Plane.slope(angle)
+    plant = Plant(block(friction=friction), plane)
+    turn = pin.rpy.rpyToMatrix(0.0, -angle, 0.0)
+    start = plant.state(at(0.05 * plane.normal, turn))
+    end = along(plant, start)[-1]
+    ours = np.linalg.norm(end.position[:3] - start.position[:3])
+    assert ours < 1e-9
+    assert mujoco_block_on_slope(angle, friction, STEP, TIME) > 1e3 * max(ours, 1e-9)
+
+
+def test_a_block_slides_down_a_slope_as_in_mujoco():
+    angle, friction = np.deg2rad(25.0), 0.2
+    plane = Plane.slope(angle)
+    plant = Plant(block(friction=friction), plane)
+    start = plant.state(at(0.05 * plane.normal, pin.rpy.rpyToMatrix(0.0, -angle, 0.0)))
+    end = along(plant, start)[-1]
+    ours = float(np.linalg.norm(end.position[:3] - start.position[:3]))
+    exact = 0.5 * G * (np.sin(angle) - friction * np.cos(angle)) * TIME**2
+    assert ours == pytest.approx(exact, rel=1e-6)
+    assert mujoco_block_on_slope(angle, friction, STEP, TIME) == pytest.approx(exact, rel=0.02)
+
+
+# Bouncing: energy of elastic impacts, and the bounces of less elastic ones.
+
+
+@pytest.mark.parametrize("step", [1e-2, 2e-3])
+def test_an_elastic_ball_keeps_its_energy(step):
+    """From 5 m, 10 kg, e = 1: every apex at 5 m again, whatever the step."""
+    plant = Plant(ball(R, mass=10.0), restitution=1.0)
+    time = (5.0 if step > 5e-3 else 1.5) * np.sqrt(2.0 * 4.9 / G)  # two bounces, or one, and up
+    states = along(plant, plant.state(at([0.0, 0.0, 5.0])), time, step)
+    energy = np.array([plant.mechanical_energy(state) for state in states])
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-5
+
+
+def test_bounces_shrink_by_the_square_of_the_restitution():
+    restitution, height = 0.6, 1.0
+    plant = Plant(ball(R), restitution=restitution)
+    state, times = plant.state(at([0.0, 0.0, height + R])), []
+    while len(times) < 5:
+        result = plant.step(state, NONE, STEP)
+        times.extend(impact.time for impact in result.impacts)
+        state = result.state
+    fall = np.sqrt(2.0 * height / G)
+    wanted = fall + 2.0 * fall * np.cumsum(restitution ** np.arange(0, 5)) - 2.0 * fall
+    np.testing.assert_allclose(times, wanted, atol=2e-5)
+
+
+def test_a_bounce_across_the_ground_keeps_the_speed_along_it_without_friction():
+    plant = Plant(ball(R, friction=0.0), restitution=1.0)
+    start = plant.state(at([0.0, 0.0, 1.0]), [2.0, -1.0, 0.0, 3.0, 4.0, 5.0])
+    speed, spin = world_velocity(along(plant, start, 0.8)[-1])
+    np.testing.assert_allclose(speed[:2], [2.0, -1.0], atol=1e-9)
+    np.testing.assert_allclose(spin, [3.0, 4.0, 5.0], atol=1e-9)
+
+
+# Momentum: a quadruped in weightlessness.
+
+
+def shaken(robot, step, time=0.4):
+    """Return linear and angular momentum (6,) about the centre of mass at start and end."""
+    weightless = robot.with_gravity([0.0, 0.0, 0.0])
+    plant, model = Plant(weightless, Plane(height=-100.0)), weightless.model
+    data, random = model.createData(), np.random.default_rng(3)
+    push = 0.1 * weightless.transmission.torque_limit
+    phase = random.uniform(0.0, 6.0, weightless.transmission.size)
+    twist = np.concatenate([[0.7, -0.4, 0.5, 1.0, -2.0, 1.5], np.zeros(model.nv - 6)])
+    state = plant.state(weightless.pose(), twist)
+
+    def momentum():
+        found = pin.computeCentroidalMomentum(model, data, state.position, state.velocity)
+        return np.array(found.vector)
+
+    first = momentum()
+    for _ in range(round(time / step)):
+        torque = push * np.sin(12.0 * state.time + phase)
+        state = plant.step(state, torque, step).state
+    return first, momentum()
+
+
+def mujoco_shaken(robot, step, time=0.4):
+    """Return the same of MuJoCo (Euler), from its own subtree momenta."""
+    model = mujoco_model(robot.with_gravity([0.0, 0.0, 0.0]), step)
+    data, random = mujoco.MjData(model), np.random.default_rng(3)
+    gears, q = robot.transmission, np.array(robot.pose())
+    phase = random.uniform(0.0, 6.0, gears.size)
+    turn = pin.Quaternion(q[3:7]).matrix()
+    data.qpos[:] = np.concatenate([q[:2], [q[2] + 50.0], q[[6, 3, 4, 5]], q[7:]])
+    data.qvel[:6] = np.concatenate([turn @ [0.7, -0.4, 0.5], [1.0, -2.0, 1.5]])
+
+    def momentum():
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        mass = model.body_subtreemass[1]
+        return np.concatenate([mass * data.subtree_linvel[1], data.subtree_angmom[1]])
+
+    first = momentum()
+    for _ in range(round(time / step)):
+        torque = 0.1 * gears.torque_limit * np.sin(12.0 * data.time + phase)
+        data.qfrc_applied[robot.actuated] = gears.gear_ratio * torque
+        mujoco.mj_step(model, data)
+    return first, momentum()
+
+
+def relative(before, after):
+    """Return the change of linear and of angular momentum, relative."""
+    return tuple(
+        float(np.linalg.norm(after[part] - before[part]) / np.linalg.norm(before[part]))
+        for part in (slice(0, 3), slice(3, 6))
+    )
+
+
+@pytest.mark.parametrize("name", ["solo12", "anymal"])
+def test_a_shaken_quadruped_keeps_its_momentum(name):
+    robot = load_robot(name)
+    ours, peer = relative(*shaken(robot, STEP)), relative(*mujoco_shaken(robot, STEP))
+    assert max(ours) < 1e-10
+    assert min(peer) > 1e3 * max(ours)  # MuJoCo's shrinks with its step

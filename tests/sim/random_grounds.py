@@ -1,0 +1,122 @@
+"""Random grounds, robots that stand over them, and what a step makes of their energy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from tests.sim.random_robots import random_robot
+from wbc import Robot
+from wbc.sim import (
+    Box,
+    HeightField,
+    Plane,
+    Plant,
+    SimState,
+    Sphere,
+    Stairs,
+    StepResult,
+    Terrain,
+    Together,
+)
+
+GROUNDS = ("plane", "stairs", "boxes", "balls", "field")
+
+
+def random_ground(rng: np.random.Generator, kind: str) -> Terrain:
+    """Return a ground of some kind about the origin, nowhere higher than 0.6 m."""
+    if kind == "plane":
+        return Plane(np.array([*rng.uniform(-0.5, 0.5, 2), 1.0]))
+    if kind == "stairs":
+        edges = np.cumsum(rng.uniform(0.02, 0.4, 6)) - 0.6
+        return Stairs(edges, rng.uniform(-0.1, 0.2, 7))
+    if kind == "boxes":
+        turns = [pin.Quaternion(*_unit(rng)).toRotationMatrix() for _ in range(4)]
+        parts = [
+            Box(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.1, 0.5, 3), R) for R in turns
+        ]
+        return Together((Plane(height=-0.1), *parts))
+    if kind == "balls":
+        balls = [
+            Sphere(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.05, 0.3))
+            for _ in range(4)
+        ]
+        return Together((Plane(), *balls))
+    x = np.linspace(-2.0, 2.0, 21)
+    return HeightField(x, x, 0.08 * rng.normal(size=(21, 21)))
+
+
+def _place(rng: np.random.Generator) -> np.ndarray:
+    return rng.uniform(-0.5, 0.5, 3) * [1.0, 1.0, 0.3]
+
+
+def _unit(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.normal(size=4)
+    return vector / np.linalg.norm(vector)
+
+
+def random_scene(
+    rng: np.random.Generator, base: str, ground: str, restitution: float, least: float = -0.2
+) -> tuple[Plant, SimState]:
+    """Return a robot with lossy gears, stops and round feet just over a ground, in motion.
+
+    `least` is the lowest backward efficiency; below zero gears lock.
+    """
+    eta_f = rng.uniform(0.4, 1.0)
+    eta_b = rng.uniform(least, 1.0)
+    robot = random_robot(rng, base, eta_f, eta_b, rng.uniform(0.0, 1.5), coupled=False)
+    q = pin.integrate(robot.model, robot.neutral(), rng.uniform(-1.0, 1.0, robot.model.nv))
+    robot = _with_stops(rng, robot, q)
+    radius = rng.choice([0.0, 0.03])
+    robot = replace(robot, contacts=tuple(replace(c, radius=radius) for c in robot.contacts))
+    plant = Plant(robot, random_ground(rng, ground), restitution)
+    if base != "fixed":
+        q[1 if base == "planar" else 2] += 3.0
+        for _ in range(60):  # down until a point touches: no gap is larger than the distance
+            q[1 if base == "planar" else 2] -= plant.gaps(plant.state(q)).min()
+    elif plant.gaps(plant.state(q)).min() < 0.0:
+        plant = Plant(robot, Plane(height=-10.0), restitution)
+    return plant, plant.state(q, 2.0 * rng.normal(size=robot.model.nv))
+
+
+def _with_stops(rng: np.random.Generator, robot: Robot, q: np.ndarray) -> Robot:
+    """Put every driven joint within a tenth of a radian of a stop."""
+    model = robot.model.copy()
+    low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    for place in robot.actuated_position.tolist():
+        low[place] = q[place] - rng.uniform(0.0, 0.1)
+        high[place] = q[place] + rng.uniform(0.0, 0.1)
+    model.lowerPositionLimit, model.upperPositionLimit = low, high
+    return replace(robot, model=model)
+
+
+def made_by_rows(result: StepResult) -> float:
+    """Return the most that contacts, stops and gears of a part made at frozen H, over its energy.
+
+    The links' and the rotors' kinetic energy after the rows have acted, less that with which they
+    would have gone on without any row. Computed from each part's program alone.
+    """
+    worst = -np.inf
+    for part in result.parts:
+        program, velocity = part.solution.reduced.program, part.solution.velocity
+        inertia = np.triu(program.inertia) + np.triu(program.inertia, 1).T
+        free, transit = program.free_velocity, part.transit
+        drive = transit.drive
+        brought = transit.step * drive.ratio * transit.forces.rotor
+        rotor = transit.motor.speed + brought / drive.inertia
+        before = 0.5 * free @ inertia @ free + 0.5 * drive.inertia @ rotor**2
+        after = 0.5 * velocity @ inertia @ velocity
+        after += 0.5 * drive.inertia @ transit.motor_after.speed**2
+        worst = max(worst, (after - before) / (1e-3 + before))
+    for impact in result.impacts:
+        inertia = impact.solution.reduced.program.inertia
+        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        drive = result.setup.drive
+        energy = [
+            0.5 * v @ inertia @ v + 0.5 * drive.inertia @ (drive.rows @ v) ** 2
+            for v in (impact.before, impact.after)
+        ]
+        worst = max(worst, (energy[1] - energy[0]) / (1e-3 + energy[0]))
+    return float(worst)

@@ -1,0 +1,175 @@
+"""What stands between controller and plant: noise, dead time, first-order lag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from wbc import load_robot
+from wbc.errors import SimulationError
+from wbc.robot import Motion
+from wbc.sim import ClosedLoop, Plane, Plant, SensorNoise, TorqueLag, with_wrong_efficiencies
+
+LEG, AIR = load_robot("planar_leg_fixed"), Plane(height=-10.0)
+
+
+@dataclass
+class Torque:
+    rotor_torque: np.ndarray
+
+
+class Damper:
+    """A controller that needs no model."""
+
+    def __init__(self):
+        self.seen = []
+
+    def step(self, state, references=None, contacts=None):
+        self.seen.append(state)
+        return Torque(0.5 * np.cos(5.0 * state.position) - 0.01 * state.velocity)
+
+
+def played(noise=None, lag=None, substeps=1, ticks=50):
+    plant, control = Plant(LEG, AIR), Damper()
+    loop = ClosedLoop(plant, control, noise=noise, lag=lag, substeps=substeps)
+    state, torques = plant.state([0.3, 0.4]), []
+    for _ in range(ticks):
+        tick = loop.step(state)
+        state = tick.state
+        torques.append(tick.torque)
+    return state, np.array(torques), control
+
+
+def test_with_nothing_between_it_is_the_plain_loop_to_the_last_bit():
+    plant, control = Plant(LEG, AIR), Damper()
+    state = plant.state([0.3, 0.4])
+    for _ in range(50):
+        state = plant.step(state, control.step(state).rotor_torque, 1e-3).state
+    for lag in (None, TorqueLag()):
+        for noise in (None, SensorNoise(LEG)):
+            ours, _, _ = played(noise, lag)
+            assert (ours.position == state.position).all()
+            assert (ours.velocity == state.velocity).all()
+
+
+def test_a_delay_of_whole_ticks_shifts_the_commands():
+    sent = np.random.default_rng(0).normal(size=(30, 2))
+    lag = TorqueLag(delay=3e-3)
+    got = np.array([lag(torque, 1e-3) for torque in sent])
+    np.testing.assert_allclose(got[3:], sent[:-3], rtol=1e-12)
+    assert (got[:3] == sent[0]).all()  # the drives held what the first tick commands
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 2e-3, 2.7e-3])
+@pytest.mark.parametrize("bandwidth", [np.inf, 50.0, 3e5])
+def test_the_mean_torque_is_that_of_the_lag_in_small_steps(delay, bandwidth):
+    """Truth: explicit integration of tau dy/dt = u(t - delay) - y in steps of 0.1 us."""
+    sent, fine = np.random.default_rng(1).normal(size=8), 10_000
+    lag, tau = TorqueLag(delay=delay, bandwidth=bandwidth), 1.0 / (2.0 * np.pi * bandwidth)
+    got = np.array([lag(np.array([torque]), 1e-3)[0] for torque in sent])
+    held = np.concatenate((np.full(round(delay * 1e7), sent[0]), np.repeat(sent, fine)))
+    y, path = sent[0], np.empty(len(sent) * fine)
+    left = np.exp(-1e-7 / tau) if tau else 0.0
+    for k in range(len(path)):
+        path[k] = held[k] + (y - held[k]) * (0.5 * (1.0 + left) if tau else 0.0)
+        y = held[k] + (y - held[k]) * left
+    np.testing.assert_allclose(got, path.reshape(-1, fine).mean(axis=1), atol=1e-5)
+
+
+def test_a_sine_at_the_bandwidth_loses_three_decibels():
+    frequency, step = 20.0, 1e-4
+    lag = TorqueLag(bandwidth=frequency)
+    time = step * np.arange(10_000)
+    sent = np.sin(2.0 * np.pi * frequency * time)
+    got = np.array([lag(np.array([torque]), step)[0] for torque in sent])[5000:]
+    assert np.sqrt(2.0 * np.mean(got**2)) == pytest.approx(np.sqrt(0.5), rel=5e-3)
+
+
+def test_substeps_get_the_torque_of_their_own_time():
+    rng = np.random.default_rng(2)
+    coarse, fine = TorqueLag(delay=1.5e-3, bandwidth=40.0), TorqueLag(delay=1.5e-3, bandwidth=40.0)
+    for _ in range(10):
+        torque = rng.normal(size=2)
+        parts = [fine(torque, 0.25e-3) for _ in range(4)]
+        np.testing.assert_allclose(np.mean(parts, axis=0), coarse(torque, 1e-3), rtol=1e-10)
+    _, torques, _ = played(lag=TorqueLag(delay=0.7e-3, bandwidth=30.0), substeps=3)
+    assert np.isfinite(torques).all()
+
+
+def test_noise_has_its_deviation_and_keeps_orientations():
+    robot = load_robot("solo12")
+    noise = SensorNoise(robot, position=1e-3, velocity=0.05, seed=4)
+    state = Motion(robot.pose(), np.zeros(robot.model.nv))
+    seen = [noise(state) for _ in range(2000)]
+    speeds = np.array([one.velocity for one in seen])
+    assert speeds.std(axis=0) == pytest.approx(0.05, rel=0.1)
+    joints = np.array([one.position[7:] for one in seen]) - state.position[7:]
+    assert joints.std(axis=0) == pytest.approx(1e-3, rel=0.1)
+    sizes = np.linalg.norm([one.position[3:7] for one in seen], axis=1)
+    assert np.abs(sizes - 1.0).max() < 1e-12
+    tilt = 2.0 * np.array([one.position[3:6] for one in seen])
+    assert tilt.std(axis=0) == pytest.approx(1e-3, rel=0.1)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    runs = [played(SensorNoise(LEG, velocity=0.05, seed=seed))[0].position for seed in (7, 7, 8)]
+    assert (runs[0] == runs[1]).all()
+    assert (runs[0] != runs[2]).any()
+
+
+def test_reset_starts_anew():
+    plant = Plant(LEG, AIR)
+    parts = {"noise": SensorNoise(LEG, velocity=0.05), "lag": TorqueLag(delay=2e-3)}
+    loop, ends = ClosedLoop(plant, Damper(), **parts), []
+    for _ in range(2):
+        loop.reset()
+        state = plant.state([0.3, 0.4])
+        for _ in range(5):
+            state = loop.step(state).state
+        ends.append(state.velocity)
+    assert (ends[0] == ends[1]).all()
+
+
+def test_controllers_see_the_encoders_of_loose_gears():
+    """A gear with play: the joint hangs in it, the encoder shows the motor."""
+    loose = LEG.with_transmission(LEG.transmission.replace(backlash=np.array([0.2, 0.0])))
+    plant, control = Plant(loose, AIR), Damper()
+    loop = ClosedLoop(plant, control)
+    state = plant.state([0.3, 0.4])
+    for _ in range(40):
+        tick = loop.step(state)
+        assert (tick.seen.position == plant.encoders(state).position).all()
+        state = tick.state
+    assert abs(control.seen[-1].position[0] - state.position[0]) > 1e-3
+
+
+def test_wrong_efficiencies_are_shares_and_stay_possible():
+    gears = LEG.transmission
+    low, high = (with_wrong_efficiencies(LEG, share).transmission for share in (-0.1, 0.3))
+    np.testing.assert_allclose(low.forward_efficiency, 0.9 * gears.forward_efficiency)
+    np.testing.assert_allclose(low.backward_efficiency, 0.9 * gears.backward_efficiency)
+    np.testing.assert_allclose(high.forward_efficiency, [1.0, 0.91])  # 0.8 and 0.7 times 1.3
+    assert (high.forward_efficiency * high.backward_efficiency <= 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (lambda: SensorNoise(LEG, velocity=-1.0), "velocity noise"),
+        (lambda: SensorNoise(LEG, position=np.nan), "position noise"),
+        (lambda: TorqueLag(delay=-1e-3), "delay of the command"),
+        (lambda: TorqueLag(delay=np.inf), "delay of the command"),
+        (lambda: TorqueLag(bandwidth=0.0), "bandwidth"),
+        (lambda: TorqueLag(bandwidth=np.nan), "bandwidth"),
+        (lambda: TorqueLag()(np.zeros(2), 0.0), "next command"),
+        (lambda: ClosedLoop(Plant(LEG, AIR), Damper(), period=0.0), "period"),
+        (lambda: ClosedLoop(Plant(LEG, AIR), Damper(), substeps=0), "plant step"),
+        (lambda: with_wrong_efficiencies(LEG, -1.0), "off by -1"),
+        (lambda: with_wrong_efficiencies(LEG, np.nan), "off by nan"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_by_name(make, named):
+    with pytest.raises(SimulationError, match=named):
+        make()

@@ -1,0 +1,77 @@
+"""`wbc init`: from a model and logs that nobody has described to a first robot.toml and map."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from wbc.effects import load_robot
+from wbc.errors import WbcError
+from wbc.measurement.columns.mend import write_map
+from wbc.measurement.guessing.column_guess import guess_map, guess_names
+from wbc.measurement.guessing.robot_guess import model_joints, write_robot
+
+_EPILOG = """examples:
+  wbc init my_leg.urdf run1.csv run2.csv
+  wbc init planar_leg_fixed run*.csv --out leg
+
+Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
+as a guess, with the reason: joints by name, motion and torque, units by
+derivative, sides by ratio, signs by gravity. Correct them, then run wbc check."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "init",
+        help="a first robot.toml and column map for a model and logs",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("robot", metavar="MODEL", help="URDF, MJCF, robot.toml or shipped robot")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="CSV, Parquet, NPZ, MCAP or bag")
+    parser.add_argument(
+        "--base", choices=("fixed", "free_flyer"), default="fixed", help="of the model file"
+    )
+    parser.add_argument("--out", default=".", metavar="DIR", help="where to write (default here)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Guess, write, and say what to do next."""
+    folder = Path(options.out)
+    model = Path(options.robot)
+    described = model.suffix not in (".urdf", ".xml")
+    targets = [folder / "columns.toml"] + ([] if described else [folder / "robot.toml"])
+    for target in targets:
+        if target.exists():
+            raise WbcError(f"'{target}' is there already; choose another folder with --out.")
+    given = [Path(str(path).partition("#")[0]) for path in options.logs]
+    if described:
+        name, robot = options.robot, load_robot(options.robot)
+        start = guess_names(given[0], robot.single_joints)
+    else:
+        joints = model_joints(model, options.base)
+        start = guess_names(given[0], joints)
+        driven = start.driven or joints
+        if not start.driven:
+            console.print("no column looks like a torque or current: every joint gets a gear")
+        title = model.resolve().stem
+        name = str(write_robot(folder / "robot.toml", model, options.base, driven, title))
+        console.print(f"wrote {name}")
+        robot = load_robot(name)
+    guess = guess_map(robot, options.logs, start)
+    reasons = [f"guess: {reason}" for reason in guess.reasons]
+    path = write_map(
+        targets[0], guess.table, ["Written by `wbc init`; every line is a guess.", *reasons]
+    )
+    for reason in reasons:
+        console.print(f"  {reason}", soft_wrap=True)
+    console.print(f"wrote {path}")
+    logs = shlex.join(options.logs)
+    console.print(f"next: wbc check {logs} --robot {name} --columns {path}", soft_wrap=True)
+    return 0

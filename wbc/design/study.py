@@ -1,0 +1,198 @@
+"""A study: which designs of which robot are evaluated how. Small, hashable, sent to any worker."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from wbc.arrays import FloatArray
+from wbc.design.simulated import SIMULATIONS, simulate_design
+from wbc.design.sweep_parameter import GEAR_PARAMETERS, SweepParameter
+from wbc.effects import load_robot
+from wbc.errors import DesignError, unknown_name
+from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
+from wbc.robot import Robot
+
+_UNITS = {
+    "inertia": "kg",
+    "backward_inertia": "kg",
+    "forward_inertia": "kg",
+    "conventional": "N",
+    "lift": "N",
+    "hold": "N",
+    "backdriving_force": "N",
+    "holding_torque": "N m",
+    "holding_torque_lossless": "N m",
+}
+
+
+@dataclass(frozen=True)
+class Study:
+    """Designs of one robot: a full grid of the parameters, or quasi-random samples of them.
+
+    Attributes:
+        robot: shipped robot's name or path of its description, loaded anew by every worker.
+        parameters: what varies.
+        contact: name of the contact point, or of a frame whose origin stands in for one.
+        position: q of the pose that the designs share.
+        axes: world axes; one-direction metrics go along `direction`.
+        direction: along `axes`.
+        samples: 0 for the full grid, else how many points of a scrambled Sobol sequence.
+        seed: of the sequence.
+        simulations: names out of `SIMULATIONS` to run for each design.
+        load: force to hold [N], None for each design's own weight.
+    """
+
+    robot: str
+    parameters: tuple[SweepParameter, ...]
+    contact: str
+    position: tuple[float, ...]
+    axes: str = "xz"
+    direction: tuple[float, ...] = (0.0, 1.0)
+    samples: int = 0
+    seed: int = 0
+    simulations: tuple[str, ...] = ()
+    load: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check names; the values are checked with the first designs."""
+        columns = [parameter.column for parameter in self.parameters]
+        if not columns:
+            raise DesignError("a study varies at least one parameter; give --sweep NAME=LOW:HIGH.")
+        if len(set(columns)) != len(columns):
+            raise DesignError(f"a parameter is swept twice: {', '.join(columns)}.")
+        for name in self.simulations:
+            if name not in SIMULATIONS:
+                raise DesignError(unknown_name("simulation", name, SIMULATIONS))
+        if self.samples < 0:
+            raise DesignError(f"samples must be >= 0, got {self.samples}.")
+        robot = loaded(self.robot, self.contact)
+        for parameter in self.parameters:
+            _check_place(robot, parameter)
+
+    @property
+    def size(self) -> int:
+        """Number of designs."""
+        if self.samples:
+            return self.samples
+        return int(np.prod([len(parameter.grid) for parameter in self.parameters]))
+
+    def key(self) -> dict[str, Any]:
+        """Return what the results depend on: equal keys, equal tables."""
+        return {
+            **json.loads(json.dumps(asdict(self))),
+            "fingerprint": fingerprint(loaded(self.robot, self.contact)),
+            "version": version("wbc"),
+        }
+
+    def values(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Return the parameters of designs `start` to before `stop` by column."""
+        if self.samples:
+            sequence = qmc.Sobol(len(self.parameters), scramble=True, rng=self.seed)
+            if start:
+                sequence.fast_forward(start)
+            with warnings.catch_warnings():
+                # Any part of the sequence serves here, not only powers of two.
+                warnings.simplefilter("ignore", UserWarning)
+                shares = sequence.random(stop - start)
+            return {p.column: p.at(shares[:, i]) for i, p in enumerate(self.parameters)}
+        grids = [parameter.grid for parameter in self.parameters]
+        places = np.unravel_index(np.arange(start, stop), [len(grid) for grid in grids])
+        return {
+            p.column: grid[place]
+            for p, grid, place in zip(self.parameters, grids, places, strict=True)
+        }
+
+    def designs(self, start: int, stop: int) -> Designs:
+        """Return designs `start` to before `stop`.
+
+        Raises:
+            DynamicsError, TransmissionError: a value outside its range.
+        """
+        robot, values = loaded(self.robot, self.contact), self.values(start, stop)
+        count, gears = stop - start, robot.transmission
+        q = np.tile(np.array(self.position), (count, 1))
+        given: dict[str, FloatArray] = {}
+        links: dict[str, dict[str, FloatArray]] = {"length": {}, "mass": {}}
+        for parameter in self.parameters:
+            column = values[parameter.column]
+            if parameter.name == "joint":
+                q[:, robot.position_index(parameter.place)] = column
+            elif parameter.name in links:
+                links[parameter.name][parameter.place] = column
+            else:
+                field = GEAR_PARAMETERS[parameter.name]
+                now = np.tile(getattr(gears, field), (count, 1))
+                wide = given.setdefault(field, now)
+                rows = slice(None) if not parameter.place else gears.index(parameter.place)
+                wide[:, rows] = column[:, None] if not parameter.place else column
+        return Designs.of(robot, q, given, links["length"], links["mass"])
+
+    def evaluate(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Return the table of designs `start` to before `stop` by column."""
+        designs = self.designs(start, stop)
+        table = {"design": np.arange(start, stop, dtype=np.float64), **self.values(start, stop)}
+        found = design_metrics(designs, self.contact, self.direction, self.axes, self.load)
+        table.update(found.columns())
+        for name in self.simulations:
+            rows = [
+                simulate_design(name, *designs.robot_at(i), self.contact)
+                for i in range(designs.size)
+            ]
+            for column in SIMULATIONS[name].columns:
+                table[column] = np.array([row[column] for row in rows])
+        return table
+
+
+def describe_columns(study: Study) -> dict[str, str]:
+    """Return the unit of every column of a study's table, in order."""
+    units = {"design": "1", **{p.column: p.unit for p in study.parameters}}
+    units.update({f.name: _UNITS.get(f.name, "1") for f in fields(DesignMetrics)})
+    for name in study.simulations:
+        units.update(SIMULATIONS[name].columns)
+    return units
+
+
+@lru_cache(maxsize=8)
+def loaded(robot: str, contact: str) -> Robot:
+    """Return a robot with a contact or frame called `contact`, read once per process."""
+    return with_contact_at(load_robot(robot), contact)
+
+
+def fingerprint(robot: Robot) -> str:
+    """Return a hash over all numbers of a robot, so that a changed file is noticed."""
+    model, gears = robot.model, robot.transmission
+    parts = [np.asarray(model.gravity.linear), gears.topology]
+    for joint in range(1, model.njoints):
+        parts.append(np.asarray(model.inertias[joint].toDynamicParameters()))
+        parts.append(np.asarray(model.jointPlacements[joint].homogeneous))
+    parts.extend(np.asarray(getattr(gears, field)) for field in GEAR_PARAMETERS.values())
+    parts.extend([gears.resistance, gears.torque_constant])
+    parts.extend(np.asarray([*contact.offset, contact.friction]) for contact in robot.contacts)
+    names = "|".join([*model.names, *(contact.name for contact in robot.contacts)])
+    digest = hashlib.sha256(names.encode("utf-8"))
+    for part in parts:
+        digest.update(np.ascontiguousarray(part, dtype=np.float64).tobytes())
+    return digest.hexdigest()
+
+
+def _check_place(robot: Robot, parameter: SweepParameter) -> None:
+    """Check that the place of a parameter is there."""
+    if not parameter.place:
+        return
+    if parameter.name == "joint":
+        known: tuple[str, ...] = robot.single_joints
+    elif parameter.name in GEAR_PARAMETERS:
+        known = robot.transmission.joints
+    else:
+        known = robot.bodies
+    if parameter.place not in known:
+        raise DesignError(f"{parameter.column}: {unknown_name('place', parameter.place, known)}")

@@ -1,0 +1,105 @@
+"""What was found beside what was tried: evidence, and paired differences on held-out data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from wbc.identification.choice.hypothesis import Hypothesis, Key
+from wbc.identification.choice.odds import TIED, Odds
+
+Standing = Literal["found", "better", "worse", "not distinguishable"]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A hypothesis that was tried, beside the one that was found.
+
+    Attributes:
+        added: (effect, where) of what it has and the one found has not.
+        removed: (effect, where) of what it lacks.
+        error: held-out root mean square in noise floors.
+        difference: its held-out mean square minus that of the one found [floors^2].
+        deviation: standard error of the difference; both on the same blocks of the logs, a block
+            being one observation.
+        evidence: its evidence minus that of the one found [nats].
+        standing: `found` for what was found itself; `better`, `worse`, or `not distinguishable`,
+            by the evidence.
+    """
+
+    added: tuple[Key, ...]
+    removed: tuple[Key, ...]
+    error: float
+    difference: float
+    deviation: float
+    evidence: float
+    standing: Standing
+
+    @property
+    def text(self) -> str:
+        """What the hypothesis is, in words."""
+        if not self.added and not self.removed:
+            return "what was found"
+        if not self.added:
+            return "robot as given" if len(self.removed) > 1 else f"without {_spoken(self.removed)}"
+        if not self.removed:
+            return f"with {_spoken(self.added)}, too"
+        return f"{_spoken(self.added)} instead of {_spoken(self.removed)}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain texts and numbers."""
+        return {
+            "added": [{"effect": name, "where": where} for name, where in self.added],
+            "removed": [{"effect": name, "where": where} for name, where in self.removed],
+            "error": self.error,
+            "difference": self.difference,
+            "deviation": self.deviation,
+            "evidence": self.evidence,
+            "standing": self.standing,
+        }
+
+
+def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
+    """Return the hypotheses that differ from `found` in one cause, most evidence first.
+
+    One cause is an effect less, an effect more, or one in the place of another, at one place or in
+    all gears; the robot as given is always among them.
+
+    Args:
+        odds: of everything that was tried.
+        found: the hypothesis chosen.
+    """
+    own = set(found.keys)
+    level = odds.level(found)
+    rows = []
+    for h, nats in zip(odds.hypotheses, odds.evidence, strict=True):
+        keys = set(h.keys)
+        less, more = own - keys, {name for name, _ in keys - own}
+        if (len(less) <= 1 and len(more) <= 1) or not keys:
+            rows.append(_beside(h, found, nats - level))
+    return tuple(rows)
+
+
+def _beside(h: Hypothesis, found: Hypothesis, evidence: float) -> Ranked:
+    blocks = h.blocks - found.blocks
+    own = set(found.keys)
+    standing: Standing = "not distinguishable"
+    if set(h.keys) == own:
+        standing = "found"
+    elif abs(evidence) > TIED:
+        standing = "better" if evidence > 0.0 else "worse"
+    return Ranked(
+        added=tuple(key for key in h.keys if key not in own),
+        removed=tuple(key for key in found.keys if key not in h.keys),
+        error=float(np.sqrt(h.error)),
+        difference=h.error - found.error,
+        deviation=float(np.std(blocks, ddof=1) / np.sqrt(blocks.size)),
+        evidence=evidence,
+        standing=standing,
+    )
+
+
+def _spoken(keys: tuple[Key, ...]) -> str:
+    return " and ".join(f"{name.replace('_', ' ')} at {where}" for name, where in keys)

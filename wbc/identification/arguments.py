@@ -1,0 +1,43 @@
+"""What a call of compare or diagnose was given: a message where it is not what is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wbc.errors import IdentificationError
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+
+def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
+    """Check the kinds of the arguments, and that the robot has gears.
+
+    Raises:
+        IdentificationError: a name in place of a robot, one log in place of a sequence, something
+            else in place of a log, or a robot whose description has no gears.
+    """
+    if not isinstance(robot, Robot):
+        raise IdentificationError(
+            f"a robot is expected first, not {robot!r}; load it with load_robot(...)."
+        )
+    require_logs(logs)
+    if not robot.transmission.size:
+        raise IdentificationError(
+            f"'{robot.name}' has no gears, so no joint is driven and nothing can be compared; "
+            "describe them in robot.toml: [gears.JOINT] with gear_ratio and rotor_inertia."
+        )
+
+
+def require_logs(logs: Sequence[Log]) -> None:
+    """Check that logs are a sequence of logs.
+
+    Raises:
+        IdentificationError: one log in place of a sequence, or something else in place of a log.
+    """
+    if isinstance(logs, Log):
+        raise IdentificationError("a sequence of logs is expected; give one log as [log].")
+    for log in logs:
+        if not isinstance(log, Log):
+            raise IdentificationError(
+                f"a log is expected, not {log!r}; read files with load_logs([...])."
+            )

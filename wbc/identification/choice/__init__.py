@@ -1,0 +1,1 @@
+"""Which effects a robot lacks: hypotheses, evidence, search."""

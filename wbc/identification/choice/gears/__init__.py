@@ -1,0 +1,1 @@
+"""Which gears that yield explain logs: simulated links follow no linear screen."""

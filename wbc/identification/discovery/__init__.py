@@ -1,6 +1,0 @@
-"""Discovery: formulas for what no named effect explains, clearly labelled as proposals."""
-
-from wbc.identification.discovery.discover import discover
-from wbc.identification.discovery.discovery import Discovery, Outcome, Proposal
-
-__all__ = ["Discovery", "Outcome", "Proposal", "discover"]

@@ -1,0 +1,161 @@
+"""Proposing formulas for what no named effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from wbc.effects import CustomTorque
+from wbc.identification.answer.diagnosis import ErrorLevel
+from wbc.identification.answer.remainder import describe, remainders
+from wbc.identification.choice.candidate_columns import evidence
+from wbc.identification.formulas.attempt import Attempt, better_somewhere
+from wbc.identification.formulas.discovery import Discovery, Outcome
+from wbc.identification.formulas.formula import Formula, find_formula
+from wbc.identification.formulas.library import torque_terms
+from wbc.identification.formulas.proposals import estimated, proposals_of
+from wbc.identification.formulas.term_table import term_table
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.problem import Problem
+from wbc.measurement import Log
+from wbc.robot import Effect, Robot
+
+_EXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, below which nothing is left
+_EXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
+_STILL = 1e-3  # range of motion [rad, m]
+
+Report = Callable[[str], None]
+
+
+def discover(
+    robot: Robot,
+    logs: Sequence[Log],
+    progress: Report = lambda line: None,
+    known: Sequence[Effect] = (),
+) -> Discovery:
+    """Return formulas for the torque that `robot` lacks, according to `logs`.
+
+    A sparse regression over products of position, velocity, acceleration, load and direction, per
+    joint and across the joints of a chain, in the rows in which a diagnosis works.
+
+    Args:
+        robot: the robot that the user believes in.
+        logs: one or several logs of the same robot.
+        progress: called with a line of text as the work proceeds.
+        known: named effects that a diagnosis found; their parameters stay free to move, and they
+            are dropped where a formula does their work.
+
+    Raises:
+        IdentificationError: logs that cannot be compared with this robot, or too short ones.
+        LogError: a channel is missing.
+    """
+    problem = Problem.from_logs(robot, logs)
+    start = Attempt.of(problem, known, {})
+    found = _search(problem, start, progress)
+    if known:
+        fresh = _search(problem, Attempt.of(problem, (), {}), progress)
+        found = _preferred(problem, fresh, found)
+    outcome = _outcome(start, found)
+    estimates = estimated(problem, found.fit)
+    return Discovery(
+        outcome=outcome,
+        proposals=proposals_of(found, estimates),
+        known=found.known,
+        dropped=_dropped(known, found),
+        error=ErrorLevel(
+            before=float(np.sqrt(start.error)),
+            after=float(np.sqrt(found.error)),
+            floor=1.0,
+            floor_source=problem.floor.source,
+        ),
+        remainder="" if outcome == "formula" else describe(remainders(problem, found.fit)),
+        robot=found.fit.robot,
+        intervals={key: (e.low, e.high) for key, e in estimates.items()},
+    )
+
+
+def _search(problem: Problem, start: Attempt, progress: Report) -> Attempt:
+    """Return `start` with the formulas that pay, the one that explains most of its joint first."""
+    current = start
+    waiting = list(problem.robot.transmission.joints)
+    offers = _offers(problem, current.fit, waiting, progress)
+    while offers:
+        joint = max(offers, key=lambda name: offers[name].share)
+        formula = offers.pop(joint)
+        waiting.remove(joint)
+        effects = (*current.fit.effects, CustomTorque(joint, formula.terms))
+        wider = Attempt.of(problem, effects, {**current.formulas, joint: formula})
+        if better_somewhere(problem, current, wider):
+            current = wider
+            progress(f"formula at {joint}")
+            again = _coupled(problem.robot, joint, waiting)
+            offers = {name: offer for name, offer in offers.items() if name not in again}
+            offers |= _offers(problem, current.fit, again, progress)
+    return _pruned(problem, current)
+
+
+def _offers(
+    problem: Problem, fit: Fit, joints: Sequence[str], progress: Report
+) -> dict[str, Formula]:
+    """Return the formula of every joint that has one."""
+    band = problem.records[0].bandwidth.residual
+    seen = evidence(fit.robot, problem.records)
+    found = {}
+    for joint in joints:
+        if not _moves(problem, joint):
+            continue
+        progress(f"searching a formula for {joint}")
+        terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained, band)
+        formula = find_formula(term_table(problem, fit, joint, terms))
+        if formula is not None:
+            found[joint] = formula
+    return found
+
+
+def _moves(problem: Problem, joint: str) -> bool:
+    """Whether a joint moves at all; one that stands still shows no law."""
+    column = problem.robot.position_index(joint)
+    ranges = [np.ptp(record.motion.position[:, column]) for record in problem.records]
+    return bool(max(ranges) > _STILL)
+
+
+def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
+    """Return those of `others` whose torque reaches a motor that the torque of `joint` reaches."""
+    gears = robot.transmission
+    reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
+    return [other for other in others if (reaches[joint] & reaches[other]).any()]
+
+
+def _pruned(problem: Problem, attempt: Attempt) -> Attempt:
+    """Return the attempt without named effects that the formulas have made idle."""
+    current = attempt
+    for effect in attempt.known if attempt.formulas else ():
+        effects = [e for e in current.fit.effects if e.key != effect.key]
+        smaller = Attempt.of(problem, effects, current.formulas)
+        if not better_somewhere(problem, smaller, current):
+            current = smaller
+    return current
+
+
+def _preferred(problem: Problem, fresh: Attempt, beside: Attempt) -> Attempt:
+    """Return formulas instead of the named effects where they do no worse, else beside them."""
+    if not fresh.formulas or better_somewhere(problem, fresh, beside):
+        return beside
+    if better_somewhere(problem, beside, fresh):
+        return fresh
+    # Names are worth more than formulas that explain the same.
+    return fresh if beside.formulas and fresh.freedom < beside.freedom else beside
+
+
+def _outcome(start: Attempt, found: Attempt) -> Outcome:
+    if not found.formulas:
+        return "none"
+    left = np.sqrt(max(found.error - 1.0, 0.0))
+    first = np.sqrt(max(start.error - 1.0, 0.0))
+    return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
+
+
+def _dropped(known: Sequence[Effect], found: Attempt) -> tuple[tuple[str, str], ...]:
+    kept = {effect.key for effect in found.known}
+    return tuple(e.key for e in known if e.key not in kept)

@@ -1,0 +1,244 @@
+"""Which formula a joint's rows support: how many terms, which, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.effects import TorqueTerm
+from wbc.identification.formulas.sparse_regression import (
+    SparseRegression,
+    Support,
+    block_errors,
+    cell_losses,
+    fold_regressions,
+    held_out,
+)
+from wbc.identification.formulas.term_table import TermTable
+
+_Folds: TypeAlias = Sequence[tuple[BoolArray, SparseRegression]]
+
+MOST_TERMS = 4
+_STANDARD_ERRORS = 2.0
+_LEAST_GAIN = 0.05  # of the floor's mean square
+_LEAST_SHARE = 0.35  # of the excess over the floor: what leaves more is no law of this joint
+_WIDER_SHARE = 0.01  # ... that terms of other joints or of logs alone must add
+_WIDER_REST = 0.5  # ... and of what formulas without them leave
+_SHARE_PER_TERM = 1e-4  # of the square explained: what filters distort pays for no term
+_STABLE = 0.5  # share of the folds that must choose a term
+_SAME = 0.98  # cosine above which two terms are the same choice
+_SAME_ERROR = 1e-4  # share by which errors of equal terms differ through rounding
+_RIVALS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """Terms for the unexplained torque of one joint.
+
+    Attributes:
+        terms: with coefficients from all cells.
+        before, after: (blocks,) held-out mean square of the joint in floors, without the formula
+            and with one that was chosen and fitted without the fold that judges it.
+        stability: share of the folds that choose each term, or one that can hardly be told from it.
+        rivals: for each term, products that do as well in its place.
+    """
+
+    terms: tuple[TorqueTerm, ...]
+    before: FloatArray
+    after: FloatArray
+    stability: tuple[float, ...]
+    rivals: tuple[tuple[str, ...], ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the excess over the floor that the formula removes from unseen cells."""
+        before, after = float(np.mean(self.before)), float(np.mean(self.after))
+        return min((before - after) / max(before - 1.0, 1e-12), 1.0)
+
+
+def find_formula(table: TermTable) -> Formula | None:
+    """Return the smallest formula that does as well as the best one on unseen folds, if any pays.
+
+    Every fold is predicted by terms *and* coefficients that were found without it; formulas of
+    zero to four terms are compared block by block. The smallest one within one standard error of
+    the best is taken if it beats no formula by two standard errors. Terms of other joints, and
+    terms with accelerations or loads, which only logs know, must in addition remove half of what
+    formulas without them leave: motions of joints resemble one another.
+    """
+    best: Formula | None = None
+    for kept in _widening(table):
+        formula = _formula(table.only(kept)) if any(kept) else None
+        if formula is None:
+            continue
+        if best is not None:
+            least = max(_WIDER_SHARE * _excess(best.before), _WIDER_REST * _excess(best.after))
+            if not _pays(best.after, formula.after, least):
+                continue
+        best = formula
+    return best
+
+
+def _widening(table: TermTable) -> list[list[bool]]:
+    """Return which terms concern the joint alone, which any controller knows, and all."""
+    known = [not term.needs_acceleration for term in table.terms]
+    alone = [set(term.joints) <= {table.joint} for term in table.terms]
+    own = [k and a for k, a in zip(known, alone, strict=True)]
+    return [own, known, [True] * len(known)]
+
+
+def _formula(table: TermTable) -> Formula | None:
+    folds = fold_regressions(table)
+    paths, losses = _nested(table, folds)
+    errors = [block_errors(table, loss) for loss in losses]
+    count, least = _fewest(errors), _LEAST_SHARE * _excess(errors[0])
+    if count == 0 or not _pays(errors[0], errors[count], least):
+        return None
+    for fewer in range(count, 0, -1):
+        support = _everything(table, folds, fewer)
+        if support is None or not _pays(errors[0], errors[fewer], least):
+            continue
+        stability = _stability(table, support, [path[fewer] for path in paths])
+        # A term that most folds do without is no law of this joint.
+        if min(stability) >= _STABLE:
+            return Formula(
+                terms=tuple(
+                    TorqueTerm(float(c), table.terms[k].factors)
+                    for k, c in zip(support.chosen, support.coefficients, strict=True)
+                ),
+                before=errors[0],
+                after=errors[fewer],
+                stability=stability,
+                rivals=tuple(
+                    tuple(table.terms[k].text for k in ties[:_RIVALS])
+                    for ties in _ties(table, folds, support)
+                ),
+            )
+    return None
+
+
+def _everything(table: TermTable, folds: _Folds, count: int) -> Support | None:
+    """Return the support of `count` terms that all cells ask for."""
+    path = SparseRegression(table, np.ones(len(table.folds), dtype=bool)).path(count)
+    return _simplified(table, folds, path[count]) if len(path) > count else None
+
+
+def _nested(table: TermTable, folds: _Folds) -> tuple[list[list[Support]], list[FloatArray]]:
+    """Return each fold's supports, and the cell losses (cells,) for every number of terms."""
+    paths = [others.path(MOST_TERMS) for _, others in folds]
+    most = min(len(path) for path in paths)
+    losses = [np.zeros(len(table.folds)) for _ in range(most)]
+    for (inside, _), path in zip(folds, paths, strict=True):
+        for loss, support in zip(losses, path[:most], strict=True):
+            loss[inside] = cell_losses(table, support, inside)
+    return paths, losses
+
+
+def _fewest(errors: Sequence[FloatArray]) -> int:
+    """Return the smallest number of terms within one standard error of the best number."""
+    means = [float(np.mean(error)) for error in errors]
+    best = int(np.argmin(means))
+    slack = _SHARE_PER_TERM * max(means[0] - means[best], 0.0)
+    for count in range(best):
+        difference = errors[count] - errors[best]
+        if float(np.mean(difference)) <= max(_standard_error(difference), slack):
+            return count
+    return best
+
+
+def _pays(without: FloatArray, with_it: FloatArray, least: float) -> bool:
+    difference, ratio = without - with_it, np.log(without / with_it)
+    gain = float(np.mean(difference))
+    certain = gain > _STANDARD_ERRORS * _standard_error(difference) or float(
+        np.mean(ratio)
+    ) > _STANDARD_ERRORS * _standard_error(ratio)
+    return certain and gain > max(_LEAST_GAIN, least)
+
+
+def _excess(errors: FloatArray) -> float:
+    return max(float(np.mean(errors)) - 1.0, 0.0)
+
+
+def _standard_error(values: FloatArray) -> float:
+    return float(np.std(values, ddof=1) / np.sqrt(values.size))
+
+
+def _simplified(table: TermTable, folds: _Folds, support: Support) -> Support:
+    """Return the support with every term replaced by the simplest that does as well."""
+    everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
+    chosen = list(support.chosen)
+    for place in range(len(chosen)):
+        own = complexity(table.terms[chosen[place]], table.joint)
+        for k in _ties(table, folds, everything.fitted(chosen))[place]:
+            trial = [*chosen[:place], k, *chosen[place + 1 :]]
+            fitted = everything.fitted(trial)
+            simpler = complexity(table.terms[k], table.joint) < own
+            if simpler and table.possible(fitted.chosen, fitted.coefficients):
+                chosen = trial
+                break
+    return everything.fitted(chosen)
+
+
+def _ties(table: TermTable, folds: _Folds, support: Support) -> list[list[int]]:
+    """Return, for each term, those that do as well in its place on held-out folds, best first."""
+    present = block_errors(table, held_out(table, support.chosen, folds))
+    result = []
+    for place, own in enumerate(support.chosen):
+        rest = [*support.chosen[:place], *support.chosen[place + 1 :]]
+        near = _alike(table, own, rest)
+        close = []
+        for k in near:
+            error = block_errors(table, held_out(table, [*rest, int(k)], folds))
+            difference = error - present
+            equal = _SAME_ERROR * float(np.mean(present))
+            if float(np.mean(difference)) <= max(_standard_error(difference), equal):
+                close.append((float(np.mean(error)), int(k)))
+        result.append([k for _, k in sorted(close)])
+    return result
+
+
+def _alike(table: TermTable, own: int, rest: Sequence[int]) -> list[int]:
+    """Return the terms most like `own` once `rest` has been taken out of both."""
+    cosines = _cosines(table, own, rest)
+    order = np.argsort(-np.abs(cosines))
+    return [int(k) for k in order[:20] if k != own and k not in rest and abs(cosines[k]) > 0.5]
+
+
+def _cosines(table: TermTable, own: int, rest: Sequence[int]) -> FloatArray:
+    gram = table.gram.sum(axis=0)
+    index = list(rest)
+    ridge = 1e-9 * np.diag(np.diag(gram)[index])
+    across = np.linalg.solve(gram[np.ix_(index, index)] + ridge, gram[index])
+    left = gram - gram[:, index] @ across
+    size = np.sqrt(np.maximum(np.diag(left), 1e-9 * np.diag(gram)))
+    return np.asarray(left[own] / (size[own] * size))
+
+
+def _stability(table: TermTable, support: Support, others: Sequence[Support]) -> tuple[float, ...]:
+    result = []
+    for own in support.chosen:
+        alike = np.abs(_cosines(table, own, [k for k in support.chosen if k != own])) > _SAME
+        alike[own] = True
+        result.append(float(np.mean([alike[list(other.chosen)].any() for other in others])))
+    return tuple(result)
+
+
+def complexity(term: TorqueTerm, joint: str) -> float:
+    """Return how much a term asks one to believe; what a controller cannot know costs most.
+
+    Motion of other joints costs, and friction that would turn round with a position or load.
+    """
+    powers = [factor for factor in term.factors if factor.shape == "power"]
+    dry = any(factor.shape == "sign" for factor in term.factors)
+    turning = dry and any(factor.number % 2 == 1 for factor in powers)
+    return (
+        len(term.factors)
+        + 0.5 * sum(factor.number - 1.0 for factor in powers)
+        + 0.1 * sum(factor.shape in ("sin", "cos", "size") for factor in term.factors)
+        + 0.3 * turning
+        + sum(other != joint for other in term.joints)
+        + 3.0 * term.needs_acceleration
+    )

@@ -1,0 +1,1 @@
+"""A robot with effects held against rows: residual, derivatives, fit, intervals."""

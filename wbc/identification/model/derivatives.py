@@ -1,0 +1,185 @@
+"""The whitened residual of a robot with effects, and its derivatives by their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import DynamicsError
+from wbc.identification.model.kept_columns import (
+    IMPOSSIBLE,
+    STEP,
+    KeptColumns,
+    keeps_motion,
+    lossy_gears,
+)
+from wbc.identification.model.link_friction import rubbing_at_link
+from wbc.identification.model.residual import condensed_residual, noise_sizes, swinging_torque
+from wbc.identification.model.yielding import deflects
+from wbc.identification.records.record import Record
+from wbc.robot import Effect, Motion, Parameter, Robot
+
+_UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
+
+Slots = Sequence[tuple[int, Parameter]]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What effects with these parameters leave.
+
+    Attributes:
+        effects: added to the robot.
+        robot: with the effects.
+        condensed: (rows, m + b) what is left [N m, N].
+        residual: (rows, outputs), whitened.
+        swinging: per record (N, nv), what links that swing behind their gears need more, or None.
+        sizes: (rows, m + b) by what the drives divide the residual.
+    """
+
+    effects: tuple[Effect, ...]
+    robot: Robot
+    condensed: FloatArray
+    residual: FloatArray
+    swinging: tuple[FloatArray | None, ...]
+    sizes: FloatArray
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares."""
+        return float(np.sum(self.residual**2))
+
+
+def evaluate(
+    robot: Robot, effects: Sequence[Effect], records: Sequence[Record], whitening: FloatArray
+) -> Evaluation:
+    """Return what `robot` with `effects` leaves; links that swing are simulated once.
+
+    Raises:
+        DynamicsError: a link flies off behind its gear, or an effect gives what is not finite.
+    """
+    whole = robot.with_effects(*effects)
+    swinging = tuple(swinging_torque(whole, record) for record in records)
+    condensed = condensed_residual(whole, records, swinging)
+    if not np.isfinite(condensed).all():
+        names = ", ".join(f"{effect.name} at '{effect.where}'" for effect in effects)
+        raise DynamicsError(f"'{robot.name}' with {names} needs torque that is not finite.")
+    sizes = noise_sizes(whole, records)
+    return Evaluation(tuple(effects), whole, condensed, condensed @ whitening, swinging, sizes)
+
+
+def derivatives(
+    robot: Robot,
+    at: Evaluation,
+    slots: Slots,
+    records: Sequence[Record],
+    whitening: FloatArray,
+    known: FloatArray | None = None,
+    kept: KeptColumns | None = None,
+) -> FloatArray:
+    """Return the change (rows, outputs, p) of the residual per scale of each parameter.
+
+    Args:
+        robot: that lacks the effects.
+        at: where.
+        slots: the p parameters as (number of effect, parameter).
+        records: the logs.
+        whitening: (outputs, judged outputs) by which residuals are multiplied.
+        known: (rows, outputs, p) derivatives nearby. Those by parameters that change how links
+            swing are taken from it, so that nothing is simulated.
+        kept: columns of this robot on these logs; new ones are put there.
+    """
+    columns = []
+    for row, (k, parameter) in enumerate(slots):
+        if known is not None and _swings(robot, at, k, records[0].motion):
+            columns.append(known[:, :, row])
+            continue
+        column = None if kept is None else _kept(at, k, parameter, kept)
+        if column is None:
+            column = _derivative(robot, at, k, parameter, records)
+        columns.append(column @ whitening)
+    if not columns:
+        return np.zeros((*at.residual.shape, 0))
+    jacobian = np.stack(columns, axis=-1)
+    size = np.sqrt(np.mean(jacobian**2, axis=(0, 1)))
+    for row, (k, _) in enumerate(slots):
+        beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
+        if size[row] < _UNFELT * beside:
+            jacobian[:, :, row] = 0.0
+    return jacobian
+
+
+def _kept(at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns) -> FloatArray | None:
+    """Return a column (rows, m + b) that does not depend on the other effects, or None."""
+    if not keeps_motion(at.robot):
+        return None
+    column = kept.column(at.effects, k, parameter)
+    if column is None:
+        return None
+    lossy = lossy_gears(at.robot)
+    if np.any(column[:, : lossy.size][:, lossy]):
+        return None
+    return np.asarray(column / at.sizes)
+
+
+def _derivative(
+    robot: Robot, at: Evaluation, k: int, parameter: Parameter, records: Sequence[Record]
+) -> FloatArray:
+    """Return the change (rows, m + b) of the residual per scale of a parameter of effect `k`."""
+    # What is no part of a soft gear nor of a link, nor rubs there, hardly changes how links swing.
+    held = None if _swings(robot, at, k, records[0].motion) else at.swinging
+    for size in (STEP, -STEP):
+        try:
+            changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
+            moved = condensed_residual(_whole(robot, at, k, changed), records, held)
+        except IMPOSSIBLE:
+            continue
+        if np.isfinite(moved).all():
+            return np.asarray((moved - at.condensed) / size)
+    return np.zeros_like(at.condensed)
+
+
+def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> Robot:
+    """Return the robot with effects of which number `k` is not as in `at`."""
+    if "change" in at.effects[k].acts_by:
+        return robot.with_effects(*changed)
+    # Every number that effects change is as it was.
+    return replace(at.robot, effects=(*robot.effects, *changed))
+
+
+def _swings(robot: Robot, at: Evaluation, k: int, motion: Motion) -> bool:
+    """Whether the parameters of an effect change how links swing behind their gears."""
+    own = at.effects[k]
+    if deflects(own):
+        return True
+    behind_gears = [effect.where for effect in at.effects if deflects(effect)]
+    if own.where in behind_gears and own in rubbing_at_link(at.robot, own.where, motion):
+        return True
+    return bool(behind_gears) and own.change(robot).model is not robot.model
+
+
+def with_changes(
+    effects: Sequence[Effect], changes: Mapping[tuple[int, str], float], *, clip: bool = False
+) -> list[Effect]:
+    """Return the effects with changed parameters.
+
+    Args:
+        effects: as they are.
+        changes: (number of effect, name of parameter) -> what is added to its value.
+        clip: stop at the parameter's bounds.
+
+    Raises:
+        EffectError: a value that the effect cannot have.
+    """
+    result = list(effects)
+    for (k, name), change in changes.items():
+        effect = result[k]
+        value = effect.values[name] + change
+        if clip:
+            bound = next(p for p in effect.parameters if p.name == name)
+            value = float(np.clip(value, bound.low, bound.high))
+        result[k] = effect.with_values({name: value})
+    return result

@@ -1,0 +1,256 @@
+"""Refining the parameters of a set of effects: bounded Gauss-Newton on the full model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.errors import DynamicsError
+from wbc.identification.model.derivatives import (
+    Evaluation,
+    Slots,
+    derivatives,
+    evaluate,
+    with_changes,
+)
+from wbc.identification.model.kept_columns import IMPOSSIBLE, KeptColumns
+from wbc.identification.model.yielding import some_deflect
+from wbc.identification.records.record import Record
+from wbc.robot import Effect, Parameter, Robot
+
+ITERATIONS = 12
+_CONVERGED = 1e-4
+_CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
+_TRUSTED = 0.25  # error of a promised gain up to which links that swing keep their derivatives
+_STRAIGHT = 1e-2  # share of a step's change in which it may miss what its derivatives promised
+_KNOWS_NOTHING = 1e-2  # share of the information of all rows
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A robot with effects whose parameters minimise the whitened residual on some records.
+
+    Attributes:
+        robot: with the effects.
+        effects: as fitted, in order.
+        residual: (rows, outputs), whitened.
+        jacobian: (rows, outputs, p) change of the whitened residual per unit of each parameter's
+            scale.
+        parameters: the p fitted parameters as (number of effect, parameter).
+        settled: whether more steps would gain nothing.
+        failed: why the robot cannot have these effects on these records, empty if it can; then all
+            of the residual is infinite, so that the model loses every comparison.
+    """
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    residual: FloatArray
+    jacobian: FloatArray
+    parameters: tuple[tuple[int, Parameter], ...]
+    settled: bool = True
+    failed: str = ""
+
+    @property
+    def values(self) -> FloatArray:
+        """Parameters (p,) in units of their scales."""
+        return np.array([self.effects[k].values[p.name] / p.scale for k, p in self.parameters])
+
+    @property
+    def error(self) -> float:
+        """Mean square of the whitened residual on the records of the fit."""
+        return float(np.mean(self.residual**2))
+
+    @property
+    def swings(self) -> bool:
+        """Whether links were simulated behind their gears."""
+        return some_deflect(self.effects)
+
+    def held_out(self, folds: IntArray) -> FloatArray:
+        """Return (rows, outputs) squares, each fold predicted without itself.
+
+        The parameters of each fold are one Gauss-Newton step away from those of all records. Where
+        the model is too rough for such a step (a bouncing link), the fold's parameters stay.
+        """
+        if self.failed:
+            return np.asarray(self.residual**2)
+        if self.swings:
+            return self._held_out_damped(folds)
+        squares = np.empty(self.residual.shape)
+        for fold in np.unique(folds):
+            inside = folds == fold
+            step = self.step(~inside) if self.parameters else np.zeros(0)
+            moved = self.residual[inside] + self.jacobian[inside] @ step
+            squares[inside] = moved**2
+        return squares
+
+    def _held_out_damped(self, folds: IntArray) -> FloatArray:
+        squares = self.residual**2
+        for fold in np.unique(folds):
+            inside = folds == fold
+            step = self.step(~inside)
+            moved = self.residual + self.jacobian @ step
+            if np.sum(moved[inside] ** 2) < 4.0 * np.sum(squares[inside]):
+                squares[inside] = moved[inside] ** 2
+        return squares
+
+    def step(self, rows: BoolArray | IntArray) -> FloatArray:
+        """Return the Gauss-Newton step (p,) on a choice of rows.
+
+        Directions about which those rows know next to nothing compared with all rows stay put;
+        else a clipping limit that only one block reached would fly away on the others.
+        """
+        p = len(self.parameters)
+        norm = np.sqrt(np.sum(self.jacobian**2, axis=(0, 1)))
+        norm = np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
+        a = self.jacobian[rows].reshape(-1, p) / norm
+        gram = a.T @ a + _KNOWS_NOTHING * np.eye(p)
+        return np.asarray(np.linalg.solve(gram, -(a.T @ self.residual[rows].ravel())) / norm)
+
+
+def refine(
+    robot: Robot,
+    effects: Sequence[Effect],
+    records: Sequence[Record],
+    whitening: FloatArray,
+    iterations: int = ITERATIONS,
+    kept: KeptColumns | None = None,
+) -> Fit:
+    """Fit all parameters of `effects` added to `robot`.
+
+    Args:
+        robot: the robot that lacks them.
+        effects: start values.
+        records: the logs.
+        whitening: (outputs, judged outputs) by which residuals are multiplied.
+        iterations: at most this many Gauss-Newton steps.
+        kept: derivatives made before of this robot on these records; new ones are put there.
+
+    Raises:
+        EffectError: the robot has no place for one of the effects.
+        TransmissionError: a gear cannot have these numbers.
+    """
+    slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
+    swings = some_deflect(effects)
+    try:
+        at = evaluate(robot, effects, records, whitening)
+    except DynamicsError as error:
+        return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
+    jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
+    least = _CONVERGED_ROUGH if swings else _CONVERGED
+    fresh = True  # whether the links that swing were differentiated here
+    ended = not slots
+    for _ in range(iterations if slots else 0):
+        step = _bounded_step(at.effects, slots, jacobian, at.residual)
+        found = _line_search(robot, at, slots, step, records, whitening)
+        if found is None:
+            if fresh:
+                ended = True
+                break
+            jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
+            fresh = True
+            continue
+        moved, length = found
+        gain = (at.cost - moved.cost) / at.cost
+        settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
+        change = jacobian @ (length * step)
+        if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
+            # Nothing bends on this way: the derivatives hold at its end, too.
+            at = moved
+            if settled:
+                ended = True
+                break
+            continue
+        trusted = fresh
+        if swings:
+            promised = float(np.sum((at.residual + change) ** 2))
+            trusted = abs(gain * at.cost / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
+        at = moved
+        known = jacobian if trusted else None
+        jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
+        if settled and (trusted or fresh):
+            ended = True
+            break
+        fresh = not trusted or not swings
+    whole = robot.with_effects(*at.effects)
+    return Fit(whole, at.effects, at.residual, jacobian, slots, ended)
+
+
+def _failed(
+    robot: Robot,
+    effects: Sequence[Effect],
+    slots: Slots,
+    records: Sequence[Record],
+    whitening: FloatArray,
+    why: str,
+) -> Fit:
+    """Return the fit of what cannot move like these records."""
+    shape = sum(record.rows for record in records), whitening.shape[1]
+    residual, jacobian = np.full(shape, np.inf), np.zeros((*shape, len(slots)))
+    return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), failed=why)
+
+
+def _norm(values: FloatArray) -> float:
+    return float(np.sqrt(np.sum(values**2)))
+
+
+def _bounded_step(
+    effects: Sequence[Effect],
+    slots: Slots,
+    jacobian: FloatArray,
+    residual: FloatArray,
+) -> FloatArray:
+    """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
+    a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
+    values = np.array([effects[k].values[p.name] for k, p in slots])
+    low = np.array([p.low for _, p in slots])
+    high = np.array([p.high for _, p in slots])
+    free = np.ones(len(slots), dtype=bool)
+    step = np.zeros(len(slots))
+    for _ in range(len(slots) + 1):
+        step = np.zeros(len(slots))
+        if free.any():
+            step[free] = _least_squares(a[:, free], -r)
+        blocked = free & (((values <= low) & (step < 0.0)) | ((values >= high) & (step > 0.0)))
+        if not blocked.any():
+            break
+        free &= ~blocked
+    return step
+
+
+def _line_search(
+    robot: Robot,
+    at: Evaluation,
+    slots: Slots,
+    step: FloatArray,
+    records: Sequence[Record],
+    whitening: FloatArray,
+) -> tuple[Evaluation, float] | None:
+    """Return the first point along a step that leaves less, and which share of the step it is."""
+    length = 1.0
+    for _ in range(5):
+        changes = {
+            (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
+        }
+        try:
+            moved = with_changes(at.effects, changes, clip=True)
+            after = evaluate(robot, moved, records, whitening)
+        except IMPOSSIBLE:
+            length *= 0.4
+            continue
+        if after.cost < at.cost:
+            return after, length
+        length *= 0.4
+    return None
+
+
+def _least_squares(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the least-squares solution with columns scaled and weak directions left alone."""
+    norm = np.sqrt(np.sum(a**2, axis=0))
+    felt = norm > 1e-7 * norm.max(initial=0.0)
+    solution = np.zeros(norm.size)
+    scaled = a[:, felt] / norm[felt]
+    solution[felt] = np.linalg.lstsq(scaled, b, rcond=1e-8)[0] / norm[felt]
+    return solution

@@ -1,0 +1,74 @@
+"""How sure the parameters are: a block bootstrap, widened by what the filter band changes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.identification.model.fit import Fit
+
+_DRAWS = 400
+BOOTSTRAP_SEED = 0
+"""Of the blocks drawn for intervals: equal logs give equal intervals."""
+
+# Neighbouring blocks still share some error: on the generated corpus (seed 11) 90 % intervals of
+# the plain bootstrap covered 76 %, those of a normal distribution 1.4 times as wide cover 90 %.
+_WIDER = 1.4
+_UNSEEN = 1e-3  # of what all blocks know of a parameter
+
+
+def bootstrap_steps(fit: Fit, blocks: IntArray, seed: int = BOOTSTRAP_SEED) -> FloatArray:
+    """Return (draws, p) Gauss-Newton steps of refits on blocks drawn with replacement.
+
+    Steps are in units of the parameters' scales. Rows of one block stay together, because
+    residuals are strongly autocorrelated.
+    """
+    names, index = np.unique(blocks, return_inverse=True)
+    p = len(fit.parameters)
+    gram = np.zeros((names.size, p, p))
+    moment = np.zeros((names.size, p))
+    for block in range(names.size):
+        rows = index == block
+        a = fit.jacobian[rows].reshape(-1, p)
+        gram[block] = a.T @ a
+        moment[block] = -a.T @ fit.residual[rows].ravel()
+    random = np.random.default_rng(seed)
+    draws = random.multinomial(names.size, np.full(names.size, 1.0 / names.size), size=_DRAWS)
+    norm = np.sqrt(np.maximum(np.diagonal(gram.sum(axis=0)), 1e-300))
+    grams = np.einsum("db,bij->dij", draws, gram) / norm[:, None] / norm[None, :]
+    moments = np.einsum("db,bi->di", draws, moment) / norm
+    # Draws without the blocks that know a parameter say nothing of it: it stays.
+    unseen = np.diagonal(grams, axis1=1, axis2=2) < _UNSEEN
+    moments[unseen] = 0.0
+    grams[unseen[:, :, None] | unseen[:, None, :]] = 0.0
+    grams[:, np.arange(p), np.arange(p)] += np.where(unseen, 1.0, 1e-9)
+    steps = np.linalg.solve(grams, moments[..., None])[..., 0] / norm
+    # Resampling few blocks underestimates spread by about the usual n / (n - 1).
+    return np.asarray(steps * np.sqrt(names.size / max(names.size - 1.0, 1.0)))
+
+
+def interval_bounds(
+    fit: Fit, blocks: IntArray, distortion: FloatArray, level: float = 0.9
+) -> FloatArray:
+    """Return (p, 2) low and high of every parameter, in its own unit.
+
+    Args:
+        fit: the fitted model.
+        blocks: (rows,) resampled together.
+        distortion: (p,) in units of the scales: how far the parameters move when the band of the
+            filters is changed, a measure of what smoothing does to them.
+        level: share of intervals that should hold the truth.
+    """
+    if not fit.parameters:
+        return np.zeros((0, 2))
+    steps = bootstrap_steps(fit, blocks)
+    tail = 50.0 * (1.0 - level)
+    low, high = np.percentile(steps, [tail, 100.0 - tail], axis=0)
+    low = -np.hypot(_WIDER * low, distortion)
+    high = np.hypot(_WIDER * high, distortion)
+    bounds = np.empty((len(fit.parameters), 2))
+    for row, (k, parameter) in enumerate(fit.parameters):
+        value = fit.effects[k].values[parameter.name]
+        span = np.array([low[row], high[row]]) * parameter.scale + value
+        bounds[row] = np.clip(span, parameter.low, parameter.high)
+    return bounds

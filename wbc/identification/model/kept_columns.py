@@ -1,0 +1,162 @@
+"""Derivatives that do not depend on what else is in a model: computed once, used by many fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.errors import DynamicsError, EffectError, TransmissionError
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.yielding import deflects
+from wbc.identification.records.record import Record
+from wbc.robot import Effect, Parameter, Robot
+
+IMPOSSIBLE = (EffectError, TransmissionError, DynamicsError)
+"""Raised where a robot cannot have an effect with these parameters."""
+
+STEP = 1e-3
+"""Share of a parameter's scale by which it is varied."""
+
+_SAME = 1e-6  # share of a column by which rounding may change it
+_MOST = 8  # columns kept of a parameter whose column depends on values
+
+_Values = tuple[float, ...]
+_Key = tuple[type[Effect], Parameter, tuple[object, ...], tuple[Effect, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class KeptColumns:
+    """Derivatives (rows, m + b) of the residual of one robot on one set of logs.
+
+    Where encoders are right and no link swings, what the motors must give is a sum of what the
+    effects add, up to the gears that lose a share. A column that such gears do not feel depends
+    on the parameters of its own effect alone (and on other effects that change the links, if it
+    changes them, too). A column that is the same at two values of its effect, which has no shape,
+    is the same at all. Columns are those of perfect drives.
+
+    Attributes:
+        robot: that lacks the effects.
+        records: the logs.
+    """
+
+    robot: Robot
+    records: tuple[Record, ...]
+    _columns: dict[_Key, dict[_Values, FloatArray]] = field(default_factory=dict)
+    _constant: set[_Key] = field(default_factory=set)
+    _last: dict[tuple[Effect, ...], FloatArray] = field(default_factory=dict)
+
+    def column(self, effects: Sequence[Effect], k: int, parameter: Parameter) -> FloatArray | None:
+        """Return the change of the residual per scale of a parameter of effect `k`.
+
+        None where it depends on more than its own effect.
+
+        Args:
+            effects: none of them acts on the motion.
+            k: number of the effect.
+            parameter: one of its own.
+        """
+        own = effects[k]
+        try:
+            beside = self._beside(effects, own, parameter)
+        except IMPOSSIBLE:
+            return None
+        if beside is None:
+            return None
+        key = type(own), parameter, _what_it_is(own), beside
+        known = self._columns.setdefault(key, {})
+        values = tuple(own.values.values())
+        if key in self._constant:
+            return next(iter(known.values()))
+        column = known.pop(values, None)
+        if column is None:
+            column = self._made(beside, own, parameter)
+            if column is None:
+                return None
+            straight = not any(other.shape for other in own.parameters)
+            if straight and any(_equal(column, other) for other in known.values()):
+                self._constant.add(key)
+            while len(known) >= _MOST:
+                del known[next(iter(known))]
+        known[values] = column  # the one used last stands last
+        return column
+
+    def _beside(
+        self, effects: Sequence[Effect], own: Effect, parameter: Parameter
+    ) -> tuple[Effect, ...] | None:
+        """Return the effects that a column depends on beside its own, None if on all of them."""
+        if "drive" in own.acts_by:
+            return None
+        if "change" not in own.acts_by:
+            return ()
+        robot = self.robot
+        changed = _moved(own, parameter).change(robot)
+        one, other = robot.transmission, changed.transmission
+        if one is not other and not all(
+            np.array_equal(getattr(one, name), getattr(other, name))
+            for name in ("forward_efficiency", "backward_efficiency", "gear_ratio", "topology")
+        ):
+            return None
+        if changed.model is robot.model:
+            return ()
+        changing = (e for e in effects if e is not own and "change" in e.acts_by)
+        return tuple(e for e in changing if e.change(robot).model is not robot.model)
+
+    def _made(
+        self, beside: tuple[Effect, ...], own: Effect, parameter: Parameter
+    ) -> FloatArray | None:
+        try:
+            before = self._residual((*beside, own))
+            for way in (STEP, -STEP):
+                moved = _moved(own, parameter, (way,))
+                if moved is not own:
+                    after = condensed_residual(
+                        self.robot.with_effects(*beside, moved), self.records
+                    )
+                    return np.asarray((after - before) / way)
+        except IMPOSSIBLE:
+            pass
+        return None
+
+    def _residual(self, effects: tuple[Effect, ...]) -> FloatArray:
+        if effects not in self._last:
+            self._last.clear()
+            self._last[effects] = condensed_residual(
+                self.robot.with_effects(*effects), self.records
+            )
+        return self._last[effects]
+
+
+def keeps_motion(robot: Robot) -> bool:
+    """Whether no effect of a robot changes the motion that others act on, or simulates a link."""
+    return not any(deflects(e) or "true" in e.acts_by for e in robot.effects)
+
+
+def lossy_gears(robot: Robot) -> BoolArray:
+    """Return (m,) which gears lose a share of what they carry."""
+    gears = robot.transmission
+    return np.asarray((gears.forward_efficiency != 1.0) | (gears.backward_efficiency != 1.0))
+
+
+def _moved(effect: Effect, parameter: Parameter, ways: Sequence[float] = (STEP, -STEP)) -> Effect:
+    """Return the effect with a parameter moved, itself if it cannot be."""
+    value = effect.values[parameter.name]
+    for way in ways:
+        try:
+            return effect.with_values({parameter.name: value + way * parameter.scale})
+        except EffectError:
+            continue
+    return effect
+
+
+def _what_it_is(effect: Effect) -> tuple[object, ...]:
+    """Return all of an effect but its parameters: its place, and what a user's class adds."""
+    numbers = {parameter.name for parameter in effect.parameters}
+    return tuple(getattr(effect, f.name) for f in fields(effect) if f.name not in numbers)
+
+
+def _equal(one: FloatArray, other: FloatArray) -> bool:
+    size = float(np.sum(one**2))
+    return size > 0.0 and float(np.sum((one - other) ** 2)) < _SAME**2 * size

@@ -1,0 +1,158 @@
+"""What links that swing behind soft or loose gears need beyond what their motors' motion says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import contact_torque, link_torque
+from wbc.errors import DynamicsError
+from wbc.identification.model.link_friction import LinkSide
+from wbc.identification.model.yielding import yielding_gears
+from wbc.identification.records.load_noise import without_noise
+from wbc.identification.records.record import Record
+from wbc.links import Deflections, LinkResponse, deflections, own_frequency
+from wbc.robot import Motion, Robot
+from wbc.transmission import Flanks
+
+_LARGEST = 0.4  # [rad] of deflection up to which what is not linear in it is followed
+_ROUNDS, _ROUNDS_STRUCK = 8, 3  # a link that bounces is chaotic: more rounds do not settle it
+_SETTLED, _SETTLED_STRUCK = 1e-3, 2e-2  # share of a deflection by which it may still change
+_STARTS = 3  # rounds in which the beginning of a link with dry friction is chosen
+
+Unexplained = Callable[[FloatArray], FloatArray]
+"""Additional torque of the links (N, nv) -> what the log then leaves unexplained (N, nv)."""
+
+
+def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
+    """Return the torque (N, nv) of links that swing behind their gears, all in one motion.
+
+    Linear in the deflections at first; what their size adds (a hip that winds up by 0.03 rad needs
+    some 3 % less inertia there) is then a load of its own, from the dynamics where the links are,
+    until the next round promises to change no deflection by more than a share of the largest. So
+    is what friction at the links adds, and how the log began is chosen anew beside dry friction.
+
+    Args:
+        robot: with its effects.
+        record: along the true motion of its motors.
+        unexplained: by which links choose how they moved when the log began.
+
+    Raises:
+        DynamicsError: a link flies off, so that this robot explains nothing.
+    """
+    gears = yielding_gears(robot)
+    struck = any(gear.play > 0.0 for gear in gears.values())
+    rounds = _ROUNDS_STRUCK if struck else _ROUNDS
+    settled = _SETTLED_STRUCK if struck else _SETTLED
+    load = record.links_of(robot) - record.contacts
+    sides = _rubbing(robot, record, gears)
+    beyond, torque = np.zeros_like(load), np.zeros_like(load)
+    links = [record.response_of(robot, joint) for joint in gears]
+    bent: Deflections | None = None
+    former = 1.0  # what is not linear in a deflection is at first the square of it in radians
+    for k in range(rounds):
+        known = beyond + _bends(load, sides.values())
+        driving = _driving(robot, record, load + known, gears, sides)
+        left = unexplained(known)
+        plain = [replace(r, load=driving, unexplained=left[:, r.row]) for r in links]
+        responses = _with_friction(gears, plain, sides)
+        before = bent
+        bent = deflections(responses, list(gears.values()), before, hold=k >= _STARTS)
+        if not bent.finite:
+            raise DynamicsError(_flown(gears))
+        torque = known + _torque(responses, bent)
+        change = bent.largest if before is None else bent.change(before)
+        moved, at_last = _moved(robot, record, gears, bent), sides
+        sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
+        differs = any(side.differs(at_last[joint]) for joint, side in sides.items())
+        promised = change**2 / max(former, 1e-300)
+        if (promised < settled * bent.largest and not differs) or not bent.largest < _LARGEST:
+            break
+        former = change
+        beyond = _needed(robot, record, moved) - load - _torque(plain, bent)
+    return torque
+
+
+def _flown(gears: Mapping[str, Flanks]) -> str:
+    parts = [f"'{joint}' ({gear.stiffness:.3g} N m/rad)" for joint, gear in gears.items()]
+    return (
+        f"a link flies off behind the gear of {' or '.join(parts)} on these logs; such a gear "
+        "cannot be what they show."
+    )
+
+
+def _torque(responses: Sequence[LinkResponse], bent: Deflections) -> FloatArray:
+    """Return the torque (N, nv) of deflections, linear in them, with dry friction."""
+    parts = zip(responses, bent.paths, strict=True)
+    return np.asarray(sum(response.torque(path) for response, path in parts))
+
+
+def _rubbing(robot: Robot, record: Record, joints: Iterable[str]) -> dict[str, LinkSide]:
+    """Return the friction that rubs at links, where the links are at their motors."""
+    sides = {joint: LinkSide.of(robot, joint, record.motion) for joint in joints}
+    return {joint: side for joint, side in sides.items() if side is not None}
+
+
+def _bends(load: FloatArray, sides: Iterable[LinkSide]) -> FloatArray:
+    """Return what is not linear in smooth friction (N, nv) at the links."""
+    bends = np.zeros_like(load)
+    for side in sides:
+        bends[:, side.row] += side.bend
+    return bends
+
+
+def _driving(
+    robot: Robot,
+    record: Record,
+    load: FloatArray,
+    gears: Mapping[str, Flanks],
+    sides: Mapping[str, LinkSide],
+) -> FloatArray:
+    """Return a load (N, nv) with what is smooth in the friction at the links, less its noise."""
+    driving = np.array(load)
+    for side in sides.values():
+        driving[:, side.row] += side.motor.smooth
+    for joint, gear in gears.items():
+        if gear.play == 0.0:
+            frequency = own_frequency(record.response_of(robot, joint), gear)
+            driving = without_noise(record, driving, joint, frequency)
+    return driving
+
+
+def driven(
+    robot: Robot, record: Record, joint: str, load: FloatArray, left: FloatArray
+) -> LinkResponse:
+    """Return the response of a link under a load (N, nv) that leaves (N, nv) unexplained."""
+    response = record.response_of(robot, joint)
+    return replace(response, load=load, unexplained=left[:, response.row])
+
+
+def _with_friction(
+    joints: Iterable[str], plain: Sequence[LinkResponse], sides: Mapping[str, LinkSide]
+) -> list[LinkResponse]:
+    """Return the responses of links at some of which friction rubs."""
+    pairs = zip(joints, plain, strict=True)
+    return [sides[joint].on(r) if joint in sides else r for joint, r in pairs]
+
+
+def _moved(robot: Robot, record: Record, joints: Iterable[str], bent: Deflections) -> Motion:
+    """Return the motion of the links."""
+    motion = record.motion
+    position, velocity = np.array(motion.position), np.array(motion.velocity)
+    acceleration = np.zeros_like(velocity)
+    if motion.acceleration is not None:
+        acceleration += motion.acceleration
+    for joint, deflection in zip(joints, bent.paths, strict=True):
+        row = robot.velocity_index(joint)
+        position[:, robot.position_index(joint)] += deflection[:, 0]
+        velocity[:, row] += deflection[:, 1]
+        acceleration[:, row] += deflection[:, 2]
+    return motion.replace(position=position, velocity=velocity, acceleration=acceleration)
+
+
+def _needed(robot: Robot, record: Record, moved: Motion) -> FloatArray:
+    """Return what the links need (N, nv) where they are, less what the contacts give."""
+    return link_torque(robot, moved) - contact_torque(robot, moved.position, record.forces)

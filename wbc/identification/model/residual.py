@@ -1,0 +1,191 @@
+"""The residual of a robot on a set of records: what the model does not explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import rotor_torque
+from wbc.identification.model.link_friction import LinkSide
+from wbc.identification.model.link_motion import driven, swing
+from wbc.identification.model.yielding import deflects, some_deflect
+from wbc.identification.records.record import Record
+from wbc.links import LinkResponse
+from wbc.robot import Motion, Robot
+
+_LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
+
+
+def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = None) -> FloatArray:
+    """Return (N, m + b) measured minus modelled, before weights and filters.
+
+    The m driven joints come first (torque at the motor output, reported minus needed), then the b
+    undriven coordinates (minus the wrench that nothing provides).
+
+    Reported torque goes through the robot's drives forward, so that a drive that clips, sags or
+    lags needs no inverse; the result is divided by what the drive's slope does to the size of the
+    noise, or else a factor that shrinks everything would explain everything.
+
+    Args:
+        robot: with its effects.
+        record: one log.
+        swinging: what `swinging_torque` returned for a robot that differs little; None has links
+            behind soft gears simulated again.
+    """
+    motion, links, contacts = _loads(robot, record, swinging)
+    return _unexplained(robot, record, motion, links, contacts)
+
+
+def swinging_torque(robot: Robot, record: Record) -> FloatArray | None:
+    """Return what links that swing behind their gears need more (N, nv), None if none does."""
+    if not some_deflect(robot.effects):
+        return None
+    motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
+    return _swinging(robot, record, motion, links, contacts)
+
+
+def _loads(
+    robot: Robot, record: Record, swinging: FloatArray | None
+) -> tuple[Motion, FloatArray, FloatArray]:
+    """Return the true motion, what the links then need, and what the contacts give."""
+    motion = record.motion
+    for effect in reversed(robot.effects):
+        motion = effect.true(robot, motion)
+    moved = record.along(motion)
+    links, contacts = moved.links_of(robot), moved.contacts
+    if swinging is None and some_deflect(robot.effects):
+        swinging = _swinging(robot, record, motion, links, contacts)
+    if swinging is not None:
+        links = links + swinging
+    return motion, links, contacts
+
+
+def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
+    """Return how the link behind a gear of `robot` reacts, and what of the log it may explain."""
+    motion, links, contacts = _loads(robot, record, None)
+    left = _on_joints(robot, _unexplained(robot, record, motion, links, contacts))
+    return driven(robot, record.along(motion), joint, links - contacts, left)
+
+
+def rubbing_responses(
+    robot: Robot, records: Sequence[Record], joint: str
+) -> tuple[LinkResponse, ...]:
+    """Return the responses of a link at which the friction of `robot` rubs.
+
+    None where there is no friction, or where a gear that yields already has it on its side.
+    """
+    if any(deflects(effect) and effect.where == joint for effect in robot.effects):
+        return ()
+    sides = [LinkSide.of(robot, joint, record.motion) for record in records]
+    responses = []
+    for record, side in zip(records, sides, strict=True):
+        if side is None:
+            return ()
+        response = link_response(robot, record, joint)
+        load = np.array(response.load)
+        load[:, side.row] += side.motor.smooth
+        responses.append(side.on(replace(response, load=load)))
+    return tuple(responses)
+
+
+def _swinging(
+    robot: Robot,
+    record: Record,
+    motion: Motion,
+    links: FloatArray,
+    contacts: FloatArray,
+) -> FloatArray:
+    def unexplained(more: FloatArray) -> FloatArray:
+        return _on_joints(robot, _unexplained(robot, record, motion, links + more, contacts))
+
+    return swing(robot, record.along(motion), unexplained)
+
+
+def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
+    """Return the residual of the driven joints (N, nv), as torque on the links' side."""
+    gears = robot.transmission
+    torque = np.zeros((len(residual), robot.model.nv))
+    output = residual[:, : gears.size] * np.sign(gears.gear_ratio)
+    torque[:, robot.actuated] = output @ gears.motor_from_joint
+    return torque
+
+
+def _unexplained(
+    robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
+) -> FloatArray:
+    needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
+    delivered, slope = _delivered(robot, motion, record.torque)
+    size = _noise_size(record, slope)
+    driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
+    return np.concatenate([driven, -wrench], axis=1)
+
+
+def _noise_size(record: Record, slope: FloatArray) -> FloatArray:
+    """Return (m,) what drives of these slopes do to the size of the residual's noise."""
+    share = record.reported_share
+    return np.asarray(np.sqrt(share * np.maximum(slope, _LEAST_GAIN) ** 2 + 1.0 - share))
+
+
+def noise_sizes(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (rows, m + b) by what the drives of a robot divide what it leaves unexplained.
+
+    The drives act on the motion as measured: the robot has no effect on its encoders.
+    """
+    parts = []
+    for record in records:
+        _, slope = _delivered(robot, record.motion, record.torque)
+        sizes = np.concatenate([_noise_size(record, slope), np.ones(robot.floating_size)])
+        parts.append(np.broadcast_to(sizes, (record.rows, sizes.size)))
+    return np.concatenate(parts)
+
+
+def condensed_residual(
+    robot: Robot,
+    records: Sequence[Record],
+    swinging: Sequence[FloatArray | None] | None = None,
+) -> FloatArray:
+    """Return weighted, low-passed and thinned residuals of all records, (rows, m + b)."""
+    held = swinging or [None] * len(records)
+    pairs = zip(records, held, strict=True)
+    return np.concatenate([record.condense(raw_residual(robot, record, s)) for record, s in pairs])
+
+
+def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (m,) the share of the reported torque that the drives of `robot` deliver."""
+    return np.asarray(np.mean([_delivered(robot, r.motion, r.torque)[1] for r in records], axis=0))
+
+
+def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
+    missing, needed = [], []
+    size, passive = robot.transmission.size, robot.floating_size
+    for record in records:
+        motion, links, contacts = _loads(robot, record, None)
+        need, _ = rotor_torque(_without_drives(robot), motion, links, contacts)
+        delivered, _ = _delivered(robot, motion, record.torque)
+        nothing = np.zeros((len(need), passive))
+        missing.append(record.condense(np.concatenate([delivered - need, nothing], axis=1)))
+        needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
+    left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
+    return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))
+
+
+def _without_drives(robot: Robot) -> Robot:
+    kept = tuple(e for e in robot.effects if "drive" not in e.acts_by)
+    return robot if len(kept) == len(robot.effects) else replace(robot, effects=kept)
+
+
+def _delivered(robot: Robot, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+    drives = [effect for effect in robot.effects if "drive" in effect.acts_by]
+    slope = np.ones(torque.shape[1])
+    delivered = torque
+    for effect in drives:
+        before = delivered
+        delivered = effect.drive(robot, motion, before)
+        power = np.sum(before**2, axis=0)
+        share = np.sum(before * delivered, axis=0) / np.where(power > 0.0, power, 1.0)
+        slope = slope * np.where(power > 0.0, share, 1.0)
+    return delivered, slope

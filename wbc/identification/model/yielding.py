@@ -1,0 +1,31 @@
+"""Which effects let links stray from their motors, and behind which gears they do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from wbc.effects.yielding_gear import YieldingGear
+from wbc.robot import Effect, Robot
+from wbc.transmission import Flanks
+
+
+def deflects(effect: Effect | type[Effect]) -> bool:
+    """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
+    kind = effect if isinstance(effect, type) else type(effect)
+    return issubclass(kind, YieldingGear)
+
+
+def some_deflect(effects: Iterable[Effect]) -> bool:
+    """Whether a link behind one of the effects' gears must be simulated."""
+    return any(deflects(effect) for effect in effects)
+
+
+def loose(effects: Iterable[Effect]) -> bool:
+    """Whether a link behind one of the effects' gears bounces."""
+    return any(isinstance(effect, YieldingGear) and effect.has_play for effect in effects)
+
+
+def yielding_gears(robot: Robot) -> dict[str, Flanks]:
+    """Return the gears of a robot, by joint, behind which its effects let the link stray."""
+    gears = robot.transmission
+    return {e.where: gears.flanks(e.where) for e in robot.effects if deflects(e)}

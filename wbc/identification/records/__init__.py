@@ -1,0 +1,1 @@
+"""From logs to rows: even clock, one band, weights, noise floor, folds."""

@@ -1,0 +1,224 @@
+"""From logs to records: one band for all of them, smoothing, weights near reversals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.errors import IdentificationError
+from wbc.identification.records.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
+from wbc.identification.records.channels import Channels, read_channels
+from wbc.identification.records.impacts import away_from_impacts
+from wbc.identification.records.load_noise import load_bands
+from wbc.identification.records.record import Record
+from wbc.identification.records.smoothing import (
+    derivative,
+    differentiate,
+    gate,
+    low_pass,
+    quantisation_level,
+    white_level,
+)
+from wbc.identification.records.synthetic_noise import synthetic_noise
+from wbc.measurement import Log
+from wbc.robot import Motion, Robot
+
+_PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
+_OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
+_SHARED_NOISE = 0.5
+_REST = 3.0  # standard deviations of its noise, up to which a speed is none
+_UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
+REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
+
+
+def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tuple[Record, ...]:
+    """Return one record per log, all in the same band.
+
+    Args:
+        robot: that the logs are held against.
+        logs: at least one.
+        reversal: how long around a change of direction a joint counts for nothing, in periods of
+            the kinematic band. A narrow one shows what acts at low speed only, and the moments at
+            which large dry friction is smoothed wrongly.
+
+    Raises:
+        IdentificationError: no log, or a log that lacks what the robot needs.
+        LogError: a channel is missing.
+    """
+    if not logs:
+        raise IdentificationError("no log was given.")
+    channels = [read_channels(robot, log) for log in logs]
+    noises = [_noise(robot, channel) for channel in channels]
+    inertia = _typical_inertia(robot, channels)
+    rate = min(channel.rate for channel in channels)
+    band = choose_bandwidth(noises, inertia, robot.actuated, rate)
+    return tuple(
+        _with_noise_shared(_record(robot, channel, noise, band, reversal))
+        for channel, noise in zip(channels, noises, strict=True)
+    )
+
+
+def _noise(robot: Robot, channels: Channels) -> SensorNoise:
+    model = robot.model
+    positions = np.full((len(channels.time), model.nv), np.nan)
+    for name in robot.single_joints:
+        positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
+    if robot.has_free_flyer:
+        positions[:, :6] = _shaken_pose(robot, channels)
+    velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
+    torque = channels.torque * np.abs(robot.transmission.gear_ratio)
+    rate = channels.rate
+    return SensorNoise(
+        # NaN, where no position was measured, stays NaN.
+        position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
+        velocity=white_level(velocities, rate),
+        torque=white_level(torque, rate),
+        forces={name: white_level(force, rate) for name, force in channels.forces.items()},
+    )
+
+
+def _shaken_pose(robot: Robot, channels: Channels) -> FloatArray:
+    """Return how far (N, 6) the measured base strays from a smooth path, in its own frame."""
+    smooth = low_pass(channels.position, _PATH * channels.rate, channels.rate)
+    smooth[:, 3:7] /= np.linalg.norm(smooth[:, 3:7], axis=1, keepdims=True)
+    pairs = zip(smooth, channels.position, strict=True)
+    return np.array([pin.difference(robot.model, path, q)[:6] for path, q in pairs])
+
+
+def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:
+    data = robot.model.createData()
+    found = []
+    for channel in channels:
+        for q in channel.position[:: max(1, len(channel.position) // 10)]:
+            mass = pin.crba(robot.model, data, q)
+            found.append(np.diag(mass)[robot.actuated])
+    return np.asarray(np.mean(found, axis=0) + robot.transmission.reflected_inertia)
+
+
+def _record(
+    robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth, reversal: float
+) -> Record:
+    rate, cutoff = channels.rate, band.kinematics
+    motion = _smooth_motion(robot, channels, noise, band)
+    torque = low_pass(channels.torque, cutoff, rate)
+    every = max(1, int(rate / (_OVERSAMPLING * cutoff)))
+    thin = slice(None, None, every)
+    forces = {name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()}
+    thinned = Motion(
+        position=frozen(motion.position[thin]),
+        velocity=frozen(motion.velocity[thin]),
+        acceleration=frozen(motion.acceleration[thin]),  # type: ignore[index]
+        time=frozen(channels.time[thin] - channels.time[0]),
+        temperature=None if channels.temperature is None else frozen(channels.temperature[thin]),
+        supply_voltage=(
+            None if channels.supply_voltage is None else frozen(channels.supply_voltage[thin])
+        ),
+    )
+    return Record(
+        name=channels.name,
+        robot=robot,
+        motion=thinned,
+        torque=frozen(torque[thin]),
+        forces=forces,
+        weight=frozen(
+            _weight(robot, thinned, noise, band, reversal)
+            * away_from_impacts(robot, channels, band)[thin, None]
+        ),
+        rate=rate / every,
+        bandwidth=band,
+        noise=noise,
+        reported_share=np.ones(robot.transmission.size),
+        certainty=np.ones(robot.transmission.size + robot.floating_size),
+        load_band=np.full(robot.transmission.size, np.inf),
+    )
+
+
+def _with_noise_shared(record: Record) -> Record:
+    """Return the record with weights shared by outputs that share their noise.
+
+    A joint whose noise is mostly that of the base can only be judged together with the base, at
+    the same moments. Loads are believed as far as they are more than noise.
+    """
+    reported, needed = synthetic_noise(record)
+    record = replace(record, load_band=frozen(load_bands(record, needed)))
+    cutoff = record.bandwidth.residual
+    reported = low_pass(reported, cutoff, record.rate)
+    noise = reported + low_pass(needed, cutoff, record.rate)
+    moments = noise.T @ noise / len(noise)
+    size = np.sqrt(np.maximum(np.diag(moments), 1e-300))
+    partners = np.abs(moments / np.outer(size, size)) > _SHARED_NOISE
+    np.fill_diagonal(partners, True)
+    weight = np.stack([record.weight[:, row].min(axis=1) for row in partners], axis=1)
+    m = record.torque.shape[1]
+    share = np.mean(reported[:, :m] ** 2, axis=0) / size[:m] ** 2
+    return replace(record, weight=frozen(weight), reported_share=frozen(np.clip(share, 0.0, 1.0)))
+
+
+def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth) -> Motion:
+    """Return smoothed q, v, a; each joint from the sensor that gives the quieter acceleration."""
+    rate, cutoff = channels.rate, band.kinematics
+    position = low_pass(channels.position, cutoff, rate)
+    if robot.has_free_flyer:
+        position[:, 3:7] /= np.linalg.norm(position[:, 3:7], axis=1, keepdims=True)
+    velocity = differentiate(position, rate, robot.model)
+    if channels.velocity is not None:
+        measured = low_pass(channels.velocity, cutoff, rate)
+        velocity = np.where(noise.measures_speed(band), measured, velocity)
+    acceleration = derivative(velocity, rate)
+    return Motion(position, _at_rest(robot, velocity, noise, band), acceleration)
+
+
+def _at_rest(robot: Robot, velocity: FloatArray, noise: SensorNoise, band: Bandwidth) -> FloatArray:
+    """Return velocities that are zero where a driven joint moves by no more than noise.
+
+    A joint that holds still would seem to change direction all the time, and its dry friction,
+    of which nothing but the limits is known there, would be torque of the sign of that noise.
+    """
+    still = np.zeros(robot.model.nv)
+    still[robot.actuated] = _REST * noise.speed_deviation(band)[robot.actuated]
+    return np.asarray(np.where(np.abs(velocity) < still, 0.0, velocity))
+
+
+def _weight(
+    robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth, reversal: float
+) -> FloatArray:
+    """Return (N, m + b): how far the direction of motion behind each output can be trusted.
+
+    Around a reversal the smoothed velocity is wrong about the moment and hides standstill, so
+    that dry friction there cannot be told; the window scales with the band and the acceleration.
+    """
+    rows = robot.actuated
+    settled = _settled(motion, band)
+    speed = motion.velocity[:, rows]
+    acceleration = motion.acceleration[:, rows]  # type: ignore[index]
+    period = 1.0 / band.kinematics
+    typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
+    noise_speed = noise.speed_deviation(band)[rows]
+    threshold = reversal * period * typical * 0.8 + 4.0 * noise_speed
+    threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
+    # A joint that holds still all the time carries a load, too.
+    threshold *= noise.moving(motion.velocity, band)[rows]
+    trusted = gate(speed, threshold)
+    # A mesh turns with every joint that its motor moves: all of them must have a direction.
+    moves = np.abs(robot.transmission.topology) > 0.0
+    per_gear = np.stack([trusted[:, moves[:, k]].min(axis=1) for k in range(rows.size)], axis=1)
+    weight = np.concatenate([per_gear, np.ones((len(speed), robot.floating_size))], axis=1)
+    return np.asarray(weight * settled[:, None])
+
+
+def _settled(motion: Motion, band: Bandwidth) -> BoolArray:
+    """Return where (N,) the smoothed motion does not depend on how the filter met the ends.
+
+    Accelerations there are large and wrong, and the narrower band of the residual would carry them
+    far into the log.
+    """
+    count = len(motion.velocity)
+    step = (motion.time[-1] - motion.time[0]) / (count - 1)  # type: ignore[index]
+    unsettled = min(count // 8, max(1, int(_UNSETTLED / band.kinematics / step)))
+    inside = np.ones(count, dtype=bool)
+    inside[:unsettled] = inside[count - unsettled :] = False
+    return inside

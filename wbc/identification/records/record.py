@@ -1,0 +1,242 @@
+"""One log made ready for the model: smoothed motion, measured torques, weights near reversals."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.dynamics import (
+    contact_torque,
+    inertial_parameters,
+    inertial_regressor,
+    link_torque,
+)
+from wbc.identification.records.bandwidth import Bandwidth, SensorNoise
+from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
+from wbc.identification.records.smoothing import low_pass
+from wbc.links import LinkResponse
+from wbc.robot import Motion, Robot
+
+_KEPT_MOTIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What one log says, on an even grid, in the band of the kinematics.
+
+    Attributes:
+        name: of the log.
+        robot: the robot that the user believes in; link terms are cached for it.
+        motion: smoothed q, v, a (N, ...).
+        torque: (N, m) rotor torque that the drives reported [N m].
+        forces: contact name -> (N, 3) [N], ground on robot.
+        weight: (N, m + b) between 0 and 1, small where a joint is too slow for its direction to
+            be known.
+        rate: [Hz] of this grid.
+        bandwidth: cut-offs.
+        noise: white noise of the sensors.
+        reported_share: (m,) share of the residual's noise variance that comes from the reported
+            torque; the rest comes from what the model needs.
+        certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
+            those that the noise floor is taken from.
+        load_band: (m,) frequency from which on the load of a driven joint is noise [Hz].
+    """
+
+    name: str
+    robot: Robot
+    motion: Motion
+    torque: FloatArray
+    forces: Mapping[str, FloatArray]
+    weight: FloatArray
+    rate: float
+    bandwidth: Bandwidth
+    noise: SensorNoise
+    reported_share: FloatArray
+    certainty: FloatArray
+    load_band: FloatArray
+    _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
+    _responses: dict[str, LinkResponse] = field(default_factory=dict)
+    _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)
+    _moved: dict[bytes, Record] = field(default_factory=dict)
+
+    @property
+    def duration(self) -> float:
+        """Length of the log [s]."""
+        return len(self.torque) / self.rate
+
+    @cached_property
+    def stride(self) -> int:
+        """Samples between two rows of the residual (about five per period of the band)."""
+        return max(1, int(self.rate / (5.0 * self.bandwidth.residual)))
+
+    @cached_property
+    def edge(self) -> int:
+        """Samples cut at both ends, where filters have not settled."""
+        return min(int(self.rate / self.bandwidth.residual), len(self.torque) // 8)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """What torques (N, m + b) are multiplied by before they are condensed."""
+        return self.weight * self.certainty
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that `condense` returns."""
+        return len(range(self.edge, len(self.torque) - self.edge, self.stride))
+
+    def condense(self, values: FloatArray) -> FloatArray:
+        """Return weighted, low-passed, thinned `values` (N, m + b, ...) -> (rows, m + b, ...)."""
+        weight = self.scale.reshape(*self.scale.shape, *(1,) * (values.ndim - 2))
+        return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
+
+    def condense_driven(self, values: FloatArray) -> FloatArray:
+        """Return low-passed and thinned `values` (N, k) -> (rows, k), without weights."""
+        return self.thinned(low_pass(values, self.bandwidth.residual, self.rate))
+
+    def thinned(self, values: FloatArray) -> FloatArray:
+        """Return the samples of `values` (N, ...) that belong to the condensed rows."""
+        return values[self.edge : len(values) - self.edge : self.stride]
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Time since the start of the log of every condensed row, (rows,) [s]."""
+        return self.thinned(np.arange(len(self.torque)) / self.rate)
+
+    def narrowed(self, factor: float) -> Record:
+        """Return the same record with the residual's band narrowed by `factor`."""
+        band = replace(self.bandwidth, residual=factor * self.bandwidth.residual)
+        return replace(self, bandwidth=band)
+
+    @cached_property
+    def contacts(self) -> FloatArray:
+        """J' f of the measured contact forces, (N, nv)."""
+        return contact_torque(self.robot, self.motion.position, self.forces)
+
+    def believing(self, robot: Robot) -> Record:
+        """Return the same log for another robot with the same joints."""
+        return replace(self, robot=robot, **_nothing_kept())
+
+    def along(self, motion: Motion) -> Record:
+        """Return this record for another motion under the same measured forces.
+
+        What the links need along the motions asked for last is kept: a model with a wrong encoder
+        zero is evaluated often.
+        """
+        if motion is self.motion:
+            return self
+        parts = (motion.position, motion.velocity, motion.acceleration)
+        key = b"".join(np.ascontiguousarray(p).tobytes() for p in parts if p is not None)
+        digest = hashlib.blake2b(key).digest()
+        if digest not in self._moved:
+            while len(self._moved) >= _KEPT_MOTIONS:
+                del self._moved[next(iter(self._moved))]
+            self._moved[digest] = replace(self, motion=motion, **_nothing_kept())
+        return self._moved[digest]
+
+    @cached_property
+    def links(self) -> FloatArray:
+        """H_l a + c_l of the believed robot, (N, nv)."""
+        return link_torque(self.robot, self.motion)
+
+    @cached_property
+    def regressor(self) -> FloatArray:
+        """Y (N, nv, 10 n_links) of the link parameters."""
+        return inertial_regressor(self.robot, self.motion)
+
+    def links_of(self, robot: Robot) -> FloatArray:
+        """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
+        torque = self.links
+        if robot.model is self.robot.model:
+            return torque
+        change = inertial_parameters(robot) - inertial_parameters(self.robot)
+        if np.any(change):
+            torque = torque + self.regressor @ change
+        field_change = np.asarray(robot.model.gravity.linear - self.robot.model.gravity.linear)
+        if np.any(field_change):
+            torque = torque + self._in_gravity(robot, field_change)
+        return np.asarray(torque)
+
+    def response(self, joint: str) -> LinkResponse:
+        """Return how the link behind a gear reacts to a deflection of the gear."""
+        if joint not in self._responses:
+            self._responses[joint] = self._sensitivities(joint)
+        return self._responses[joint]
+
+    def response_of(self, robot: Robot, joint: str) -> LinkResponse:
+        """Return the response of a robot whose links differ from those of the believed one.
+
+        Linear in the links' parameters, so that a payload that is fitted costs no dynamics.
+        """
+        response = self.response(joint)
+        if robot.model is self.robot.model:
+            return response
+        change = inertial_parameters(robot) - inertial_parameters(self.robot)
+        kept = np.flatnonzero(change)
+        if not kept.size:
+            return response
+        known, columns = self._response_changes.get(joint, (kept[:0], None))
+        if columns is None or not np.isin(kept, known).all():
+            known = np.union1d(kept, known)
+            columns = regressor_columns(self.robot, self.motion, joint, self.regressor, known)
+            self._response_changes[joint] = known, columns
+        inertia, damping, stiffness = (column @ change[known] for column in columns)
+        return replace(
+            response,
+            inertia=response.inertia + inertia,
+            damping=response.damping + damping,
+            stiffness=response.stiffness + stiffness,
+        )
+
+    def _sensitivities(self, joint: str) -> LinkResponse:
+        robot = self.robot
+        row = robot.velocity_index(joint)
+        column = int(np.flatnonzero(robot.actuated == row)[0])
+        inertia, damping, stiffness = torque_columns(
+            robot, self.motion, joint, self.links, self.forces
+        )
+        return LinkResponse(
+            step=1.0 / self.rate,
+            row=row,
+            load=self.links - self.contacts,
+            inertia=inertia,
+            damping=damping,
+            stiffness=stiffness,
+            unexplained=np.zeros(len(self.links)),
+            band=partial(self._own_band, column=column),
+        )
+
+    def _own_band(self, values: FloatArray, column: int) -> FloatArray:
+        """Condense `values` (N or only the first of them, ...) as a torque of one driven joint."""
+        weight = self.scale[: len(values), column].reshape(-1, *(1,) * (values.ndim - 1))
+        return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
+
+    def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:
+        """Return the torque of an additional uniform field, linear in it, (N, nv)."""
+        masses = inertial_parameters(robot)
+        total = np.zeros(self.links.shape)
+        for axis in np.flatnonzero(change):
+            key = (float(axis), *masses)
+            if key not in self._gravity_terms:
+                self._gravity_terms.clear() if len(self._gravity_terms) > 12 else None
+                self._gravity_terms[key] = _gravity_torque(robot, self.motion, int(axis))
+            total += change[axis] * self._gravity_terms[key]
+        return total
+
+
+def _nothing_kept() -> dict[str, Any]:
+    return {"_gravity_terms": {}, "_responses": {}, "_response_changes": {}, "_moved": {}}
+
+
+def _gravity_torque(robot: Robot, motion: Motion, axis: int) -> FloatArray:
+    """Return the torque (N, nv) that a field of 1 m/s^2 along a world axis asks for."""
+    model = robot.model.copy()
+    model.gravity.linear = np.eye(3)[axis]
+    data = model.createData()
+    return np.array([pin.computeGeneralizedGravity(model, data, q) for q in motion.position])

@@ -1,0 +1,1 @@
+"""Position servos: fits of rollouts to their runs."""

@@ -1,0 +1,209 @@
+"""Steps of links behind gears that yield, compiled: import where needed.
+
+Loading the compiler takes a moment that most programs need not wait for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from wbc.arrays import FloatArray
+from wbc.compiled import Count, Dense, Nothing, Number, OutDense, compiled
+
+_Cube = types.Array(types.float64, 3, "C", readonly=True)
+_OutCube = types.Array(types.float64, 3, "C")
+_Row = types.Array(types.float64, 1, "C", readonly=True)
+_OutRow = types.Array(types.float64, 1, "C")
+_SWEEPS = 30
+_SETTLED = 1e-9  # of the level
+
+
+@compiled(Nothing, OutDense, OutDense)
+def _invert(whole: FloatArray, inverse: FloatArray) -> None:
+    """Write the inverse of `whole` (n, n), which is used up.
+
+    The inertia outweighs the rest at short steps: elimination needs no exchange of rows.
+    """
+    n = whole.shape[0]
+    inverse[:] = 0.0
+    for a in range(n):
+        inverse[a, a] = 1.0
+    for a in range(n):
+        pivot = 1.0 / whole[a, a]
+        for e in range(n):
+            whole[a, e] *= pivot
+            inverse[a, e] *= pivot
+        for b in range(n):
+            if b != a:
+                factor = whole[b, a]
+                for e in range(n):
+                    whole[b, e] -= factor * whole[a, e]
+                    inverse[b, e] -= factor * inverse[a, e]
+
+
+@compiled(Nothing, _OutRow, _OutRow, _Row, _Row, Dense, Number)
+def _rub(
+    rate: FloatArray,
+    rubs: FloatArray,
+    speed: FloatArray,
+    level: FloatArray,
+    gain: FloatArray,
+    step: float,
+) -> None:
+    """Change the rates (n,) of links at a step's end, and the friction (n,) that they have had.
+
+    Friction is what would stop a link by the step's end, within its level; several links ask one
+    another (Gauss-Seidel sweeps).
+
+    Args:
+        rate: with the friction `rubs`.
+        rubs: friction of the step.
+        speed, level: of the motors and of the friction at the step's end (n,).
+        gain: rates per torque impulse (n, n).
+        step: [s].
+    """
+    n = rate.size
+    for _ in range(_SWEEPS):
+        settled = True
+        for a in range(n):
+            if level[a] == 0.0 and rubs[a] == 0.0:
+                continue
+            wanted = rubs[a] + (rate[a] + speed[a]) / (step * gain[a, a])
+            wanted = min(max(wanted, -level[a]), level[a])
+            change = wanted - rubs[a]
+            rubs[a] = wanted
+            settled = settled and abs(change) <= _SETTLED * level[a]
+            for b in range(n):
+                rate[b] -= step * gain[b, a] * change
+        if settled or n == 1:
+            break
+
+
+@compiled(
+    Nothing,
+    *(_Cube, _Cube, _Cube),
+    *(Dense, Dense, Dense),
+    *(Number, Count),
+    *(_Row, _Row, _Row, _Row, Number),
+    *(_OutCube, _OutCube, _OutCube),
+)
+def follow_links(
+    inertia: FloatArray,
+    drag: FloatArray,
+    pull: FloatArray,
+    load: FloatArray,
+    speed: FloatArray,
+    level: FloatArray,
+    step: float,
+    parts: int,
+    late: FloatArray,
+    stiffness: FloatArray,
+    damping: FloatArray,
+    half: FloatArray,
+    farthest: float,
+    d: FloatArray,
+    v: FloatArray,
+    dry: FloatArray,
+) -> None:
+    """Write how n links move together behind their gears, from S starts.
+
+    Every step of the theta rule is linear in rates, deflections and loads, with the matrices of
+    the middle of the step. Which flanks carry is decided by the deflection in the middle, and a
+    flank that would pull lets go (`Flanks`). Dry friction as in `_rub`. What strays farther than
+    `farthest` is not followed: from there on all is infinite.
+
+    Args:
+        inertia, drag, pull: of the links at the samples (N, n, n), without their gears; straight
+            lines between.
+        load: torque of the links without deflection at the steps ((N - 1) parts + 1, n).
+        speed, level: speed of the motors, level of the links' dry friction at the samples (N, n).
+        step: distance of the samples [s].
+        parts: steps per sample.
+        late: theta of each link, the weight of a step's end (n,).
+        stiffness, damping, half: of the flanks, and half of the play (n,); none makes a spring.
+        farthest: [rad].
+        d, v: deflections and their rates (N, n, S) to write. The first of each is given.
+        dry: (N, n, S) to write, the mean of each interval; the last one stays.
+    """
+    n, starts = d.shape[1], d.shape[2]
+    h = step / parts
+    m, whole, gain = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    by_rate, by_place, push = np.empty((n, n)), np.empty((n, n)), np.empty(n)
+    at, rate = np.ascontiguousarray(d[0].T), np.ascontiguousarray(v[0].T)
+    new, right, rubs = np.empty(n), np.empty(n), np.zeros((starts, n))
+    motor, most, side, lost = np.empty(n), np.empty(n), np.empty(n), np.zeros(starts)
+    rough = False
+    for i in range(level.shape[0]):
+        for a in range(n):
+            rough = rough or level[i, a] > 0.0
+    for i in range(d.shape[0] - 1):
+        for part in range(parts):
+            middle, end, now = (part + 0.5) / parts, (part + 1.0) / parts, i * parts + part
+            for a in range(n):
+                early = 1.0 - late[a]
+                push[a] = h * (early * load[now, a] + late[a] * load[now + 1, a])
+                motor[a] = (1.0 - end) * speed[i, a] + end * speed[i + 1, a]
+                most[a] = (1.0 - end) * level[i, a] + end * level[i + 1, a]
+                for b in range(n):
+                    inert = (1.0 - middle) * inertia[i, a, b] + middle * inertia[i + 1, a, b]
+                    c = (1.0 - middle) * drag[i, a, b] + middle * drag[i + 1, a, b]
+                    k = (1.0 - middle) * pull[i, a, b] + middle * pull[i + 1, a, b]
+                    m[a, b] = inert + h * late[a] * (c + h * late[b] * k)
+                    by_rate[a, b] = inert - h * (early * c + h * late[a] * (1.0 - late[b]) * k)
+                    by_place[a, b] = h * k
+            known = -1  # pattern of the flanks that `gain` is for
+            for s in range(starts):
+                if lost[s] > 0.0:
+                    continue
+                pattern = 0
+                for a in range(n):
+                    there = at[s, a] + 0.5 * h * rate[s, a]
+                    side[a] = 1.0 if there > 0.0 else -1.0
+                    if abs(there) >= half[a]:
+                        pattern += 1 << a
+                for _ in range(n + 1):
+                    if pattern != known:
+                        known = pattern
+                        for a in range(n):
+                            for b in range(n):
+                                whole[a, b] = m[a, b]
+                            if (pattern >> a) & 1:
+                                give = damping[a] + h * late[a] * stiffness[a]
+                                whole[a, a] += h * late[a] * give
+                        _invert(whole, gain)
+                    for a in range(n):
+                        total = -push[a] - h * rubs[s, a]
+                        for b in range(n):
+                            total += by_rate[a, b] * rate[s, b] - by_place[a, b] * at[s, b]
+                        if (pattern >> a) & 1:
+                            early = 1.0 - late[a]
+                            give = early * (damping[a] + h * late[a] * stiffness[a]) * rate[s, a]
+                            total -= h * (give + stiffness[a] * (at[s, a] - side[a] * half[a]))
+                        right[a] = total
+                    for a in range(n):
+                        new[a] = 0.0
+                        for b in range(n):
+                            new[a] += gain[a, b] * right[b]
+                    if rough:
+                        _rub(new, rubs[s], motor, most, gain, h)
+                    released = False
+                    for a in range(n):
+                        if half[a] > 0.0 and (pattern >> a) & 1:
+                            mean = (1.0 - late[a]) * rate[s, a] + late[a] * new[a]
+                            stretch = at[s, a] - side[a] * half[a] + h * late[a] * mean
+                            if side[a] * (stiffness[a] * stretch + damping[a] * mean) < 0.0:
+                                pattern -= 1 << a
+                                released = True
+                    if not released:
+                        break
+                for a in range(n):
+                    at[s, a] += h * ((1.0 - late[a]) * rate[s, a] + late[a] * new[a])
+                    rate[s, a] = new[a]
+                    dry[i, a, s] += rubs[s, a] / parts
+                    if not abs(at[s, a]) < farthest:
+                        lost[s] = 1.0
+        for s in range(starts):
+            for a in range(n):
+                d[i + 1, a, s] = np.inf if lost[s] > 0.0 else at[s, a]
+                v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[s, a]

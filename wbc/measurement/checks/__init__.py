@@ -1,0 +1,1 @@
+"""What a log is good for, found before anything is computed from it."""

@@ -1,0 +1,109 @@
+"""The ingest gate: what a log is good for before anything is computed from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.measurement.checks.channel_check import check_channels
+from wbc.measurement.checks.clock_check import check_clock
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.log_quality import LogQuality, by_severity
+from wbc.measurement.checks.log_set_check import check_set
+from wbc.measurement.checks.motion_check import (
+    check_ranges,
+    check_rotor_positions,
+    check_velocities,
+    velocity_fits,
+)
+from wbc.measurement.checks.robot_check import check_robot
+from wbc.measurement.checks.stuck_check import check_stuck
+from wbc.measurement.checks.value_runs import resolution
+from wbc.measurement.log import Log
+from wbc.measurement.suspicions.find import find_suspicions, single_ratios
+from wbc.robot import Robot
+
+
+def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
+    """Return clock, resolution and findings of a log.
+
+    Args:
+        log: the log.
+        robot: gives gears, limits and the torques that the motion needs, so that wrong columns,
+            signs, sides and units show; without it only contradictions inside the log do.
+    """
+    return check_logs([log], robot)[0]
+
+
+def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQuality, ...]:
+    """Return the quality of each log; what speaks against using them together is in the first.
+
+    Args:
+        logs: logs said to be of one robot, at least one.
+        robot: as for `check_log`.
+    """
+    suspected = find_suspicions(logs, robot)
+    each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
+    together = check_set(logs)
+    if each and together:
+        first = each[0]
+        findings = by_severity([*first.findings, *together])
+        each[0] = replace(first, findings=findings)
+    return tuple(each)
+
+
+def _quality(log: Log, robot: Robot | None, suspected: Sequence[Finding]) -> LogQuality:
+    fits = velocity_fits(log)
+    ratios = single_ratios(robot) if robot is not None else {}
+    named = {finding.column for finding in suspected}
+    kinds = {finding.kind for finding in suspected}
+    velocities = [f for f in check_velocities(log, fits) if f.column not in named]
+    ranges = check_ranges(log, _limits(robot) if robot is not None else {})
+    findings = [
+        *suspected,
+        *(check_robot(log, robot) if robot is not None else ()),
+        *check_clock(log),
+        *check_channels(log),
+        *check_stuck(log),
+        *(velocities if "time_unit" not in kinds else ()),
+        *check_rotor_positions(log, ratios),
+        *(ranges if not kinds & {"degrees", "gear_side"} else ()),
+        *_reading(log),
+    ]
+    steps = np.diff(log.time)
+    return LogQuality(
+        label=log.source.label,
+        rows=len(log),
+        duration=log.duration,
+        rate=1.0 / log.sample_time,
+        jitter=float(np.std(steps) / np.median(steps)),
+        longest_gap=float(steps.max()),
+        velocity_delay={joint: fit.delay for joint, fit in fits.items()},
+        velocity_scale={joint: fit.scale for joint, fit in fits.items()},
+        resolution={name: resolution(values) for name, values in log.columns.items()},
+        findings=by_severity(findings),
+    )
+
+
+def _reading(log: Log) -> list[Finding]:
+    """Return what reading the file found."""
+    found = [Finding("info", "read", "", note, "") for note in log.source.notes]
+    for column, text in log.source.unusable.items():
+        found.append(Finding("warning", "missing", column, text, ""))
+    if log.source.ignored:
+        text = f"columns that were not read: {', '.join(log.source.ignored)}."
+        way_out = "Map them if they matter (--columns MAP.toml)."
+        found.append(Finding("info", "unread", "", text, way_out))
+    return found
+
+
+def _limits(robot: Robot) -> dict[str, tuple[float, float]]:
+    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    found: dict[str, tuple[float, float]] = {}
+    for joint in robot.single_joints:
+        row = robot.position_index(joint)
+        if np.isfinite(lower[row]) and np.isfinite(upper[row]) and abs(upper[row]) < 1e6:
+            found[joint] = (float(lower[row]), float(upper[row]))
+    return found

@@ -1,0 +1,102 @@
+"""Findings about what a robot has and a log lacks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.columns.mend import Mend, say_so
+from wbc.measurement.log import Log
+from wbc.measurement.suspicions.matching import match_joints
+from wbc.robot import Robot
+
+_TORQUES = ("rotor_torque", "motor_torque", "current")
+
+
+def check_robot(log: Log, robot: Robot) -> list[Finding]:
+    """Return findings about joints without position, drives without torque, and no motion."""
+    missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
+    if missing:
+        return [_unknown(log, robot, missing)]
+    found = _without_torque(log, robot)
+    positions = [
+        log.column(f"{name}.position")
+        for name in robot.single_joints
+        if log.has(f"{name}.position")
+    ]
+    if positions and all(np.ptp(values) == 0.0 for values in positions):
+        found.append(
+            Finding(
+                "error",
+                "constant_log",
+                "",
+                "no joint moves in this log: every position is constant.",
+                "Record the robot in motion; if it moved, the position columns are not connected.",
+            )
+        )
+    return found
+
+
+def _known(log: Log, name: str) -> bool:
+    return log.has(name) or name in log.source.unusable
+
+
+def _unknown(log: Log, robot: Robot, missing: list[str]) -> Finding:
+    strange = [name for name in log.with_quantity("position") if name not in robot.joints]
+    seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
+    text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
+    mend: Mend = {}
+    way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
+    if len(strange) == len(missing):
+        order, sure = match_joints(robot, log, missing, strange)
+        mend = {
+            "columns": {
+                f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
+                for ours, theirs in order.items()
+                for name in log.columns
+                if name.startswith(f"{theirs}.")
+            }
+        }
+        why = "as their motion and torques tell" if sure else "if their order is the same"
+        way = f"If they are the same joints ({why}), " + say_so(mend)
+    return Finding("error", "joints_unknown", "", text, way, mend)
+
+
+def _without_torque(log: Log, robot: Robot) -> list[Finding]:
+    lacking = [
+        joint
+        for joint in robot.transmission.joints
+        if not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES)
+    ]
+    constant = robot.transmission.torque_constant
+    found = []
+    if lacking:
+        found.append(
+            Finding(
+                "error",
+                "no_torque",
+                "",
+                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque and current "
+                "is needed.",
+                "Record what the drive reports; a log of positions alone can be played, not "
+                "compared.",
+            )
+        )
+    silent = [
+        joint
+        for k, joint in enumerate(robot.transmission.joints)
+        if joint not in lacking
+        and not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES[:2])
+        and not np.isfinite(constant[k])
+    ]
+    if silent:
+        found.append(
+            Finding(
+                "error",
+                "no_torque_constant",
+                "",
+                f"the log gives currents of {', '.join(silent)}, and the robot no torque constant.",
+                "State torque_constant [N m/A] of these gears in robot.toml.",
+            )
+        )
+    return found

@@ -1,0 +1,1 @@
+"""From foreign columns to the channels of a log: maps, units, sides of the gear, rows."""

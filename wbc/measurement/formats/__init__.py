@@ -1,0 +1,1 @@
+"""Files of columns: opening, reading in pieces, writing."""

@@ -1,0 +1,205 @@
+"""A column map for files that nobody has described: a guess, every line with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import LogError
+from wbc.measurement.checks.finding import Finding
+from wbc.measurement.columns.column_map import parse_column_map
+from wbc.measurement.columns.mend import merged
+from wbc.measurement.formats.open_table import open_table
+from wbc.measurement.formats.table import Table
+from wbc.measurement.guessing.names import NameGuess, guess_name
+from wbc.measurement.load import read_logs
+from wbc.measurement.log import Log
+from wbc.measurement.schema import TIME
+from wbc.measurement.suspicions.find import find_suspicions, single_ratios
+from wbc.measurement.suspicions.matching import match_joints
+from wbc.measurement.suspicions.torques import LIKELY
+from wbc.robot import Robot
+
+_LOGS = 4  # of a file that are looked at: a guess needs no more
+_ROUNDS = 5  # of corrections, one upon another
+_OF_MOTION = ("time_unit", "velocity_unit", "velocity_sign", "gear_side", "degrees")
+_DRIVEN = ("rotor_torque", "motor_torque", "current")
+
+
+@dataclass(frozen=True)
+class MapGuess:
+    """A guessed column map.
+
+    Attributes:
+        table: the map.
+        reasons: why its lines say what they say.
+        driven: joints of the robot with a column of torque or current.
+    """
+
+    table: Mapping[str, Any]
+    reasons: tuple[str, ...]
+    driven: tuple[str, ...]
+
+
+def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
+    """Return what the names of a file's columns suggest for the joints of a robot.
+
+    Args:
+        path: a log; others like it are taken for the same.
+        joints: of the robot, with one degree of freedom.
+
+    Raises:
+        LogError: a file that cannot be read, or without anything like a position.
+    """
+    table = open_table(Path(path))
+    guesses = [guess_name(name) for name in table.names]
+    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == "position"))
+    if not owners:
+        raise LogError(
+            f"{path}: no column looks like the position of a joint; write a column map. There are: "
+            f"{', '.join(table.names)}."
+        )
+    named, by_name = _joints_of(owners, joints)
+    reasons = [
+        f"{theirs or 'the columns'}: joint {ours}, "
+        + ("by its name" if theirs in by_name else "by its place in the file")
+        for theirs, ours in named.items()
+    ]
+    columns: dict[str, Any] = {}
+    for guess in guesses:
+        if guess.owner not in named or guess.quantity in ("", TIME):
+            continue
+        target = f"{named[guess.owner]}.{guess.quantity}"
+        if target in columns or target == guess.name:
+            continue
+        columns[target] = {"from": guess.name, **({"unit": guess.unit} if guess.unit else {})}
+    mapped: dict[str, Any] = {"columns": columns} if columns else {}
+    mapped |= _clock(guesses, table)
+    mapped |= _parts(table, mapped)
+    driven = tuple(
+        ours
+        for theirs, ours in named.items()
+        if any(g.owner == theirs and g.quantity in _DRIVEN for g in guesses)
+    )
+    return MapGuess(mapped, tuple(reasons), driven)
+
+
+def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
+    """Return a guess corrected by what the rows say against the robot.
+
+    Joints by motion and torque, units by derivative, sides by ratio, signs by gravity.
+
+    Args:
+        robot: whose logs they are, as far as it is known.
+        paths: the logs.
+        start: from the names.
+    """
+    table, reasons = dict(start.table), list(start.reasons)
+    unsure = any("by its place" in reason for reason in reasons) and len(start.driven) > 1
+    for _ in range(_ROUNDS):
+        logs = _read(paths, table, robot)
+        doubts = [
+            finding
+            for finding in find_suspicions(logs, robot)[0]
+            if finding.mend and finding.probability >= LIKELY and not _denied(finding, table)
+        ]
+        # What contradicts itself within a log comes before what the torques say.
+        doubts = [f for f in doubts if f.kind in _OF_MOTION] or doubts
+        moved = (
+            {}
+            if not unsure or any(f.kind in _OF_MOTION for f in doubts)
+            else (_matched(robot, logs[0], start.driven))
+        )
+        if moved:
+            table = merged(table, {"columns": moved})
+            reasons.append("the order of the joints was changed: so the torques follow the motion")
+        elif doubts:
+            for finding in doubts:
+                table = merged(table, finding.mend)
+                reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
+        else:
+            break
+        unsure = unsure and not moved
+    return MapGuess(table, tuple(reasons), start.driven)
+
+
+def _denied(finding: Finding, table: Mapping[str, Any]) -> bool:
+    """Whether the names say what a finding doubts: angles in rad."""
+    entries = [table.get("columns", {}).get(name, {}) for name in finding.mend.get("columns", {})]
+    return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
+
+
+def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -> list[Log]:
+    rules = parse_column_map(table, "", single_ratios(robot))
+    return list(read_logs(paths[:_LOGS], rules))[:_LOGS]
+
+
+def _matched(robot: Robot, log: Log, joints: Sequence[str]) -> dict[str, Any]:
+    """Return the columns that must be exchanged, if the rows tell it."""
+    order, sure = match_joints(robot, log, joints, joints)
+    if not sure:
+        return {}
+    return {
+        f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
+        for ours, theirs in order.items()
+        if ours != theirs
+        for name in log.columns
+        if name.startswith(f"{theirs}.")
+    }
+
+
+def _joints_of(owners: Sequence[str], joints: Sequence[str]) -> tuple[dict[str, str], set[str]]:
+    """Return owner -> joint, by name where names agree, else by place; and which by name."""
+    named: dict[str, str] = {}
+    for owner in owners:
+        words = set(owner.lower().split("_")) - {""}
+        fitting = [
+            joint
+            for joint in joints
+            if joint not in named.values()
+            and (joint == owner or (words and words <= set(joint.lower().split("_"))))
+        ]
+        if len(fitting) == 1:
+            named[owner] = fitting[0]
+    by_name = set(named)
+    left = [joint for joint in joints if joint not in named.values()]
+    for owner in owners:
+        if owner not in named and left:
+            named[owner] = left.pop(0)
+    return named, by_name
+
+
+def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
+    times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
+    if not times:
+        raise LogError(
+            f"{table.path}: no column looks like a clock; write a column map with time.rate in Hz."
+        )
+    first = times[0]
+    clock: dict[str, Any] = {} if first.name == TIME else {"from": first.name}
+    if first.unit and first.unit != "s":
+        clock["unit"] = first.unit
+    return {"time": clock} if clock else {}
+
+
+def _parts(table: Table, mapped: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the section [rows] for a file whose clock starts again where a text changes."""
+    clock = mapped.get("time", {}).get("from", TIME)
+    time = np.concatenate([chunk[clock] for chunk in table.chunks([clock], [])])
+    if np.all(np.diff(time) > 0.0):
+        return {}
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    for name in table.names:
+        if guess_name(name).quantity:
+            continue
+        try:
+            keys = np.concatenate([chunk[name] for chunk in table.chunks([], [name])])
+        except LogError:
+            continue
+        if np.all(keys[back] != keys[back + 1]):
+            return {"rows": {"split": name}}
+    return {"time": {**mapped.get("time", {}), "repeated": "first"}}

@@ -1,0 +1,107 @@
+"""A robot description for a model file: what the file says, and guesses marked as guesses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pinocchio as pin
+
+from wbc.errors import RobotError
+from wbc.files import write_text
+from wbc.robot.model_file import read_model
+
+_GUESS = "guess: not in the model file; look it up"
+
+
+def driven_joints(model: pin.Model) -> tuple[str, ...]:
+    """Return the joints of a model that a gear can drive: those with one degree of freedom."""
+    joints = [model.joints[model.getJointId(name)] for name in list(model.names)[1:]]
+    names = list(model.names)[1:]
+    return tuple(n for n, j in zip(names, joints, strict=True) if j.nv == 1 and j.nq == 1)
+
+
+def model_joints(path: Path, base: str) -> tuple[str, ...]:
+    """Return the joints of a model file that a gear can drive.
+
+    Raises:
+        RobotError: a file that cannot be read, or without such a joint.
+    """
+    model, _ = read_model(path, base, [])
+    joints = driven_joints(model)
+    if not joints:
+        raise RobotError(f"'{path}' has no joint with one degree of freedom for a gear to drive.")
+    return joints
+
+
+def write_robot(
+    target: str | Path, model: Path, base: str, driven: Sequence[str], name: str
+) -> Path:
+    """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
+
+    Args:
+        target: the file.
+        model: URDF or MJCF.
+        base: fixed or free_flyer.
+        driven: joints that get a gear.
+        name: of the robot.
+    """
+    stated = {**_reductions(model), **_armatures(model)}
+    lines = [
+        "# Written by `wbc init`. Numbers whose source is 'guess' are to be looked up.",
+        f'name = "{name}"',
+        f'model = "{model.resolve().as_posix()}"',
+        f'base = "{base}"',
+    ]
+    for joint in driven:
+        ratio, inertia = stated.get(joint, (None, None))
+        lines += [
+            "",
+            f'[gears."{joint}"]',
+            _number("gear_ratio", ratio, 1.0, "1", "torque is then taken behind the gear"),
+            _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
+        ]
+    return write_text(Path(target), "\n".join(lines) + "\n")
+
+
+def _number(key: str, value: float | None, guess: float, unit: str, why: str) -> str:
+    known = value is not None
+    source = "the model file" if known else f"{_GUESS}; {why}"
+    return (
+        f'{key} = {{ value = {value if known else guess}, unit = "{unit}", source = "{source}" }}'
+    )
+
+
+def _reductions(path: Path) -> Mapping[str, tuple[float, float | None]]:
+    """Return joint -> (gear ratio, no inertia) of the <transmission> elements of a URDF."""
+    found: dict[str, tuple[float, float | None]] = {}
+    for element in _root(path).iter("transmission"):
+        joint = element.find("joint")
+        ratio = element.find(".//mechanicalReduction")
+        if joint is None or ratio is None or not ratio.text:
+            continue
+        try:
+            value = float(ratio.text)
+        except ValueError:
+            continue
+        if value != 0.0:
+            found[str(joint.get("name"))] = (value, None)
+    return found
+
+
+def _armatures(path: Path) -> Mapping[str, tuple[float, float]]:
+    """Return joint -> (1, armature) of the joints of an MJCF file that state one themselves."""
+    found: dict[str, tuple[float, float]] = {}
+    for joint in _root(path).iter("joint"):
+        name, armature = joint.get("name"), joint.get("armature")
+        if name and armature:
+            found[name] = (1.0, float(armature))
+    return found
+
+
+def _root(path: Path) -> ElementTree.Element:
+    try:
+        return ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as cause:
+        raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause

@@ -1,0 +1,201 @@
+"""How well a report of torque agrees with what a motion needs: a marginal likelihood.
+
+The report of joint k, at the output of its motor, is modelled as
+
+    r = g (n + kappa |n| sgn v) + c a + f_v v + f_c sgn v + offset + error,
+
+with n what the links need, v and a speed and acceleration of the motor. Physics fixes the signs:
+g, kappa, f_v, f_c > 0 and 0 <= c <= a few times the joint's inertia; g is near one. Signs, sides
+and units are thus told by what no drive, friction or payload imitates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.special import logsumexp
+
+from wbc.arrays import FloatArray
+from wbc.measurement.suspicions.rows import Need
+
+GAIN_SPREAD = float(np.log(4.0)) / 2.0
+"""Standard deviation of ln g: in 95 of 100 machines drives, losses and loads amount to less than a
+factor 4 (torque constants up to 2.7 times off stand in the recorded sets' own papers)."""
+
+_GAINS = np.exp(np.linspace(-4.0, 4.0, 73) * GAIN_SPREAD)
+_PRIOR = -0.5 * (np.log(_GAINS) / GAIN_SPREAD) ** 2
+_PRIOR -= logsumexp(_PRIOR)
+_RATIOS = np.exp(np.linspace(-2.5, 2.5, 101))
+_RATIO_PRIOR = -0.5 * np.log(_RATIOS) ** 2  # ratios of robots' gears differ by e or so
+_RATIO_PRIOR -= logsumexp(_RATIO_PRIOR)
+_ROTOR_SPREAD = 0.4  # standard deviation of ln of a rotor's inertia over that of its data sheet ...
+_ROTOR_WRONG = float(np.log(0.02))  # ... unless it is simply wrong
+_ALIKE = 0.15  # standard deviation of ln g between drives of one kind
+_UNRELATED = float(np.log(0.1))  # a drive that carried nothing: 3 of 30 recorded joints
+_STRANGE = float(np.log(0.002))  # a large report that follows something else: none in 30
+_IDLE = 0.1  # share of the need below which a report may well be that of an idle drive
+_PHYSICS = 0.01  # share of a report's power that rigid bodies and friction never explain
+_MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
+_WORST = 1e6  # share of power that a fit leaves, beyond which none is worse
+_INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
+
+
+class Report(NamedTuple):
+    """What a report says, for each gain: one joint, one way to read the columns."""
+
+    gains: FloatArray
+    """(G,) log likelihood at each gain of the grid."""
+    gain: float
+    """The likeliest gain."""
+    left: float
+    """Share of the report's power that is left there."""
+    unrelated: float
+    """Log likelihood, with its prior, of a report that has nothing to do with the need."""
+    ratios: FloatArray
+    """(F,) log likelihood at each factor of the grid by which the gear ratio may be another."""
+
+
+def report(
+    reported: FloatArray,
+    need: Need,
+    joint: int,
+    samples: float,
+    inertia: float,
+    rotor: float,
+    power: float,
+) -> Report:
+    """Return how a report agrees with a need.
+
+    Args:
+        reported: (N,) torque at the output of the motor [N m].
+        need: of all joints.
+        joint: which of them.
+        samples: independent samples that the report amounts to.
+        inertia: typical inertia of the joint, with its rotor [kg m^2].
+        rotor: reflected inertia of the rotor alone [kg m^2]; 0 where it is not known.
+        power: by which a gain follows from a factor of the gear ratio: -1 for what is measured on
+            the rotor, 0 for torque behind the gear.
+    """
+    size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
+    if size <= 0.0:
+        return Report(np.zeros(_GAINS.size), 0.0, 1.0, 0.0, np.zeros(_RATIOS.size))
+    causes, drawn = _columns(need, joint)
+    table = np.column_stack([causes, drawn, reported / size])
+    reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
+    limit = _INERTIA * inertia / size
+    count = min(samples, _MOST_SAMPLES)
+    gains = np.array([_likelihood(reduced, g / size, rotor, limit, count) for g in _GAINS])
+    best = int(np.argmax(gains))
+    left, _ = _misfit(reduced, float(_GAINS[best]) / size, limit)
+    ratios = np.zeros(_RATIOS.size)
+    if rotor > 0.0:
+        inertias = rotor / size * _RATIOS ** (power + 2.0)
+        pairs = zip(_RATIOS**power / size, inertias, strict=True)
+        ratios = np.array([_log(_held(reduced, g, c), count) for g, c in pairs])
+    return Report(
+        gains=gains,
+        gain=float(_GAINS[best]),
+        left=left,
+        unrelated=_unrelated(reduced, count, size, drawn + inertia * need.change[:, joint]),
+        ratios=ratios,
+    )
+
+
+def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
+    """Return (log evidence of one factor on all gear ratios, the likeliest factor).
+
+    The gear ratio shows twice: in what is measured on the rotor, and in the rotor's reflected
+    inertia. A torque constant, a payload or a rotor that is wrong shows once.
+
+    Args:
+        reports: per log, of all joints.
+    """
+    total = np.sum([one.ratios for log in reports for one in log], axis=0)
+    return float(logsumexp(_RATIO_PRIOR + total)), float(_RATIOS[int(np.argmax(total))])
+
+
+def evidence(logs: Sequence[tuple[Sequence[Report], FloatArray]]) -> float:
+    """Return the log evidence of the reports of all joints in all logs.
+
+    The gain of a joint is the same in all logs. Gains are drawn apart or alike (one kind of drive,
+    one unit), with equal odds; each report may also be unrelated to the need.
+
+    Args:
+        logs: per log, the reports of all joints, read in one way; and (m,) log likelihoods of the
+            same columns if they mean nothing, which do not depend on how the columns are read.
+    """
+    total = np.sum(
+        [
+            np.logaddexp(np.stack([one.gains for one in reports]), idle[:, None])
+            for reports, idle in logs
+        ],
+        axis=0,
+    )
+    apart = float(np.sum(logsumexp(_PRIOR + total, axis=1)))
+    near = -0.5 * (np.log(_GAINS[:, None] / _GAINS) / _ALIKE) ** 2
+    near -= logsumexp(near, axis=1, keepdims=True)
+    given = logsumexp(near[None] + total[:, None, :], axis=2)
+    alike = float(logsumexp(_PRIOR + given.sum(axis=0)))
+    return float(np.logaddexp(apart, alike) - np.log(2.0))
+
+
+def _unrelated(reduced: FloatArray, count: float, size: float, need: FloatArray) -> float:
+    """Return the log likelihood of a report that anything but the need may explain.
+
+    An idle drive reports little, and what it reports may go with speed and acceleration either way.
+    """
+    causes, target = reduced[:, :-2], reduced[:, -1]
+    free = np.linalg.lstsq(causes, target, rcond=1e-9)[0]
+    left = float(np.sum((target - causes @ free) ** 2))
+    share = size / max(float(np.sqrt(np.sum((need - need.mean()) ** 2))), 1e-300)
+    excess = max(0.0, float(np.log(share / _IDLE))) / GAIN_SPREAD
+    # Speed, direction, loss and acceleration may have either sign: half of the odds each.
+    prior = float(np.logaddexp(_UNRELATED - 0.5 * excess**2, _STRANGE) - 4.0 * np.log(2.0))
+    return prior - 0.5 * count * float(np.log(left + _PHYSICS))
+
+
+def _columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
+    """Return (N, 7): offset up and down, speed, direction, loss under load, acceleration; need."""
+    speed = need.speed[:, joint]
+    links = need.links[:, joint]
+    # A direction is no sharper than the filter that the speed has gone through.
+    way = np.tanh(speed / max(0.1 * float(np.std(speed)), 1e-12))
+    one = np.ones(speed.size)
+    causes = [one, -one, speed, way, np.abs(links) * way, need.change[:, joint]]
+    return np.column_stack(causes), links
+
+
+def _likelihood(
+    reduced: FloatArray, gain: float, rotor: float, limit: float, count: float
+) -> float:
+    """Return the log likelihood at a gain; a rotor unlike its data sheet has its price."""
+    left, inertia = _misfit(reduced, gain, limit)
+    free = _log(left, count)
+    if rotor <= 0.0:
+        return free
+    size = float(np.log(max(inertia, 1e-300) / (gain * rotor)))
+    price = max(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
+    return max(free + price, _log(_held(reduced, gain, gain * rotor), count))
+
+
+def _log(left: float, count: float) -> float:
+    return -0.5 * count * float(np.log(min(left, _WORST) + _PHYSICS))
+
+
+def _held(reduced: FloatArray, gain: float, inertia: float) -> float:
+    """Return the share of power left at a gain and a coefficient of the acceleration."""
+    target = reduced[:, -1] - gain * reduced[:, -2] - inertia * reduced[:, -3]
+    return float(nnls(reduced[:, :-3], target)[1]) ** 2
+
+
+def _misfit(reduced: FloatArray, gain: float, limit: float) -> tuple[float, float]:
+    """Return (share of power left, coefficient of the acceleration) at a gain."""
+    target = reduced[:, -1] - gain * reduced[:, -2]
+    causes = reduced[:, :-2]
+    found, left = nnls(causes, target)
+    if found[-1] > limit:
+        return _held(reduced, gain, limit), limit
+    return float(left) ** 2, float(found[-1])

@@ -1,0 +1,165 @@
+"""Units, sides and signs of time, position and velocity that contradict each other in a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import log, pi
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wbc.arrays import FloatArray
+from wbc.measurement.columns.mend import Mend
+from wbc.measurement.log import Log
+from wbc.measurement.motion.velocity_fit import fit_velocity
+
+_RATIO_SPREAD = 0.02  # of ln of velocity over d position / d time: filters, delays, calibration
+_ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have another cause
+_MISTAKE = log(0.02)  # each: a few in a hundred sets of logs have one
+_CORRELATION = 0.95
+_CHECKED_ROWS = 200_000
+_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2  # sample times: 0.5 to 50 ms in 95 of 100 robot logs
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A known mistake by the ratio of velocity to d position / d time that it makes.
+
+    Attributes:
+        factor: the ratio.
+        text: what is wrong; `{joint}` stands for the joint.
+        mend: entries of [columns] by quantity, or the section [time].
+    """
+
+    factor: float
+    kind: str
+    text: str
+    mend: Mapping[str, Mapping[str, object]]
+
+
+_RATIOS = (
+    Ratio(pi / 180.0, "degrees", "the position is in degrees", {"position": {"unit": "deg"}}),
+    Ratio(180.0 / pi, "degrees", "the velocity is in deg/s", {"velocity": {"unit": "deg/s"}}),
+    Ratio(30.0 / pi, "velocity_unit", "the velocity is in rpm", {"velocity": {"unit": "rpm"}}),
+    Ratio(
+        0.5 / pi, "velocity_unit", "the velocity is in turns/s", {"velocity": {"unit": "turn/s"}}
+    ),
+    Ratio(2.0 * pi, "degrees", "the position is in turns", {"position": {"unit": "turn"}}),
+    Ratio(1e3, "time_unit", "the time is in ms", {"time": {"unit": "ms"}}),
+    Ratio(1e6, "time_unit", "the time is in us", {"time": {"unit": "us"}}),
+    Ratio(1e9, "time_unit", "the time is in ns", {"time": {"unit": "ns"}}),
+    Ratio(
+        1e-3,
+        "velocity_unit",
+        "the position is in thousandths of the velocity's unit",
+        {"position": {"scale": 0.001}},
+    ),
+    Ratio(
+        -1.0,
+        "velocity_sign",
+        "position and velocity have opposite signs",
+        {"velocity": {"sign": -1}},
+    ),
+)
+
+
+def with_gear(ratio: float) -> tuple[Ratio, ...]:
+    """Return the mistakes of a joint behind a gear: those of every joint, and its two sides."""
+    if abs(ratio) == 1.0 or not np.isfinite(ratio):
+        return _RATIOS
+    side = {"side": "rotor", "gear_ratio": ratio}
+    rotor = Ratio(ratio, "gear_side", "the velocity is that of the rotor", {"velocity": side})
+    both = {"velocity": {**side, "unit": "rpm"}}
+    return (
+        *_RATIOS,
+        rotor,
+        Ratio(1.0 / ratio, "gear_side", "the position is that of the rotor", {"position": side}),
+        Ratio(ratio * 30.0 / pi, "gear_side", "the velocity is that of the rotor, in rpm", both),
+    )
+
+
+@dataclass(frozen=True)
+class MotionMistake:
+    """A mistake of one joint, or of the clock.
+
+    Attributes:
+        ratio: which mistake.
+        joint: whose; empty for the clock.
+        scale: what was seen.
+        probability: of the mistake.
+    """
+
+    ratio: Ratio
+    joint: str
+    scale: float
+    probability: float
+
+    @property
+    def mend(self) -> Mend:
+        """What a column map says about it."""
+        if "time" in self.ratio.mend:
+            return dict(self.ratio.mend)
+        return {"columns": {f"{self.joint}.{name}": dict(e) for name, e in self.ratio.mend.items()}}
+
+
+def motion_mistakes(log: Log, ratios: Mapping[str, float]) -> list[MotionMistake]:
+    """Return the likely mistakes of every joint of a log that has position and velocity.
+
+    Args:
+        log: the log.
+        ratios: gear ratio N of joints that one motor drives alone; may be empty.
+    """
+    found = []
+    for joint in log.with_quantity("position"):
+        scale = velocity_scale(log, joint)
+        if scale is None:
+            continue
+        known = with_gear(ratios.get(joint, 1.0))
+        odds = np.array([_log_odds(scale, one.factor) for one in known])
+        stands = np.logaddexp(_log_odds(scale, 1.0) - _MISTAKE, _odd(scale) - _MISTAKE)
+        best = int(np.argmax(odds))
+        probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
+        if probability >= 0.5:
+            found.append(MotionMistake(known[best], joint, scale, probability))
+    return found
+
+
+def slow_clock(log: Log) -> float:
+    """Return the probability that the time stamps are milliseconds, from their distance alone."""
+    step = log.sample_time
+    stands = -0.5 * ((np.log(step) - _USUAL_STEP) / _STEP_SPREAD) ** 2
+    other = _MISTAKE - 0.5 * ((np.log(1e-3 * step) - _USUAL_STEP) / _STEP_SPREAD) ** 2
+    return float(np.exp(other - np.logaddexp(stands, other)))
+
+
+def velocity_scale(log: Log, joint: str) -> float | None:
+    """Return velocity / (d position / d time) of a joint, None where that cannot be told."""
+    if not log.has(f"{joint}.position", f"{joint}.velocity"):
+        return None
+    rows = slice(0, _CHECKED_ROWS)
+    time, position = log.time[rows], log.column(f"{joint}.position")[rows]
+    velocity = log.column(f"{joint}.velocity")[rows]
+    if time.size < 20 or np.ptp(position) < _resolution(position):
+        return None
+    fit = fit_velocity(time, position, velocity)
+    return fit.scale if fit.moves and abs(fit.correlation) > _CORRELATION else None
+
+
+def _log_odds(scale: float, factor: float) -> float:
+    """Return the log density of a ratio if a factor is what makes it, times its prior."""
+    if scale * factor <= 0.0:
+        return -np.inf
+    away = np.log(scale / factor) / _RATIO_SPREAD
+    return float(_MISTAKE - 0.5 * away**2 - np.log(_RATIO_SPREAD))
+
+
+def _odd(scale: float) -> float:
+    """Return the log density of a ratio that something else makes."""
+    away = np.log(abs(scale)) / _ODD_SPREAD
+    return float(_MISTAKE + _ODD - 0.5 * away**2 - np.log(2.0 * _ODD_SPREAD))
+
+
+def _resolution(values: FloatArray) -> float:
+    """Return a range below which a channel may be noise: 20 times the median step."""
+    return float(20.0 * np.median(np.abs(np.diff(values))) + 1e-9)

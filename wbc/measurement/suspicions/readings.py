@@ -1,0 +1,297 @@
+"""The mistakes that people make with columns, each with how the log reads without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import log as ln
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.measurement.columns.mend import Mend
+from wbc.measurement.log import Log
+from wbc.measurement.suspicions.rows import Rows
+
+# How often a set of logs has a mistake of a kind, as far as questions on forums of robot software
+# tell: a few in a hundred. A factor 3 moves a decision by one nat; clear cases have ten or more.
+_EVERYWHERE = ln(0.02)
+_SOMEWHERE = ln(0.01)
+_RARE = ln(0.003)
+
+_TORQUE_UNITS = {"N mm": ("mN m", 1e-3), "N cm": ("N cm", 1e-2)}
+_CURRENT_UNITS = {"mA": ("mA", 1e-3)}
+_MOVING = ("position", "velocity", "acceleration", "target_position", "target_velocity")
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One way to read the columns of a log.
+
+    Attributes:
+        kind: short name for machines, empty for the log as it stands.
+        text: what is wrong, as a clause; empty for the log as it stands.
+        prior: log probability before the rows are seen.
+        order: (n,) single joint i has the position column of single joint order[i] ...
+        factor: (n,) ... times this.
+        torque_order: (m,) the same of the driven joints' torque columns ...
+        torque_factor: (m,) ... times this, in the unit of the column.
+        mend: what a column map says about it.
+        columns: the columns that are wrong.
+        advice: what else may be done about it.
+    """
+
+    kind: str
+    text: str
+    prior: float
+    order: IntArray
+    factor: FloatArray
+    torque_order: IntArray
+    torque_factor: FloatArray
+    mend: Mend
+    columns: tuple[str, ...] = ()
+    advice: str = ""
+
+    def torque(self, rows: Rows) -> FloatArray:
+        """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
+        factor = self.torque_factor * rows.conversion / rows.conversion[self.torque_order]
+        return np.asarray(rows.torque[:, self.torque_order] * factor)
+
+
+def readings(rows: Rows, log: Log, lost: BoolArray) -> Iterator[Reading]:
+    """Yield the log as it stands, and then every mistake with the reading that undoes it.
+
+    Args:
+        rows: of the log.
+        log: names the columns.
+        lost: (m,) driven joints whose report does not follow the need as the log stands; only
+            theirs may be exchanged.
+    """
+    as_is = as_it_stands(rows)
+    yield as_is
+    yield from _signs(rows, log, as_is)
+    yield from _units(rows, log, as_is)
+    yield from _sides(rows, as_is)
+    yield from _exchanges(rows, log, lost, as_is)
+
+
+def as_it_stands(rows: Rows) -> Reading:
+    """Return the reading that changes nothing."""
+    single, driven = len(rows.robot.single_joints), rows.robot.transmission.size
+    return Reading(
+        "", "", ln(0.8), np.arange(single), np.ones(single), np.arange(driven), np.ones(driven), {}
+    )
+
+
+def _signs(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
+    """Yield torques and positions whose sign is the other way round."""
+    driven, names = rows.robot.transmission.joints, _torque_columns(rows)
+    if len(driven) > 1:
+        yield replace(
+            as_is,
+            kind="torque_sign",
+            text=f"the signs of {listed(names)} are reversed",
+            prior=_EVERYWHERE,
+            torque_factor=-as_is.torque_factor,
+            **_with({name: {"sign": -1} for name in names}),
+        )
+    for k, name in enumerate(names):
+        yield replace(
+            as_is,
+            kind="torque_sign",
+            text=f"the sign of {name} is reversed",
+            prior=_SOMEWHERE,
+            torque_factor=_put(as_is.torque_factor, [k], -1.0),
+            **_with({name: {"sign": -1}}),
+        )
+    for i, joint in enumerate(rows.robot.single_joints):
+        moving = _moving(log, joint)
+        yield replace(
+            as_is,
+            kind="position_sign",
+            text=f"the sign of {joint}.position is reversed",
+            prior=_SOMEWHERE,
+            factor=_put(as_is.factor, [i], -1.0),
+            **_with({name: {"sign": -1} for name in moving}),
+        )
+
+
+def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
+    """Yield torques and angles in other units."""
+    names = _torque_columns(rows)
+    for k in _all_or_one(len(names)):
+        chosen = [names[i] for i in k]
+        currents = all(name.endswith(".current") for name in chosen)
+        for said, (unit, factor) in (_CURRENT_UNITS if currents else _TORQUE_UNITS).items():
+            yield replace(
+                as_is,
+                kind="torque_unit",
+                text=f"{_holds(chosen)} {said}",
+                prior=_EVERYWHERE if len(k) == len(names) else _RARE,
+                torque_factor=_put(as_is.torque_factor, k, factor),
+                **_with({name: {"unit": unit} for name in chosen}),
+            )
+    model = rows.robot.model
+    single = rows.robot.single_joints
+    turning = [
+        i
+        for i, joint in enumerate(single)
+        if not model.joints[model.getJointId(joint)].shortname().startswith("JointModelP")
+    ]
+    if turning:
+        mend = {
+            name: {"unit": "deg" + ("", "/s", "/s^2")[_order_of(name)]}
+            for i in turning
+            for name in _moving(log, single[i])
+        }
+        yield replace(
+            as_is,
+            kind="degrees",
+            text=f"{_holds([f'{single[i]}.position' for i in turning])} degrees",
+            prior=_EVERYWHERE,
+            factor=_put(as_is.factor, turning, pi / 180.0),
+            **_with(mend),
+        )
+
+
+def _sides(rows: Rows, as_is: Reading) -> Iterator[Reading]:
+    """Yield torques of the other side of the gear."""
+    names, ratio = _torque_columns(rows), rows.robot.transmission.gear_ratio
+    for k in _all_or_one(len(names)):
+        if np.all(np.abs(ratio[k]) == 1.0) or len({rows.quantities[i] for i in k}) > 1:
+            continue
+        chosen, quantity = [names[i] for i in k], rows.quantities[k[0]]
+        prior = _EVERYWHERE if len(k) == len(names) else _RARE
+        for power, (cause, key) in _SIDES[quantity].items():
+            factors = np.abs(ratio[k]) ** power if key == "scale" else ratio[k] ** power
+            other = "motor_torque" if quantity == "rotor_torque" else "rotor_torque"
+            renamed = [f"{name.removesuffix(quantity)}{other}" for name in chosen]
+            advice = "" if key == "scale" else f"Call {_it(chosen)} {listed(renamed)}."
+            side = "motor" if quantity == "rotor_torque" else "rotor"
+            yield replace(
+                as_is,
+                kind="gear_side",
+                text=cause.format(listed(chosen)),
+                advice=advice,
+                prior=prior,
+                torque_factor=_put(as_is.torque_factor, k, factors),
+                **_with(
+                    {
+                        name: {"scale": float(f)}
+                        if key == "scale"
+                        else {"side": side, "gear_ratio": float(ratio[i])}
+                        for name, f, i in zip(chosen, factors, k, strict=True)
+                    }
+                ),
+            )
+
+
+_TWICE = "the gear ratio was applied once too often to {}"
+_CONSTANT = "the torque constants behind {} belong to the other side of the gear"
+_SIDES: dict[str, dict[float, tuple[str, str]]] = {
+    "rotor_torque": {
+        -1.0: ("the log gives torque after the reduction as {}", "side"),
+        1.0: (_TWICE, "scale"),
+    },
+    "motor_torque": {
+        1.0: ("the log gives torque before the reduction as {}", "side"),
+        -1.0: (_TWICE, "scale"),
+    },
+    "current": {-1.0: (_CONSTANT, "scale"), 1.0: (_CONSTANT, "scale")},
+}
+"""Quantity -> power of the gear ratio that mends it -> (what is wrong, key of the map)."""
+
+
+def _exchanges(rows: Rows, log: Log, lost: BoolArray, as_is: Reading) -> Iterator[Reading]:
+    """Yield pairs of joints whose columns are exchanged."""
+    driven, single = rows.robot.transmission.joints, list(rows.robot.single_joints)
+    names = _torque_columns(rows)
+    for a, b in combinations(map(int, np.flatnonzero(lost)), 2):
+        both = f"{driven[a]} and {driven[b]}"
+        moved = {
+            f"{one}.{name.removeprefix(other + '.')}": {"from": name}
+            for one, other in ((driven[a], driven[b]), (driven[b], driven[a]))
+            for name in _moving(log, other)
+        }
+        order = _exchanged(as_is.order, single.index(driven[a]), single.index(driven[b]))
+        moves: dict[str, Any] = {"order": order}
+        yield replace(
+            as_is,
+            kind="exchanged",
+            text=f"the positions of {both} are exchanged",
+            prior=_RARE,
+            **moves,
+            **_with(moved),
+        )
+        if rows.quantities[a] != rows.quantities[b]:
+            continue
+        torques = {names[a]: {"from": names[b]}, names[b]: {"from": names[a]}}
+        crossed = _exchanged(as_is.torque_order, a, b)
+        nothing: dict[str, Any] = {}
+        for text, also, mend in (
+            (f"the torques of {both} are exchanged", nothing, torques),
+            (f"the positions and torques of {both} are exchanged", moves, {**moved, **torques}),
+        ):
+            yield replace(
+                as_is,
+                kind="exchanged",
+                text=text,
+                prior=_RARE,
+                torque_order=crossed,
+                **also,
+                **_with(mend),
+            )
+
+
+def _with(columns: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
+    return {"mend": {"columns": columns}, "columns": tuple(columns)}
+
+
+def _torque_columns(rows: Rows) -> list[str]:
+    joints = rows.robot.transmission.joints
+    return [f"{joint}.{quantity}" for joint, quantity in zip(joints, rows.quantities, strict=True)]
+
+
+def _moving(log: Log, joint: str) -> list[str]:
+    """Return the columns of a joint that turn with its encoder."""
+    return [f"{joint}.{quantity}" for quantity in _MOVING if f"{joint}.{quantity}" in log.columns]
+
+
+def _order_of(name: str) -> int:
+    """Return how often a position was differentiated to give a column."""
+    return 2 if name.endswith("acceleration") else int(name.endswith("velocity"))
+
+
+def _all_or_one(count: int) -> list[list[int]]:
+    return [list(range(count)), *([k] for k in range(count) if count > 1)]
+
+
+def _put(values: FloatArray, places: Sequence[int], factor: float | FloatArray) -> FloatArray:
+    changed = values.copy()
+    changed[list(places)] *= factor
+    return changed
+
+
+def _exchanged(order: IntArray, a: int, b: int) -> IntArray:
+    changed = order.copy()
+    changed[[a, b]] = order[[b, a]]
+    return changed
+
+
+def _it(names: Sequence[str]) -> str:
+    return "it" if len(names) == 1 else "them"
+
+
+def _holds(names: Sequence[str]) -> str:
+    return f"{listed(names)} {'holds' if len(names) == 1 else 'hold'}"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Return 'a, b and c', or 'a' where all texts are the same."""
+    *first, last = texts
+    if all(text == last for text in first):
+        return last
+    return f"{', '.join(first)} and {last}"

@@ -1,0 +1,219 @@
+"""One log as the suspicions see it: smoothed motion and reported torque on a few hundred rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from wbc.measurement.log import Log
+from wbc.measurement.motion.zero_phase import filtered_derivatives, low_pass
+from wbc.measurement.torque import rotor_torques, torque_quantity
+from wbc.robot import Motion, Robot
+
+_ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
+_MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
+_HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
+_EDGE = 0.05  # share of the log at either end, where the filter has not settled
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What one log says about a robot.
+
+    Attributes:
+        label: of the log.
+        robot: without effects that act on torques; bodies and gears are as given.
+        position: q (N, nq), smoothed.
+        velocity: v (N, nv).
+        acceleration: a (N, nv).
+        torque: (N, m) reported torque, N times that on the rotor [N m].
+        conversion: (m,) `torque` over the column of the log.
+        forces: contact -> (N, 3) [N].
+        quantities: (m,) which column each torque was read from.
+        samples: (m,) independent samples that each report amounts to.
+    """
+
+    label: str
+    robot: Robot
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+    conversion: FloatArray
+    forces: Mapping[str, FloatArray]
+    quantities: tuple[str, ...]
+    samples: FloatArray
+
+    def need(self, order: np.ndarray, factor: FloatArray) -> Need:
+        """Return what the motion needs if the single joints' columns are read differently.
+
+        Args:
+            order: (n,) single joint i has the column of single joint order[i] ...
+            factor: (n,) ... times this.
+        """
+        robot = self.robot
+        q, v, a = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
+        at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
+        to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
+        q[:, at] = factor * self.position[:, at[order]]
+        v[:, to] = factor * self.velocity[:, to[order]]
+        a[:, to] = factor * self.acceleration[:, to[order]]
+        motion = Motion(q, v, a)
+        contacts = contact_torque(robot, q, self.forces)
+        rotor, _ = rotor_torque(robot, motion, link_torque(robot, motion), contacts)
+        gears = robot.transmission
+        lift = gears.motor_from_joint.T
+        speed, change = v[:, robot.actuated] @ lift, a[:, robot.actuated] @ lift
+        links = rotor * gears.gear_ratio - gears.reflected_inertia * change
+        return Need(links, speed, change)
+
+
+@dataclass(frozen=True, eq=False)
+class Need:
+    """What a motion needs at the motors' outputs, without their rotors.
+
+    Attributes:
+        links: (N, m) torque [N m].
+        speed: (N, m) of the motors behind their gears [rad/s].
+        change: (N, m) their acceleration [rad/s^2].
+    """
+
+    links: FloatArray
+    speed: FloatArray
+    change: FloatArray
+
+
+def rows_of(robot: Robot, log: Log) -> Rows | None:
+    """Return the rows of a log, None where it cannot be held against the robot.
+
+    That is so for a log without the positions and torques that the robot has, for one without the
+    forces on a robot that stands on them, and for one too short to be filtered.
+    """
+    joints = robot.transmission.joints
+    if not joints or not _has_all(robot, log) or len(log) < 50:
+        return None
+    forces = {c.name: c.name for c in robot.contacts if c.name in log.contacts}
+    if robot.floating_size and robot.contacts and not forces:
+        return None
+    grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
+    raw = _positions(robot, log)
+    position = np.stack([np.interp(grid, log.time, column) for column in raw.T], axis=1)
+    cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
+    if not 1.0 / log.duration < cutoff < 0.45 / log.sample_time:
+        return None
+    q, v, a = _motion(robot, grid, position, cutoff)
+    reported = rotor_torques(log, robot.transmission) * robot.transmission.gear_ratio
+    on_grid = np.stack([np.interp(grid, log.time, column) for column in reported.T], axis=1)
+    torque = low_pass(grid, on_grid, cutoff)
+    held = {
+        name: low_pass(
+            grid,
+            np.stack([np.interp(grid, log.time, f) for f in _force(log, name)], axis=1),
+            cutoff,
+        )
+        for name in forces
+    }
+    inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
+    thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
+    quantities = tuple(torque_quantity(log, joint) for joint in joints)
+    return Rows(
+        label=log.source.label,
+        robot=replace(robot, effects=()),
+        position=q[thin],
+        velocity=v[thin],
+        acceleration=a[thin],
+        torque=torque[thin],
+        conversion=_conversion(robot, quantities),
+        forces={name: force[thin] for name, force in held.items()},
+        quantities=quantities,
+        samples=np.array([_samples(column) for column in torque[inside].T]),
+    )
+
+
+def _has_all(robot: Robot, log: Log) -> bool:
+    if not log.has(*(f"{name}.position" for name in robot.single_joints)):
+        return False
+    if robot.has_free_flyer and not log.has(
+        *(f"base.position.{axis}" for axis in "xyz"),
+        *(f"base.orientation.{axis}" for axis in "xyzw"),
+    ):
+        return False
+    constant = robot.transmission.torque_constant
+    for k, joint in enumerate(robot.transmission.joints):
+        if log.has(f"{joint}.rotor_torque") or log.has(f"{joint}.motor_torque"):
+            continue
+        if not log.has(f"{joint}.current") or not np.isfinite(constant[k]):
+            return False
+    return True
+
+
+def _positions(robot: Robot, log: Log) -> FloatArray:
+    position = np.tile(robot.neutral(), (len(log), 1))
+    for name in robot.single_joints:
+        position[:, robot.position_index(name)] = log.column(f"{name}.position")
+    if robot.has_free_flyer:
+        position[:, :3] = np.stack([log.column(f"base.position.{axis}") for axis in "xyz"], axis=1)
+        turn = np.stack([log.column(f"base.orientation.{axis}") for axis in "xyzw"], axis=1)
+        position[:, 3:7] = turn
+    return position
+
+
+def _force(log: Log, contact: str) -> list[FloatArray]:
+    zero = np.zeros(len(log))
+    names = [f"{contact}.force.{axis}" for axis in "xyz"]
+    return [log.column(name) if log.has(name) else zero for name in names]
+
+
+def _cutoff(position: FloatArray, grid: FloatArray) -> float:
+    """Return twice the frequency [Hz] below which the joints' motion lies."""
+    window = np.hanning(grid.size)[:, None]
+    power = np.abs(np.fft.rfft((position - position.mean(axis=0)) * window, axis=0)) ** 2
+    total = power.sum(axis=0)
+    moving = total > 0.0
+    if not moving.any():
+        return _HIGHEST
+    share = np.cumsum((power[:, moving] / total[moving]).mean(axis=1))
+    frequency = np.fft.rfftfreq(grid.size, float(grid[1] - grid[0]))
+    found = 2.0 * float(frequency[int(np.searchsorted(share, _MOTION_SHARE))])
+    return float(np.clip(found, 4.0 / (grid[-1] - grid[0]), min(_HIGHEST, 0.4 * frequency[-1])))
+
+
+def _motion(
+    robot: Robot, grid: FloatArray, position: FloatArray, cutoff: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q (N, nq), v and a (N, nv) of a low-passed motion."""
+    smooth = filtered_derivatives(grid, position, cutoff)
+    if not robot.has_free_flyer:
+        return smooth.value, smooth.first, smooth.second
+    q = smooth.value.copy()
+    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    step = float(grid[1] - grid[0])
+    steps = np.array([pin.difference(robot.model, a, b) for a, b in pairwise(q)])
+    v = np.concatenate([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]]) / step
+    return q, v, np.gradient(v, step, axis=0)
+
+
+def _conversion(robot: Robot, quantities: tuple[str, ...]) -> FloatArray:
+    gears = robot.transmission
+    factors = {
+        "rotor_torque": gears.gear_ratio,
+        "motor_torque": np.ones(gears.size),
+        "current": gears.gear_ratio * gears.torque_constant,
+    }
+    return np.array([factors[quantity][k] for k, quantity in enumerate(quantities)])
+
+
+def _samples(values: FloatArray) -> float:
+    """Return the degrees of freedom of a signal: (sum of power)^2 / sum of squared power.
+
+    Power per line of the spectrum; a line has two (Bendat & Piersol, Random Data, section 8.5).
+    """
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+    total = float(np.sum(power**2))
+    return 2.0 * float(np.sum(power)) ** 2 / total if total > 0.0 else 0.0

@@ -1,0 +1,250 @@
+"""What the torques of logs say about their columns: posterior probabilities of the mistakes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wbc.arrays import FloatArray
+from wbc.measurement.columns.apply import mended
+from wbc.measurement.columns.mend import Mend
+from wbc.measurement.log import Log
+from wbc.measurement.suspicions.bench import Bench
+from wbc.measurement.suspicions.evidence import Report, evidence, ratio_evidence
+from wbc.measurement.suspicions.readings import Reading, as_it_stands, readings
+from wbc.measurement.suspicions.rows import rows_of
+from wbc.robot import Robot
+
+LIKELY = 0.5
+"""Probability from which a mistake is worth a warning."""
+CERTAIN = 0.99
+"""Probability from which a mistake stops a diagnosis."""
+_LOST = 0.3  # share of a report's power left, from which its column may be another joint's
+_TIED = 2.0  # nats: odds of seven to one
+_PAIRS = 7  # driven joints up to which any two may be exchanged: a third of a second per log
+_OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
+_SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
+_MOST = 3  # mistakes that are looked for one after another
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A reading of the logs that is likelier than the logs as they stand.
+
+    Attributes:
+        kind: short name for machines.
+        text: what is wrong, as a clause.
+        columns: the columns that are wrong.
+        mend: what a column map says about it.
+        probability: that the logs have this mistake, or one that cannot be told from it.
+        explained: share of the reported torque's power that the robot explains as it stands ...
+        then: ... and read so, over the joints that it concerns.
+        others: what it cannot be told from.
+        logs: numbers of the logs that have it.
+        advice: what else may be done about it.
+        scale: reported torque over what the motion needs, as it stands; 1 where only signs or
+            places change.
+    """
+
+    kind: str
+    text: str
+    columns: tuple[str, ...]
+    mend: Mend
+    probability: float
+    explained: float
+    then: float
+    others: tuple[str, ...]
+    logs: tuple[int, ...]
+    advice: str = ""
+    scale: float = 1.0
+
+
+def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
+    """Return the mistakes in the columns of logs, one after another, each on mended logs.
+
+    Mistakes of all logs come first; then those of single logs.
+
+    Args:
+        robot: the robot that the user believes in.
+        logs: of it; those that cannot be held against it are passed over.
+    """
+    found: list[Mistake] = []
+    current = list(logs)
+    while len(found) < _MOST:
+        tables = {k: _judged(robot, log) for k, log in enumerate(current)}
+        judged = {k: table for k, table in tables.items() if table is not None}
+        mistakes = _of_all(robot, judged)
+        if not mistakes or _better_alone(judged, mistakes[0]):
+            mistakes = _of_some(judged) or mistakes
+        if not mistakes:
+            return found
+        found += mistakes
+        certain = [m for m in mistakes if m.probability >= CERTAIN and m.mend]
+        if not certain:
+            return found
+        for mistake in certain:
+            for k in mistake.logs:
+                current[k] = mended(current[k], mistake.mend)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    reading: Reading
+    reports: tuple[Report, ...]
+    unrelated: FloatArray
+
+
+_Table = dict[str, _Judged]
+
+
+def _judged(robot: Robot, log: Log) -> _Table | None:
+    """Return every reading of a log by its text; None without rows."""
+    rows = rows_of(robot, log)
+    if rows is None:
+        return None
+    bench = Bench(rows)
+    first = as_it_stands(rows)
+    small = robot.transmission.size <= _PAIRS
+    lost = np.array([small or one.left > _LOST for one in bench.reports(first)])
+    table: _Table = {}
+    for reading in readings(rows, log, lost):
+        reports = bench.reports(reading)
+        table[reading.text] = _Judged(reading, reports, bench.unrelated(reading))
+    return table
+
+
+def _of_all(robot: Robot, judged: Mapping[int, _Table]) -> list[Mistake]:
+    """Return the likeliest mistake that all logs share, if it is likely."""
+    if not judged:
+        return []
+    shared = set.intersection(*(set(table) for table in judged.values()))
+    first = next(iter(judged.values()))
+    texts = [text for text in first if text in shared]
+    score = [_score(text, judged) for text in texts]
+    return _another_ratio(robot, score, judged) or _likely(texts, np.array(score), judged)
+
+
+def _better_alone(judged: Mapping[int, _Table], shared: Mistake) -> bool:
+    """Whether a mistake of one log explains the logs better than one that all of them share."""
+    if len(judged) < 2 or not shared.mend:
+        return False
+    best = max(
+        _score(text, {k: table}, [one[""] for other, one in judged.items() if other != k])
+        for k, table in judged.items()
+        for text in table
+        if text
+    )
+    return bool(best - np.log(len(judged)) > _score(shared.text, judged))
+
+
+def _score(text: str, judged: Mapping[int, _Table], beside: Sequence[_Judged] = ()) -> float:
+    """Return the log of prior times evidence of a reading of some logs, beside others as is."""
+    each = [*(table[text] for table in judged.values()), *beside]
+    return each[0].reading.prior + evidence([(one.reports, one.unrelated) for one in each])
+
+
+def _another_ratio(
+    robot: Robot, score: Sequence[float], judged: Mapping[int, _Table]
+) -> list[Mistake]:
+    """Return that the robot's gear ratios are others, if that is likelier than all mistakes."""
+    if not np.all(robot.transmission.reflected_inertia > 0.0):
+        return []
+    total, factor = ratio_evidence([table[""].reports for table in judged.values()])
+    doubt = float(
+        np.exp(_OTHER_RATIO + total - np.logaddexp(logsumexp(score), _OTHER_RATIO + total))
+    )
+    if doubt < LIKELY or abs(np.log(factor)) < _SAME_RATIO:
+        return []
+    before, _ = _explained("", judged)
+    ratios = ", ".join(f"{factor * N:.3g}" for N in robot.transmission.gear_ratio)
+    text = (
+        f"the gear ratios of the robot are {factor:.2f} times those that the description states "
+        f"({ratios}; the torque and the inertia of the rotors agree on it)"
+    )
+    return [Mistake("gear_ratio", text, (), {}, doubt, before, before, (), tuple(judged))]
+
+
+def _of_some(judged: Mapping[int, _Table]) -> list[Mistake]:
+    """Return the likeliest mistake of each log that has one of its own."""
+    if len(judged) < 2:
+        return []
+    found: dict[str, list[Mistake]] = {}
+    for k, table in judged.items():
+        beside = [one[""] for other, one in judged.items() if other != k]
+        score = np.array([_score(text, {k: table}, beside) for text in table])
+        for mistake in _likely(list(table), score, {k: table}):
+            found.setdefault(mistake.text, []).append(mistake)
+    return [_joined(mistakes) for mistakes in found.values()]
+
+
+def _likely(texts: list[str], score: FloatArray, judged: Mapping[int, _Table]) -> list[Mistake]:
+    odds = score - logsumexp(score)
+    stands = texts.index("")
+    doubt = float(-np.expm1(odds[stands]))
+    ranked = [int(i) for i in np.argsort(-score) if i != stands]
+    if not ranked or doubt < LIKELY:
+        return []
+    best = ranked[0]
+    table = next(iter(judged.values()))
+    reading = table[texts[best]].reading
+    others = tuple(texts[i] for i in ranked[1:4] if score[best] - score[i] < _TIED)
+    before, after = _explained(texts[best], judged)
+    return [
+        Mistake(
+            reading.kind,
+            reading.text,
+            reading.columns,
+            reading.mend,
+            doubt,
+            before,
+            after,
+            others,
+            tuple(judged),
+            reading.advice,
+            _scale(table[texts[best]]),
+        )
+    ]
+
+
+def _scale(judged: _Judged) -> float:
+    """Return how many times too large the torques are that a reading scales, 1 for none."""
+    factor = judged.reading.torque_factor
+    changed = [k for k in range(factor.size) if abs(factor[k]) != 1.0]
+    if not changed:
+        return 1.0
+    gains = [np.log(judged.reports[k].gain / abs(factor[k])) for k in changed]
+    return float(np.exp(np.mean(gains)))
+
+
+def _explained(text: str, judged: Mapping[int, _Table]) -> tuple[float, float]:
+    """Return the mean share of power explained before and after, of the joints that change."""
+    pairs = [
+        (one.left, other.left)
+        for table in judged.values()
+        for one, other in zip(table[""].reports, table[text].reports, strict=True)
+        if one is not other
+    ]
+    before, after = np.clip(np.mean(pairs, axis=0), 0.0, 1.0) if pairs else (1.0, 1.0)
+    return float(1.0 - before), float(1.0 - after)
+
+
+def _joined(mistakes: Sequence[Mistake]) -> Mistake:
+    """Return one mistake of several logs."""
+    first = mistakes[0]
+    return Mistake(
+        first.kind,
+        first.text,
+        first.columns,
+        first.mend,
+        min(m.probability for m in mistakes),
+        float(np.mean([m.explained for m in mistakes])),
+        float(np.mean([m.then for m in mistakes])),
+        first.others,
+        tuple(k for m in mistakes for k in m.logs),
+        first.advice,
+        first.scale,
+    )

@@ -1,0 +1,234 @@
+"""Many designs of one robot: gears, link lengths, link masses and poses that vary together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray, checked, frozen
+from wbc.errors import DynamicsError, unknown_name
+from wbc.robot import Robot
+from wbc.transmission import wedge_backward_efficiency
+
+GEAR_FIELDS = (
+    "gear_ratio",
+    "rotor_inertia",
+    "forward_efficiency",
+    "backward_efficiency",
+    "rotor_coulomb_friction",
+    "torque_limit",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Designs:
+    """k designs of one robot. Arrays have a leading axis of k, or of 1 where nothing varies.
+
+    Attributes:
+        robot: the robot that the designs start from.
+        size: k.
+        position: q (k or 1, nq).
+        gears: the fields of `GEAR_FIELDS`, each (k or 1, m).
+        length_scale: (k or 1, joints) length of each joint's link over that of `robot`. The whole
+            link is stretched alike at the same mass: places on it grow with the scale, its
+            inertia about the centre of mass with the square of it.
+        mass_scale: (k or 1, joints) mass of each link over that of `robot`; its inertia grows
+            with it.
+    """
+
+    robot: Robot
+    size: int
+    position: FloatArray
+    gears: Mapping[str, FloatArray]
+    length_scale: FloatArray
+    mass_scale: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        position: ArrayLike,
+        gears: Mapping[str, ArrayLike] | None = None,
+        lengths: Mapping[str, ArrayLike] | None = None,
+        masses: Mapping[str, ArrayLike] | None = None,
+    ) -> Designs:
+        """Return designs from what varies; what is left out stays as in `robot`.
+
+        Args:
+            robot: the robot that the designs start from.
+            position: q (nq,) for all or (k, nq).
+            gears: field of `GEAR_FIELDS` -> (k,) for all gears alike, or (k, m). Without
+                `backward_efficiency`, a given `forward_efficiency` brings the wedge's 2 - 1/eta_f.
+            lengths: link -> (k,) [m], from its joint to the furthest joint or contact on it.
+            masses: link -> (k,) [kg].
+
+        Raises:
+            DynamicsError: different numbers of designs, an unknown field or link, a value outside
+                its range, a link without length or mass.
+        """
+        joints, m = robot.model.njoints - 1, robot.transmission.size
+        q = checked(np.atleast_2d(position), (None, robot.model.nq), "position", DynamicsError)
+        given = _gears(robot, gears or {})
+        length_scale = _scales(robot, lengths or {}, "length", joints)
+        mass_scale = _scales(robot, masses or {}, "mass", joints)
+        arrays = [q, length_scale, mass_scale, *given.values()]
+        sizes = {len(a) for a in arrays} - {1}
+        if len(sizes) > 1:
+            raise DynamicsError(
+                f"designs: arrays of {', '.join(map(str, sorted(sizes)))} designs cannot be "
+                "combined; give every varied quantity the same number of values."
+            )
+        full = {
+            name: given.get(name, np.array(getattr(robot.transmission, name))[None])
+            for name in GEAR_FIELDS
+        }
+        _check_gears(full, m)
+        size = sizes.pop() if sizes else 1
+        return cls(robot, size, q, full, length_scale, mass_scale)
+
+    def part(self, start: int, stop: int) -> Designs:
+        """Return the designs from `start` to before `stop`."""
+
+        def cut(values: FloatArray) -> FloatArray:
+            return values if len(values) == 1 else values[start:stop]
+
+        return Designs(
+            self.robot,
+            min(stop, self.size) - start,
+            cut(self.position),
+            {name: cut(values) for name, values in self.gears.items()},
+            cut(self.length_scale),
+            cut(self.mass_scale),
+        )
+
+    def robot_at(self, index: int) -> tuple[Robot, FloatArray]:
+        """Return one design as a robot of its own and its pose q (nq,)."""
+
+        def pick(values: FloatArray) -> FloatArray:
+            return np.asarray(values[0 if len(values) == 1 else index])
+
+        fields = {name: pick(values) for name, values in self.gears.items()}
+        robot = self.robot.with_transmission(self.robot.transmission.replace(**fields))
+        lengths, masses = pick(self.length_scale), pick(self.mass_scale)
+        if np.any(lengths != 1.0) or np.any(masses != 1.0):
+            robot = stretched(robot, lengths, masses)
+        return robot, np.array(pick(self.position))
+
+
+def link_length(robot: Robot, body: str) -> float:
+    """Return the length [m] of a link: from its joint to the furthest joint or contact on it.
+
+    Raises:
+        RobotError: no such link.
+        DynamicsError: nothing is mounted away from the link's joint.
+    """
+    joint, model = robot.body_joint(body), robot.model
+    places = [
+        np.asarray(model.jointPlacements[child].translation)
+        for child in range(1, model.njoints)
+        if model.parents[child] == joint
+    ]
+    for contact in robot.contacts:
+        frame = model.frames[model.getFrameId(contact.frame)]
+        if frame.parentJoint == joint:
+            places.append(np.asarray((frame.placement * contact.placement()).translation))
+    length = max((float(np.linalg.norm(place)) for place in places), default=0.0)
+    if length == 0.0:
+        raise DynamicsError(
+            f"the link '{body}' of '{robot.name}' has no length: no joint and no contact sits "
+            "away from its own joint."
+        )
+    return length
+
+
+def stretched(robot: Robot, length_scale: FloatArray, mass_scale: FloatArray) -> Robot:
+    """Return the robot with scaled links; see `Designs` for what a scale means.
+
+    Args:
+        robot: the robot.
+        length_scale, mass_scale: (joints,), one per moving joint.
+    """
+    model = robot.model.copy()
+    for joint in range(1, model.njoints):
+        scale, mass = float(length_scale[joint - 1]), float(mass_scale[joint - 1])
+        old = model.inertias[joint]
+        model.inertias[joint] = pin.Inertia(
+            old.mass * mass, scale * old.lever, mass * scale**2 * old.inertia
+        )
+        parent = int(model.parents[joint])
+        if parent > 0:
+            place = model.jointPlacements[joint]
+            moved = float(length_scale[parent - 1]) * np.asarray(place.translation)
+            model.jointPlacements[joint] = pin.SE3(place.rotation, moved)
+    for frame in model.frames:
+        if frame.parentJoint > 0:
+            place = frame.placement
+            moved = float(length_scale[frame.parentJoint - 1]) * np.asarray(place.translation)
+            frame.placement = pin.SE3(place.rotation, moved)
+    contacts = tuple(
+        replace(contact, offset=contact.offset * _scale_at(robot, contact.frame, length_scale))
+        for contact in robot.contacts
+    )
+    return replace(robot, model=model, contacts=contacts, source=None)
+
+
+def _scale_at(robot: Robot, frame: str, length_scale: FloatArray) -> float:
+    joint = robot.model.frames[robot.model.getFrameId(frame)].parentJoint
+    return float(length_scale[joint - 1]) if joint > 0 else 1.0
+
+
+def _gears(robot: Robot, gears: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
+    m, found = robot.transmission.size, {}
+    for name, values in gears.items():
+        if name not in GEAR_FIELDS:
+            raise DynamicsError(unknown_name("gear parameter", name, GEAR_FIELDS))
+        array = np.asarray(values, dtype=np.float64)
+        wide = np.repeat(array[:, None], m, axis=1) if array.ndim == 1 else array
+        if wide.ndim != 2 or wide.shape[1] != m or np.isnan(wide).any():
+            raise DynamicsError(
+                f"{name} has shape {array.shape}; give (k,) or (k, {m}) numbers, none of them NaN."
+            )
+        found[name] = frozen(wide)
+    if "forward_efficiency" in found and "backward_efficiency" not in found:
+        found["backward_efficiency"] = frozen(
+            wedge_backward_efficiency(found["forward_efficiency"])
+        )
+    return found
+
+
+def _check_gears(gears: Mapping[str, FloatArray], m: int) -> None:
+    forward, backward = gears["forward_efficiency"], gears["backward_efficiency"]
+    rules = {
+        "gear_ratio": (gears["gear_ratio"] != 0.0, "other than 0"),
+        "forward_efficiency": ((forward > 0.0) & (forward <= 1.0), "in (0, 1]"),
+        "backward_efficiency": (
+            forward * backward <= 1.0 + 1e-12,
+            "at most 1/forward_efficiency (the two together must not create power)",
+        ),
+        "rotor_inertia": (gears["rotor_inertia"] >= 0.0, ">= 0"),
+        "rotor_coulomb_friction": (gears["rotor_coulomb_friction"] >= 0.0, ">= 0"),
+        "torque_limit": (gears["torque_limit"] > 0.0, "> 0"),
+    }
+    for name, (holds, rule) in rules.items():
+        wrong = np.argwhere(~holds)
+        if len(wrong):
+            row, column = (int(i) for i in wrong[0])
+            raise DynamicsError(f"{name} of design {row}, gear {column} must be {rule}.")
+
+
+def _scales(robot: Robot, given: Mapping[str, ArrayLike], what: str, joints: int) -> FloatArray:
+    scales = np.ones((1, joints))
+    for body, values in given.items():
+        joint = robot.body_joint(body)
+        array = checked(np.atleast_1d(values), (None,), f"{what} of '{body}'", DynamicsError)
+        now = link_length(robot, body) if what == "length" else robot.model.inertias[joint].mass
+        if now <= 0.0 or np.any(array <= 0.0):
+            raise DynamicsError(f"the {what} of '{body}' must be > 0, before and after.")
+        if len(array) > len(scales):
+            scales = np.repeat(scales, len(array), axis=0)
+        scales[:, joint - 1] = array / now
+    return frozen(scales)

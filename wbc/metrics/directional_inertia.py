@@ -1,0 +1,149 @@
+"""The inertia of a contact point direction by direction: the tensors, and the exact one.
+
+A tensor assumes one direction of power in every gear. The set-valued mesh law says which gears
+drive, are driven or stand still for each force, and so how the point really starts to move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.errors import DynamicsError
+from wbc.metrics.contact_task import ContactTask, contact_task
+from wbc.metrics.rest_response import rest_response
+from wbc.robot import Robot
+from wbc.transmission import Direction
+
+_NOTHING = 1e-9  # the share of the largest motor torque below which a gear is not loaded
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionalInertia:
+    """Effective masses 1/(n' a(n)) at a point that starts from rest under a unit force along n.
+
+    Attributes:
+        directions: n (k, d) unit vectors along the task's axes.
+        lossless: (k,) [kg], perfect gears.
+        pushed: (k,) [kg], an external force on the point, motors without torque. Every gear that
+            moves is driven by its joint, so that this is the Backward-GIT's.
+        driven: (k,) [kg], motor torques B^-1 J' n that a force n needs with perfect gears; exact,
+            from the set-valued mesh law. Infinite where friction holds the point.
+        forward_tensor: (k,) [kg], what the Forward-GIT says of the same torques; NaN on a
+            floating base, where it does not exist.
+        all_forward: (k,) bool, whether every gear that the contact loads drives forward. On a fixed
+            base the Forward-GIT is exact there.
+        stuck: (k, m) bool, which gears stand still.
+    """
+
+    directions: FloatArray
+    lossless: FloatArray
+    pushed: FloatArray
+    driven: FloatArray
+    forward_tensor: FloatArray
+    all_forward: BoolArray
+    stuck: BoolArray
+
+    @property
+    def share_forward(self) -> float:
+        """Share of the directions of force in which every gear drives forward."""
+        return float(self.all_forward.mean())
+
+
+def directional_inertia(
+    robot: Robot,
+    position: ArrayLike,
+    contact: str,
+    axes: str = "xyz",
+    directions: ArrayLike | int = 360,
+) -> DirectionalInertia:
+    """Return the effective mass of a contact point in many directions.
+
+    Args:
+        robot: fixed or floating base, gears serial or parallel.
+        position: q (nq,).
+        contact: name of the contact point.
+        axes: world axes, for example "xz".
+        directions: (k, d) along `axes`, or how many to spread evenly.
+
+    Raises:
+        DynamicsError: axes that do not exist, a direction of zero, rotors that couple inertially.
+    """
+    task = contact_task(robot, position, contact, axes)
+    n = _directions(task, directions)
+    force = task.jacobian.T @ n.T
+    gears = robot.transmission
+    motor = gears.topology.T @ force[robot.actuated]
+    none = np.zeros_like(motor)
+    used = np.abs(motor).max(axis=1) > _NOTHING * np.abs(motor).max()
+    moved = rest_response(task, motor, np.zeros_like(force))
+    pushed = rest_response(task, none, force)
+    return DirectionalInertia(
+        directions=frozen(n),
+        lossless=_mass(n, task.jacobian @ task.response(Direction.STUCK, force)),
+        pushed=_mass(n, task.jacobian @ pushed.acceleration),
+        driven=_mass(n, task.jacobian @ moved.acceleration),
+        forward_tensor=_forward(task, n, motor),
+        all_forward=frozen((moved.mesh * moved.output > 0.0)[used].all(axis=0), np.bool_),
+        stuck=frozen((moved.output == 0.0).T, np.bool_),
+    )
+
+
+def share_of_accelerations_forward(
+    robot: Robot, position: ArrayLike, contact: str, axes: str = "xyz", directions: int = 3600
+) -> float:
+    """Return the share of the directions of *acceleration* in which every gear drives forward.
+
+    The inverse question to `DirectionalInertia.share_forward`: which accelerations of the point
+    ask every motor for power. Fixed base, as many gears as axes.
+
+    Raises:
+        DynamicsError: another number of gears than of axes, or a singular pose.
+    """
+    task = contact_task(robot, position, contact, axes)
+    if robot.floating_size or len(axes) != robot.transmission.size:
+        raise DynamicsError("accelerations fix the joints only where gears and axes are equal.")
+    task.inverted(task.mobility(Direction.STUCK), "the inertia tensor")
+    n = _directions(task, directions)
+    joint = np.linalg.solve(task.jacobian, n.T)
+    torque = robot.transmission.topology.T @ (task.terms.mass_matrix @ joint)
+    power = torque * (robot.transmission.motor_from_joint @ joint)
+    return float((power > 0.0).all(axis=0).mean())
+
+
+def _forward(task: ContactTask, n: FloatArray, motor: FloatArray) -> FloatArray:
+    robot = task.robot
+    if robot.floating_size:
+        return frozen(np.full(len(n), np.nan))
+    gears = robot.transmission
+    torque = np.zeros((robot.model.nv, len(n)))
+    torque[robot.actuated] = gears.motor_from_joint.T @ (gears.forward_efficiency[:, None] * motor)
+    return _mass(n, task.jacobian @ task.response(Direction.FORWARD, torque))
+
+
+def _mass(n: FloatArray, acceleration: FloatArray) -> FloatArray:
+    along = np.sum(n.T * acceleration, axis=0)
+    moves = along > 0.0
+    return frozen(np.where(moves, 1.0 / np.where(moves, along, 1.0), np.inf))
+
+
+def _directions(task: ContactTask, directions: ArrayLike | int) -> FloatArray:
+    size = len(task.axes)
+    if not isinstance(directions, int):
+        rows = np.atleast_2d(np.asarray(directions, dtype=np.float64))
+        return np.array([task.direction(row) for row in rows])
+    if directions < 1:
+        raise DynamicsError(f"directions must be at least 1, got {directions}.")
+    if size == 1:
+        return np.array([[1.0], [-1.0]])
+    if size == 2:
+        angle = 2.0 * np.pi * (np.arange(directions) + 0.5) / directions
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # Fibonacci's spiral spreads points evenly on a sphere.
+    rank = np.arange(directions) + 0.5
+    height, turn = 1.0 - 2.0 * rank / directions, np.pi * (1.0 + np.sqrt(5.0)) * rank
+    wide = np.sqrt(1.0 - height**2)
+    return np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)

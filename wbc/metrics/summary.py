@@ -1,0 +1,173 @@
+"""All metrics of one contact in one pose, each with its unit and what it assumes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray
+from wbc.errors import DynamicsError
+from wbc.metrics.contact_task import contact_task
+from wbc.metrics.directional_inertia import directional_inertia
+from wbc.metrics.force_capability import force_capability
+from wbc.metrics.holding import backdriving_force, backdriving_torque, holding
+from wbc.metrics.impact_mitigation import impact_mitigation
+from wbc.metrics.inertia_tensor import (
+    backward_generalized_inertia,
+    forward_generalized_inertia,
+    generalized_inertia,
+)
+from wbc.robot import Robot
+
+REST = "from rest, gravity left out"
+PERFECT = "eta = 1 both ways"
+BACKWARD = "every gear driven by its joint; motors without torque"
+FORWARD = "every gear driven by its motor; wrong where one is not"
+EXACT = "set-valued mesh law: each gear drives, is driven or sticks"
+STATIC = "at rest, weight of the links left out, motors at their limits"
+MOVING = "about to move along the axis: gears lift with it, hold against it"
+IMPACT = "frictionless impact, motors without torque, links rigid"
+HELD = "at rest under the load alone, the least torque that holds"
+UNPOWERED = "motors off; only the rotors' dry friction resists"
+
+Value = float | FloatArray | str
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """One metric.
+
+    Attributes:
+        name: what it is.
+        unit: "1" for a ratio.
+        value: a number, an array, or the reason why it does not exist here.
+        assumption: what the number needs to be true.
+    """
+
+    name: str
+    unit: str
+    value: Value
+    assumption: str
+
+
+def summary(
+    robot: Robot,
+    position: ArrayLike,
+    contact: str,
+    axes: str = "xz",
+    load: float | None = None,
+) -> list[Metric]:
+    """Return every metric of a contact, those that do not exist with the reason.
+
+    Args:
+        robot: fixed or floating base, gears serial or parallel.
+        position: q (nq,).
+        contact: name of the contact point.
+        axes: world axes; metrics of one direction go along z, the last axis where z is missing.
+        load: force [N] to hold along that direction; the robot's weight when left out.
+
+    Raises:
+        DynamicsError: axes that do not exist, a position of wrong shape or not finite.
+        RobotError: no such contact.
+    """
+    q = contact_task(robot, position, contact, axes).terms.position
+    main = "z" if "z" in axes else axes[-1]
+    way = "up" if main == "z" else f"along {main}"
+    up = np.array([1.0 if axis == main else 0.0 for axis in axes])
+    weight = sum(body.mass for body in robot.model.inertias) * float(
+        np.linalg.norm(robot.model.gravity.linear)
+    )
+    reach = force_capability(robot, q, contact, axes)
+    rows = [
+        *_tensors(robot, q, contact, axes),
+        *_directions(robot, q, contact, axes, way, up),
+        _row(
+            f"force {way}, lossless",
+            "N",
+            f"{PERFECT}; {STATIC}",
+            lambda: reach.along(up).conventional,
+        ),
+        _row(f"force {way}, lift", "N", f"all gears lift; {STATIC}", lambda: reach.along(up).lift),
+        _row(f"force {way}, hold", "N", f"all gears hold; {STATIC}", lambda: reach.along(up).hold),
+        _row(
+            f"force polygon, moving {way}",
+            "N",
+            f"{MOVING}; {STATIC}",
+            lambda: _ordered(reach.moving(up)),
+        ),
+    ]
+    for name, assumption, mode in (
+        ("conservative", PERFECT, 0.0),
+        ("dissipative", BACKWARD, -1.0),
+    ):
+        note = f"{assumption}; {IMPACT}"
+        factor = impact_mitigation(robot, q, contact, axes, mode)
+        rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
+        rows.append(
+            _row(f"IMF determinant, {name}", "1", note, partial(getattr, factor, "determinant"))
+        )
+    size = weight if load is None else load
+    held = holding(robot, q, contact, up, size, axes)
+    note = f"rotor side, load {size:.4g} N {way}; {HELD}"
+    return [
+        *rows,
+        Metric("holding torque, lossless", "N m", held.lossless, note),
+        Metric("holding torque, least", "N m", held.least, note),
+        Metric("holding heat, lossless", "W", held.heat_lossless, note),
+        Metric("holding heat, least", "W", held.heat_least, note),
+        Metric("heat saved by stiction", "1", held.heat_saved, note),
+        _row(
+            f"backdriving force {way}",
+            "N",
+            UNPOWERED,
+            lambda: backdriving_force(robot, q, contact, up, axes),
+        ),
+        Metric(
+            "backdriving torque", "N m", backdriving_torque(robot), f"motor output; {UNPOWERED}"
+        ),
+    ]
+
+
+def _tensors(robot: Robot, q: FloatArray, contact: str, axes: str) -> Iterator[Metric]:
+    for name, assumption, find in (
+        ("GIT", PERFECT, generalized_inertia),
+        ("Backward-GIT", BACKWARD, backward_generalized_inertia),
+        ("Forward-GIT", FORWARD, forward_generalized_inertia),
+    ):
+        yield _row(name, "kg", f"{assumption}; {REST}", partial(find, robot, q, contact, axes))
+
+
+def _directions(
+    robot: Robot, q: FloatArray, contact: str, axes: str, way: str, up: FloatArray
+) -> list[Metric]:
+    name, share = f"effective mass {way}", "directions driven forward by all"
+    try:
+        one = directional_inertia(robot, q, contact, axes, up[None])
+        shown = directional_inertia(robot, q, contact, axes, 3600).share_forward
+    except DynamicsError as reason:
+        return [Metric(name, "kg", str(reason), EXACT)]
+    return [
+        Metric(f"{name}, lossless", "kg", float(one.lossless[0]), f"{PERFECT}; {REST}"),
+        Metric(f"{name}, pushed", "kg", float(one.pushed[0]), f"{BACKWARD}; {REST}"),
+        Metric(f"{name}, driven", "kg", float(one.driven[0]), f"{EXACT}; {REST}"),
+        Metric(share, "1", shown, f"share of the directions of force; {EXACT}; {REST}"),
+    ]
+
+
+def _row(name: str, unit: str, assumption: str, find: Callable[[], Value]) -> Metric:
+    try:
+        return Metric(name, unit, find(), assumption)
+    except DynamicsError as reason:
+        return Metric(name, unit, str(reason), assumption)
+
+
+def _ordered(corners: FloatArray) -> FloatArray:
+    """Return the corners of a polygon in order around it; others as they are."""
+    if corners.shape[1] != 2:
+        return corners
+    around = corners - corners.mean(axis=0)
+    return np.asarray(corners[np.argsort(np.arctan2(around[:, 1], around[:, 0]))])

@@ -1,0 +1,1 @@
+"""Work, losses and stored energy of steps."""

@@ -1,0 +1,37 @@
+"""The energy audit of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wbc.sim.energy.energy_flow import EnergyFlow
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyAudit:
+    """Work in = change of mechanical energy + losses + residual.
+
+    Attributes:
+        flow: work and losses of the run.
+        stored: change of kinetic plus potential energy of links, rotors and gear springs [J].
+    """
+
+    flow: EnergyFlow
+    stored: float
+
+    @property
+    def residual(self) -> float:
+        """What the books do not close by [J]; O(dt) by the order of the time step."""
+        return self.flow.work - self.stored - self.flow.lost
+
+    def __str__(self) -> str:
+        """Return the books as a table."""
+        rows = [
+            ("motor work", self.flow.motor),
+            ("external work", self.flow.external),
+            ("work of effects", self.flow.effects),
+            ("stored", self.stored),
+            *((f"lost: {name.replace('_', ' ')}", v) for name, v in self.flow.losses.items()),
+            ("residual", self.residual),
+        ]
+        return "\n".join(f"{name:24s}{value:14.6f} J" for name, value in rows)

@@ -1,0 +1,105 @@
+"""Work and losses of a smooth part of a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.laws.gear_rows import GearRows
+from wbc.sim.laws.motor_motion import MotorMotion
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.step.forces import EffectForces
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Transit:
+    """How the gears passed a smooth part of a step.
+
+    Attributes:
+        drive: constant part of the rows.
+        velocity: v (nv,) before.
+        motor: motion of the motor outputs before.
+        motor_after: after.
+        mesh: T (m,) [N m s].
+        solution: of the step program.
+        gears: its dissipative rows.
+        forces: of the effects.
+        external: joint-space force given by the user (nv,), None for none.
+        step: h [s].
+    """
+
+    drive: Drivetrain
+    velocity: FloatArray
+    motor: MotorMotion
+    motor_after: MotorMotion
+    mesh: FloatArray
+    solution: StepSolution
+    gears: GearRows
+    forces: EffectForces
+    external: FloatArray | None
+    step: float
+
+
+def flow_energy(part: Transit) -> EnergyFlow:
+    """Return work and losses of a smooth part of a step."""
+    drive, step, forces, solution = part.drive, part.step, part.forces, part.solution
+    elements, reduced = part.gears.elements, solution.reduced
+    mesh, after, rub = part.mesh, part.motor_after.speed, 0.0
+    if part.gears.rubbing:
+        size = np.abs(solution.element_speed)
+        rub = float(((elements.friction + elements.damping * size) * size).sum())
+    gain = np.where(after * mesh > 0.0, 1.0 / drive.forward, drive.backward)
+    mean = 0.5 * (part.velocity + solution.velocity)
+    tangent = reduced.tangent_rows
+    motor_work = 0.5 * step * drive.ratio * forces.rotor * (part.motor.speed + after)
+    rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
+    lost, damped = (gain - 1.0) * mesh * after, 0.0
+    if drive.any_loose:
+        lost, damped = _loose_losses(part, motor_work - rotor_loss, lost)
+    return EnergyFlow(
+        motor=float(motor_work.sum()),
+        external=0.0 if part.external is None else float(step * (part.external @ mean)),
+        effects=float(step * (forces.joint @ mean)),
+        mesh=float(lost.sum()),
+        rotor_friction=float(rotor_loss.sum()),
+        gear_damping=damped,
+        joint_friction=rub,
+        contact=_contact_loss(part) - float(solution.impulse[tangent] @ solution.speed[tangent]),
+    )
+
+
+def _contact_loss(part: Transit) -> float:
+    """Return what barriers that close without an impact take [J].
+
+    A barrier that is closed already moves by drift alone, of either sign: that is no loss.
+    """
+    normal = part.solution.reduced.normal_rows
+    if normal.start == normal.stop:
+        return 0.0
+    rows = part.solution.reduced.program.rows()[normal]
+    mean = 0.5 * (rows @ part.velocity + part.solution.speed[normal])
+    return float(np.maximum(-part.solution.impulse[normal] * mean, 0.0).sum())
+
+
+def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[FloatArray, float]:
+    """Return the mesh losses (m,) and the loss between meshes and joints [J] where gears are loose.
+
+    A spring's loss is what it takes and does not store. A rotor that hits the rigid flank of its
+    play jumps within the step, for which impulse times final speed would be wrong by more than
+    O(h): there the loss of mesh and flank together is what the rotor gives and the joint does not
+    get, and the mesh has no more than that of it.
+    """
+    drive, mesh, before, after = part.drive, part.mesh, part.motor, part.motor_after
+    damped = 0.5 * mesh * (before.relative + after.relative)
+    flanks = drive.loose & ~np.isfinite(drive.stiffness)
+    stored = 0.5 * drive.inertia * (after.speed**2 - before.speed**2)
+    balance = work - stored - 0.5 * mesh * (before.speed + after.speed)
+    together = balance + damped
+    own = np.minimum(np.maximum(balance, 0.0), np.maximum(together, 0.0))
+    springs = drive.spring_energy(after.deflection) - drive.spring_energy(before.deflection)
+    damped = np.where(flanks, together - own, damped)
+    return np.where(flanks, own, lost), float(damped.sum()) - springs

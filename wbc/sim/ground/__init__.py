@@ -1,0 +1,1 @@
+"""What the robot stands on and stops at: grounds, contact rows, joint limits."""

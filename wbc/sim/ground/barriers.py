@@ -1,0 +1,152 @@
+"""What can be reached but not passed: joint limits and the ground under the contact points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.dynamics import Workspace
+from wbc.robot import Robot
+from wbc.sim.ground.contact_rows import ContactRows, contact_points, contact_rows, moves_in_plane
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.step.program import Unilateral
+
+TOUCH = 1e-6
+"""Gap [m, rad] up to which a barrier counts as closed."""
+
+_NONE = np.zeros(0, dtype=np.int_)
+_NOWHERE = (np.zeros(0), np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Clearance:
+    """Distances at one configuration; c = k s contact barriers, k points times s solids.
+
+    Attributes:
+        gap: (2 j + c,) to the lower limits, the upper limits, and of the contact points from the
+            solids, all points for the first solid first.
+        normal: (c, 3) out of the solid at each contact point.
+    """
+
+    gap: FloatArray
+    normal: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ClosedRows:
+    """The rows of some barriers.
+
+    Attributes:
+        unilateral: their laws.
+        limits: (l,) indices of the joint limits.
+        which: (c,) indices of the contact barriers.
+        contacts: their rows.
+    """
+
+    unilateral: Unilateral
+    limits: IntArray
+    which: IntArray
+    contacts: ContactRows
+
+    def approach(self, velocity: FloatArray) -> FloatArray:
+        """Return how fast each of these barriers opens (l + c,) at v (nv,)."""
+        rows = self.unilateral
+        return np.concatenate((rows.limits @ velocity, rows.normals @ velocity))
+
+
+class Barriers:
+    """The joint limits and contact points of a robot on a terrain."""
+
+    def __init__(self, robot: Robot, terrain: Terrain, space: Workspace) -> None:
+        """Collect the finite limits and prepare the contacts."""
+        model = robot.model
+        low, high = _finite(model.lowerPositionLimit), _finite(model.upperPositionLimit)
+        single = [
+            (name, joint)
+            for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True)
+            if joint.nq == 1
+            and joint.nv == 1
+            and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
+        ]
+        self._solids, self._space = terrain.solids, space
+        self._position = np.array([joint.idx_q for _, joint in single], dtype=np.int_)
+        self._velocity = np.array([joint.idx_v for _, joint in single], dtype=np.int_)
+        self._lower, self._upper = low[self._position], high[self._position]
+        self._radius = np.array([contact.radius for contact in robot.contacts])
+        friction = [contact.friction for contact in robot.contacts]
+        self._friction = np.tile(np.array(friction), len(self._solids))
+        self._nv = model.nv
+        forward = np.zeros((len(single), model.nv))
+        forward[np.arange(len(single)), self._velocity] = 1.0
+        self._turning = np.concatenate((forward, -forward))
+        self.planar = moves_in_plane(space)
+        self.limits = 2 * len(single)
+        self.points = len(robot.contacts)
+        self.contacts = self.points * len(self._solids)
+        self.names = (
+            *(f"joint '{name}' at its lower limit" for name, _ in single),
+            *(f"joint '{name}' at its upper limit" for name, _ in single),
+            *(f"contact '{c.name}'" for c in robot.contacts * len(self._solids)),
+        )
+
+    @property
+    def size(self) -> int:
+        """2 j + c."""
+        return self.limits + self.contacts
+
+    def within_limits(self, position: FloatArray) -> FloatArray:
+        """Return q (nq,) with every joint within its limits."""
+        q = np.array(position)
+        q[self._position] = np.clip(q[self._position], self._lower, self._upper)
+        return q
+
+    def clearance(self, position: FloatArray) -> Clearance:
+        """Return all gaps at q (nq,), for the placements held in the workspace."""
+        gap, normal = self._ground() if self.contacts else _NOWHERE
+        if self.limits:
+            here = position[self._position]
+            gap = np.concatenate((here - self._lower, self._upper - here, gap))
+        return Clearance(gap, normal)
+
+    def _ground(self) -> tuple[FloatArray, FloatArray]:
+        points = contact_points(self._space)
+        if len(self._solids) == 1:
+            gap, normal = self._solids[0].gap(points)
+            return gap - self._radius, normal
+        found = [solid.gap(points) for solid in self._solids]
+        gaps = np.concatenate([gap - self._radius for gap, _ in found])
+        return gaps, np.concatenate([normal for _, normal in found])
+
+    def rows(self, closed: BoolArray, clearance: Clearance, target: FloatArray) -> ClosedRows:
+        """Return the rows of some barriers, for the Jacobians held in the workspace.
+
+        Args:
+            closed: (2 j + c,) which.
+            clearance: where they are.
+            target: (2 j + c,) lowest speed at which each gap may open.
+        """
+        limits, turning = _NONE, self._turning
+        which = closed[self.limits :].nonzero()[0]
+        contacts = contact_rows(
+            self._space,
+            which % self.points if self.points else which,
+            clearance.normal[which],
+            self.planar,
+        )
+        if self.limits:
+            limits = closed[: self.limits].nonzero()[0]
+            turning = turning[limits]
+        rows = contacts.rows
+        tangents = rows[:, 1:].reshape(-1, self._nv)
+        unilateral = Unilateral(
+            turning, rows[:, 0], tangents, self._friction[which], target[closed]
+        )
+        return ClosedRows(unilateral, limits, which, contacts)
+
+
+def _finite(limits: FloatArray) -> FloatArray:
+    """Return limits with pinocchio's way of saying "none" (the largest double) as infinity."""
+    values = np.array(limits)
+    return np.where(np.abs(values) > 1e18, np.copysign(np.inf, values), values)

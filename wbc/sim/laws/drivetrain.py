@@ -1,0 +1,95 @@
+"""The constant part of a robot's dissipative rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
+from wbc.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Drivetrain:
+    """Gears of a robot as rows; all quantities at the motor outputs psi.
+
+    Attributes:
+        rows: D^-1 on the driven columns (m, nv), psi_dot = rows @ v.
+        ratio: N (m,).
+        inertia: N^2 I_r (m,) [kg m^2].
+        viscous: N^2 times the rotor's viscous friction (m,).
+        coulomb: |N| times the rotor's Coulomb friction (m,).
+        forward, backward: eta_f, eta_b (m,).
+        stiffness: (m,) [N m/rad], infinite where rigid.
+        damping: (m,) beside it.
+        play: (m,) [rad] backlash.
+        loose: (m,) whether the motor's output may leave the joint (stiffness or play).
+        any_loose: whether any of them may.
+        rubs: whether any rotor has friction.
+        direct: whether each gear turns its joint alone and rigidly, so that joint friction and
+            gear share a row.
+        shares: (m,) whether a gear can; a self-locking one cannot: the set of impulses that it
+            holds at rest has a hole, which friction beside it fills.
+        actuated: (m,) rows of v.
+        every: (m,) 0 .. m - 1.
+        zero: (m,) zeros.
+    """
+
+    rows: FloatArray
+    ratio: FloatArray
+    inertia: FloatArray
+    viscous: FloatArray
+    coulomb: FloatArray
+    forward: FloatArray
+    backward: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    play: FloatArray
+    loose: BoolArray
+    any_loose: bool
+    rubs: bool
+    direct: bool
+    shares: BoolArray
+    actuated: IntArray
+    every: IntArray
+    zero: FloatArray
+
+    @property
+    def size(self) -> int:
+        """m, the number of gears."""
+        return len(self.ratio)
+
+    def spring_energy(self, deflection: FloatArray) -> float:
+        """Return the energy stored in the compliant gears at deflections (m,) [J]."""
+        stretch = np.maximum(np.abs(deflection) - 0.5 * self.play, 0.0)
+        soft = np.isfinite(self.stiffness)
+        return float(0.5 * self.stiffness[soft] @ stretch[soft] ** 2)
+
+
+def drivetrain(robot: Robot) -> Drivetrain:
+    """Return the constant part of the rows of `robot`."""
+    gears = robot.transmission
+    rows = np.zeros((gears.size, robot.model.nv))
+    rows[:, robot.actuated] = gears.motor_from_joint
+    loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
+    return Drivetrain(
+        rows=frozen(rows),
+        ratio=gears.gear_ratio,
+        inertia=frozen(gears.reflected_inertia),
+        viscous=frozen(gears.gear_ratio**2 * gears.rotor_viscous_friction),
+        coulomb=frozen(np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction),
+        forward=gears.forward_efficiency,
+        backward=gears.backward_efficiency,
+        stiffness=gears.stiffness,
+        damping=gears.damping,
+        play=gears.backlash,
+        loose=frozen(loose, np.bool_),
+        any_loose=bool(loose.any()),
+        rubs=bool(gears.rotor_coulomb_friction.any() or gears.rotor_viscous_friction.any()),
+        direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
+        shares=frozen(gears.backward_efficiency >= 0.0, np.bool_),
+        actuated=robot.actuated,
+        every=frozen(np.arange(gears.size), np.int_),
+        zero=frozen(np.zeros(gears.size)),
+    )

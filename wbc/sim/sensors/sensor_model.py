@@ -1,0 +1,102 @@
+"""What sensors make of a recording: noise, quantisation, bias, delay and a lower rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import SimulationError, unknown_name
+from wbc.measurement import Log
+from wbc.robot import Motion, Robot
+from wbc.sim.sensors.sensor import Sensor
+
+_ROTOR = ("rotor_position", "rotor_velocity")
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """The sensors of a robot: one `Sensor` per quantity, or per column where they differ.
+
+    Attributes:
+        position, velocity: of the joints.
+        rotor_torque: as the drives report it.
+        joint_torque: at the outputs.
+        force: of the contacts, each axis.
+        columns: full column name -> sensor, in place of the quantity's.
+        every: rows of the recording per row of the log (its rate).
+    """
+
+    position: Sensor = field(default_factory=Sensor)
+    velocity: Sensor = field(default_factory=Sensor)
+    rotor_torque: Sensor = field(default_factory=Sensor)
+    joint_torque: Sensor = field(default_factory=Sensor)
+    force: Sensor = field(default_factory=Sensor)
+    columns: Mapping[str, Sensor] = field(default_factory=dict)
+    every: int = 1
+
+    def __post_init__(self) -> None:
+        """Check the rate."""
+        if self.every < 1:
+            raise SimulationError(f"every must be at least 1, got {self.every}.")
+
+    def measure(self, robot: Robot, recording: Log, seed: int) -> Log:
+        """Return the log that these sensors make of a recording; same seed, same bits.
+
+        Encoders sit on the motors: in a gear that is compliant or has play they show the motor's
+        motion. The robot's own effects on measurements (position offsets and the like) act first.
+
+        Raises:
+            SimulationError: `columns` names a column that the recording does not have.
+        """
+        for name in self.columns:
+            if name not in recording.columns:
+                raise SimulationError(unknown_name("column", name, recording.names))
+        random = np.random.default_rng(seed)
+        shown = reported_motion(robot, recording)
+        columns = {}
+        for name, values in recording.columns.items():
+            if name.endswith(_ROTOR):  # an encoder on it is what `position` comes from
+                continue
+            sensor = self.columns.get(name, self._sensor(name))
+            columns[name] = sensor.read(recording.time, shown.get(name, values), random)
+        measured = Log(recording.time, columns, recording.source)
+        return measured[:: self.every]
+
+    def _sensor(self, column: str) -> Sensor:
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if isinstance(value, Sensor) and f".{part.name}" in column:
+                return value
+        return Sensor()
+
+
+def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
+    """Return the joint columns as the encoders, on the motors, and the effects report them.
+
+    Empty where both leave them as they are.
+    """
+    names = [j for j in robot.single_joints if recording.has(f"{j}.position", f"{j}.velocity")]
+    gears = robot.transmission
+    loose = recording.has(*(f"{joint}.{name}" for joint in gears.joints for name in _ROTOR))
+    if not names or not (robot.effects or loose):
+        return {}
+    q = np.tile(robot.neutral(), (len(recording), 1))
+    v = np.zeros((len(recording), robot.model.nv))
+    for name in names:
+        q[:, robot.position_index(name)] = recording.column(f"{name}.position")
+        v[:, robot.velocity_index(name)] = recording.column(f"{name}.velocity")
+    if loose:
+        angle, speed = (recording.stack(name, gears.joints) for name in _ROTOR)
+        q[:, robot.actuated_position] = gears.joints_from_rotors(angle)
+        v[:, robot.actuated] = gears.joints_from_rotors(speed)
+    motion = Motion(q, v, time=recording.time)
+    for effect in robot.effects:
+        motion = effect.measured(robot, motion)
+    shown = {}
+    for name in names:
+        shown[f"{name}.position"] = motion.position[:, robot.position_index(name)]
+        shown[f"{name}.velocity"] = motion.velocity[:, robot.velocity_index(name)]
+    return shown

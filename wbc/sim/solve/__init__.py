@@ -1,0 +1,1 @@
+"""Solving one step program: every row on its law at once."""

@@ -1,0 +1,188 @@
+"""Taking an impact: barriers that are reached stop the robot at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.errors import SimulationError
+from wbc.sim.energy.kinetic_energy import kinetic_energy
+from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.contact_rows import world_impulse
+from wbc.sim.laws.coupling import (
+    COUPLING_FAILED,
+    COUPLING_ROUNDS,
+    COUPLING_TOLERANCE,
+    StepCoupling,
+    step_coupling,
+)
+from wbc.sim.laws.motor_motion import MotorMotion
+from wbc.sim.setup import Setup
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.solve.solver import solve_program
+from wbc.sim.state import SimState
+from wbc.sim.step.impact import Impact, impact_elements, impact_mesh_loss
+from wbc.sim.step.program import StepProgram, Unilateral
+
+_SLOW = 1e-9
+_ROUNDING = 1e-9
+_FINEST = 1e-3
+
+
+def settle(
+    setup: Setup, state: SimState, springy: BoolArray | None = None
+) -> tuple[SimState, Impact | None, BoolArray]:
+    """Take the impact on barriers that have just been reached.
+
+    A barrier counts as reached where its gap is closed and the state does not know it to be.
+
+    Args:
+        setup: the plant's.
+        state: where the robot is.
+        springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
+
+    Returns:
+        the state after it, the impact if there was any, and which barriers (2 j + c,) were reached.
+
+    Raises:
+        SimulationError: a state whose closed barriers are not known starts inside the ground or
+            beyond a joint limit.
+    """
+    barriers, space = setup.barriers, setup.space
+    unknown = len(state.closed) != barriers.size
+    closed = np.zeros(barriers.size, dtype=bool) if unknown else state.closed
+    pin.crba(space.model, space.data, state.position, pin.Convention.WORLD)
+    clearance = barriers.clearance(state.position)
+    if unknown:
+        check_outside(setup, clearance.gap)
+    fresh = ~closed & (clearance.gap <= TOUCH)
+    if not fresh.any():
+        return (state.replace(closed=closed) if unknown else state), None, fresh
+    together = closed | fresh
+    hit = barriers.rows(together, clearance, np.zeros(barriers.size))
+    approach = hit.approach(state.velocity)
+    if not np.any(fresh[together] & (approach < -_SLOW)):
+        return state.replace(closed=together), None, fresh
+    back = np.full(len(approach), setup.restitution)
+    if springy is not None:
+        back[~springy[together]] = 0.0
+    impact = _collide(setup, state, hit, -back * np.minimum(approach, 0.0))
+    closed = together.copy()
+    closed[together] = hit.approach(impact.after) <= TOUCH
+    return state.replace(velocity=impact.after, closed=closed), impact, fresh
+
+
+def check_outside(setup: Setup, gap: FloatArray) -> None:
+    """Refuse a start inside the ground or beyond a joint limit.
+
+    Args:
+        setup: the plant's.
+        gap: (2 j + c,).
+
+    Raises:
+        SimulationError: an overlap beyond TOUCH; it names the place and the depth.
+    """
+    depth = -float(gap.min(initial=0.0))
+    if depth <= TOUCH:
+        return
+    place = int(np.argmin(gap))
+    where = setup.barriers.names[place]
+    beyond = f"{depth:.3g} rad (m) beyond its stop"
+    inside = f"{1e3 * depth:.3g} mm inside the ground"
+    raise SimulationError(
+        f"the start of '{setup.robot.name}' overlaps: {where} is "
+        f"{beyond if place < setup.barriers.limits else inside}. Place the robot outside, or "
+        "let the plant do it: plant.state(position, lifted=True)."
+    )
+
+
+def _collide(setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray) -> Impact:
+    """Return the impact of the barriers `hit`, for the kinematics held in the workspace.
+
+    Newton's restitution with friction may ask for more energy than there was (Kane's paradox), or
+    for what the joints cannot do. Without restitution an impact only loses energy; the largest
+    restitution between that does so is taken.
+
+    Args:
+        setup: the plant's.
+        state: before.
+        hit: the closed barriers.
+        opening: (l + c,) speeds at which these should part, by the plant's restitution.
+    """
+    if not opening.any():
+        return _bounce(setup, state, hit, opening, 0.0)
+    scale = kinetic_energy(setup, state.position, state.velocity)
+    slack = -_ROUNDING * scale
+    try:
+        impact = _bounce(setup, state, hit, opening, 1.0)
+        if impact.contact_loss >= slack:
+            return impact
+    except SimulationError:
+        pass
+    low, high = 0.0, 1.0
+    best = _bounce(setup, state, hit, opening, low)
+    while (high - low) * setup.restitution > _FINEST:
+        middle = 0.5 * (low + high)
+        try:
+            impact = _bounce(setup, state, hit, opening, middle)
+            passive = impact.contact_loss >= slack
+        except SimulationError:
+            passive = False
+        if passive:
+            low, best = middle, impact
+        else:
+            high = middle
+    return best
+
+
+def _bounce(
+    setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray, share: float
+) -> Impact:
+    """Return the impact after which the barriers part at `share` times the speeds `opening`."""
+    drive = setup.drive
+    unilateral = replace(hit.unilateral, target=share * opening)
+    coupling = step_coupling(setup.robot, setup.space, state.position, state.velocity)
+    solution = _solve(setup, state, unilateral, coupling)
+    after = np.array(solution.velocity)
+    coupled = drive.zero if coupling is None else -coupling.inertia @ (after - state.velocity)
+    motor = MotorMotion.of(drive, state).speed
+    following = np.where(drive.loose, motor, drive.rows @ after)
+    rigid = ~drive.loose
+    net = coupled[rigid] - solution.element_impulse
+    mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], net)
+    given = kinetic_energy(setup, state.position, state.velocity, motor)
+    given -= kinetic_energy(setup, state.position, after, following)
+    impulse = world_impulse(hit.contacts, setup.barriers.points, solution)
+    restitution = share * setup.restitution if opening.any() else 0.0
+    return Impact(
+        state.time, state.velocity, after, impulse, mesh, given - mesh, restitution, solution
+    )
+
+
+def _solve(
+    setup: Setup, state: SimState, unilateral: Unilateral, coupling: StepCoupling | None
+) -> StepSolution:
+    """Solve the impact's program, with rotor coupling by repetition."""
+    drive, velocity = setup.drive, state.velocity
+    inertia = setup.space.data.M.copy()
+    motor = MotorMotion.of(drive, state).speed
+    joints = setup.robot.transmission.joints
+    names = [joints[i] for i in np.flatnonzero(~drive.loose).tolist()]
+    if coupling is None:
+        elements = impact_elements(drive, motor, np.zeros(drive.size))
+        return solve_program(StepProgram(inertia, velocity, elements, unilateral), None, names)
+    last = velocity
+    for _ in range(COUPLING_ROUNDS):
+        change = last - velocity
+        elements = impact_elements(drive, motor, -coupling.inertia @ change)
+        back = np.linalg.solve(inertia, coupling.inertia.T @ (drive.rows @ change))
+        program = StepProgram(inertia, velocity - back, elements, unilateral)
+        solution = solve_program(program, None, names)
+        moved = np.abs(solution.velocity - last).max(initial=0.0)
+        if moved <= COUPLING_TOLERANCE * (1.0 + np.abs(last).max(initial=0.0)):
+            return solution
+        last = solution.velocity
+    raise SimulationError(COUPLING_FAILED)

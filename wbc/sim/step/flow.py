@@ -1,0 +1,311 @@
+"""One smooth part of a step: no barrier is hit in it (Moreau's midpoint scheme).
+
+q_m = q + h/2 v;  H(q_m)(v' - v) = h (forces at q_m) + row impulses;  q' = q_m + h/2 v'
+
+On a free base v is the momentum's at each of the three places (`flight`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import lapack
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.errors import SimulationError
+from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.energy.flow_energy import Transit, flow_energy
+from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.contact_rows import world_impulse
+from wbc.sim.laws.coupling import (
+    COUPLING_FAILED,
+    COUPLING_ROUNDS,
+    COUPLING_TOLERANCE,
+    StepCoupling,
+    step_coupling,
+)
+from wbc.sim.laws.gear_rows import GearRows, gear_rows
+from wbc.sim.laws.motor_motion import MotorMotion
+from wbc.sim.setup import Setup
+from wbc.sim.solve.reduced import blown_up
+from wbc.sim.solve.solution import StepSolution
+from wbc.sim.solve.solver import solve_program
+from wbc.sim.state import SimState
+from wbc.sim.step.flight import Middle, arrived_velocity, from_middle, joint_bias, to_middle
+from wbc.sim.step.forces import EffectForces, effect_forces
+from wbc.sim.step.overlap import inertia_with_rotors, shift_out
+from wbc.sim.step.program import StepProgram
+
+_DRIFT = 1e-8
+"""Overlap [m, rad] from which on it is taken back."""
+
+_NO_SHIFT = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What happened in one smooth part.
+
+    Attributes:
+        state: at its end.
+        gap: (2 j + c,) at its end.
+        held: rows of the barriers that were closed.
+        overlap: (2 j + c,) depth [m, rad] that was left to take back, beyond what the plant's
+            return speed allows; empty where nothing was.
+        points: k, number of the robot's contacts.
+        transit: how the gears passed.
+    """
+
+    state: SimState
+    gap: FloatArray
+    held: ClosedRows
+    overlap: FloatArray
+    points: int
+    transit: Transit
+
+    @cached_property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return world_impulse(self.held.contacts, self.points, self.solution)
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self.transit.mesh
+
+    @property
+    def rotor_impulse(self) -> FloatArray:
+        """Impulse (m,) [N m s] delivered on the rotors."""
+        return self.transit.step * self.transit.forces.rotor
+
+    @property
+    def solution(self) -> StepSolution:
+        """Of the step program."""
+        return self.transit.solution
+
+    @cached_property
+    def energy(self) -> EnergyFlow:
+        """Work and losses."""
+        return flow_energy(self.transit)
+
+
+def flow(
+    setup: Setup,
+    state: SimState,
+    command: FloatArray,
+    step: float,
+    external: FloatArray | None,
+    kept: BoolArray | None = None,
+) -> Flow:
+    """Advance by `step` [s] with the barriers that are closed at its start.
+
+    Args:
+        setup: the plant's.
+        state: with known `closed`, and with the memory of its effects.
+        command: (m,) rotor torque [N m].
+        step: h [s].
+        external: generalised force (nv,), None for none.
+        kept: (2 j + c,) barriers that may close within the part, without a bounce.
+    """
+    space, half = setup.space, 0.5 * step
+    middle = to_middle(setup.bases, space, state.position, state.velocity, half)
+    at = middle.position, middle.velocity, state.time + half
+    forces = effect_forces(setup.robot, at, command, state.memory, step)
+    coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
+    if coupling is not None:
+        pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
+    force = forces.joint - joint_bias(setup.bases, space, middle)
+    if external is not None:
+        force += external
+    closed = state.closed if kept is None else state.closed | kept
+    clearance = setup.barriers.clearance(middle.position)
+    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, step))
+    motor = MotorMotion.of(setup.drive, state)
+    problem = _Problem(setup, state, middle.velocity, motor, step, forces, force, held)
+    gears, places, solution = _solve_released(problem, coupling)
+    if not isfinite(solution.velocity.sum()):
+        raise blown_up(setup.space.data.M, state.velocity)
+    mesh, speed = gears.passed(solution)
+    motor_after = motor.after(setup.drive, solution.velocity, speed, step)
+    end = _arrive(setup, middle, solution, closed, held, step)
+    deflection = motor_after.deflection
+    if setup.drive.any_loose and len(end.shift):
+        deflection = deflection - np.where(setup.drive.loose, setup.drive.rows @ end.shift, 0.0)
+    following = SimState(
+        end.position,
+        end.velocity,
+        state.time + step,
+        _still_closed(closed, end.gap, solution.normal_impulse),
+        setup.layout.store(solution.impulse, places),
+        deflection,
+        motor_after.speed,
+        forces.memory,
+    )
+    transit = Transit(
+        setup.drive,
+        middle.velocity,
+        motor,
+        motor_after,
+        mesh,
+        solution,
+        gears,
+        forces,
+        external,
+        step,
+    )
+    return Flow(following, end.gap, held, end.overlap, setup.barriers.points, transit)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _End:
+    """Where a part ends: q (nq,), v (nv,), gaps, overlaps left, and the shift (nv,) out of them."""
+
+    position: FloatArray
+    velocity: FloatArray
+    gap: FloatArray
+    overlap: FloatArray
+    shift: FloatArray
+
+
+def _arrive(
+    setup: Setup,
+    middle: Middle,
+    solution: StepSolution,
+    closed: BoolArray,
+    held: ClosedRows,
+    step: float,
+) -> _End:
+    """Move on to the end of the part, out of what it overran."""
+    space, bases, after = setup.space, setup.bases, solution.velocity
+    inertia = solution.reduced.program.inertia
+    position, carried = from_middle(bases, space, middle, inertia, after, 0.5 * step)
+    gap = _gap_at(setup, position)
+    shift, overlap = _NO_SHIFT, _NO_SHIFT
+    over = gap[closed]
+    if min(over.tolist(), default=0.0) < -_DRIFT:
+        furthest = setup.return_speed * step
+        metric = inertia_with_rotors(setup.drive, inertia)
+        shift = shift_out(metric, held, over, furthest)
+        position = pin.integrate(space.model, position, shift)
+        if over.min() < -furthest - TOUCH:
+            overlap = np.maximum(-gap - furthest, 0.0) * closed
+        gap = _gap_at(setup, position)
+    velocity = arrived_velocity(bases, space, carried, after)
+    return _End(position, velocity, gap, overlap, shift)
+
+
+def _gap_at(setup: Setup, position: FloatArray) -> FloatArray:
+    """Return all gaps at q (nq,); the workspace then stands there."""
+    model, data = setup.space.model, setup.space.data
+    if setup.bases:
+        pin.crba(model, data, position, pin.Convention.WORLD)
+    else:
+        pin.forwardKinematics(model, data, position)
+    return setup.barriers.clearance(position).gap
+
+
+def _opening(gap: FloatArray, step: float) -> FloatArray:
+    """Return the lowest speed (2 j + c,) at which gaps (2 j + c,) may open over a step.
+
+    A gap that is left may close within the step: all of it over the half that is left where the
+    barrier was kept ahead of its closing, half of it where it is mere drift. An overlap opens by no
+    speed; it is a matter of place.
+    """
+    left = np.maximum(gap, 0.0)
+    return np.asarray(-left * np.where(left > TOUCH, 2.0, 1.0) / step)
+
+
+def _still_closed(closed: BoolArray, gap: FloatArray, pressed: FloatArray) -> BoolArray:
+    """Return which barriers (2 j + c,) stay closed: those that are pressed, and those in touch."""
+    if min(pressed.tolist(), default=1.0) > 0.0:
+        return closed
+    after = closed.copy()
+    after[closed] = (gap[closed] <= TOUCH) | (pressed > 0.0)
+    return after
+
+
+_Solved: TypeAlias = tuple[GearRows, IntArray, StepSolution]
+"""The gears' rows, the places of all rows in `SimState.impulse`, and the solution."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Problem:
+    """Everything that stays the same while the rows of one part are solved."""
+
+    setup: Setup
+    state: SimState
+    velocity: FloatArray
+    motor: MotorMotion
+    step: float
+    forces: EffectForces
+    force: FloatArray
+    held: ClosedRows
+
+
+def _solve_released(problem: _Problem, coupling: StepCoupling | None) -> _Solved:
+    """Solve the step, letting go of gears that would pull on a flank of their play."""
+    drive = problem.setup.drive
+    released = np.zeros(drive.size, dtype=bool)
+    for _ in range(drive.size + 1):
+        if coupling is None:
+            solved = _solve(problem, released, None, None)
+        else:
+            solved = _solve_coupled(problem, released, coupling)
+        if not drive.any_loose:
+            break
+        gears, _, solution = solved
+        pulling = gears.side[gears.engaged] * solution.impulse[: len(gears.engaged)] < 0.0
+        if not pulling.any():
+            break
+        released[gears.engaged[pulling]] = True
+    return solved
+
+
+def _solve_coupled(problem: _Problem, released: BoolArray, coupling: StepCoupling) -> _Solved:
+    """Repeat the step with the rotor coupling of its last iterate until the velocity repeats."""
+    drive, velocity = problem.setup.drive, problem.velocity
+    last = velocity
+    for _ in range(COUPLING_ROUNDS):
+        change = last - velocity
+        links = coupling.inertia.T @ (drive.rows @ change) + problem.step * coupling.link_bias
+        rotors = coupling.inertia @ change + problem.step * coupling.rotor_bias
+        solved = _solve(problem, released, links, rotors)
+        reached = solved[2].velocity
+        moved = np.abs(reached - last).max(initial=0.0)
+        if moved <= COUPLING_TOLERANCE * (1.0 + np.abs(last).max(initial=0.0)):
+            return solved
+        last = reached
+    raise SimulationError(COUPLING_FAILED)
+
+
+def _solve(
+    problem: _Problem,
+    released: BoolArray,
+    on_links: FloatArray | None,
+    on_rotors: FloatArray | None,
+) -> _Solved:
+    """Solve the step once, less the impulses (nv,) and (m,) that the rotor coupling takes."""
+    setup, state, step, motor = problem.setup, problem.state, problem.step, problem.motor
+    inertia = setup.space.data.M.copy()
+    push = step * problem.force
+    driven = step * (setup.drive.ratio * problem.forces.rotor)
+    if on_links is not None and on_rotors is not None:
+        push = push - on_links
+        driven = driven - on_rotors
+    _, change, info = lapack.dposv(inertia, push)
+    if info != 0:
+        raise blown_up(setup.space.data.M, state.velocity)
+    gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, released)
+    places = setup.layout.places(gears, problem.held)
+    guess = setup.layout.recall(state.impulse, places)
+    free = problem.velocity + change
+    program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
+    names = setup.robot.transmission.joints
+    if len(gears.engaged) < len(names):
+        names = tuple(names[i] for i in gears.engaged.tolist())
+    return gears, places, solve_program(program, guess, names)

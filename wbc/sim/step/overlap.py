@@ -1,0 +1,98 @@
+"""Taking back an overlap: the robot is moved out, its velocity stays.
+
+What a barrier is overrun by (drift of a part of a step, or a ground whose gap jumps) is a matter of
+place. Were it taken back by a speed, the robot would leave with that speed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import lapack
+
+from wbc.arrays import FloatArray
+from wbc.compiled import Dense, Nothing, OutVector, Vector, compiled
+from wbc.errors import SimulationError
+from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.setup import Setup
+
+_TRIES = 100
+_NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
+_STIFF = 1e6
+
+
+def shift_out(metric: FloatArray, held: ClosedRows, gap: FloatArray, furthest: float) -> FloatArray:
+    """Return the least shift (nv,) of the configuration that takes overlaps back.
+
+    Args:
+        metric: (nv, nv), upper half, in which it is least.
+        held: rows of the barriers that are closed.
+        gap: (l + c,) of these; a gap that is left may close.
+        furthest: [m, rad] by which an overlap is taken back at most.
+    """
+    rows = np.concatenate((held.unilateral.limits, held.unilateral.normals))
+    _, response, info = lapack.dposv(metric, rows.T)
+    if info != 0:
+        return np.zeros(len(metric))
+    push = np.zeros(len(rows))
+    _project(np.ascontiguousarray(rows @ response), np.minimum(-gap, furthest), push)
+    return np.asarray(response @ push)
+
+
+def inertia_with_rotors(drive: Drivetrain, inertia: FloatArray) -> FloatArray:
+    """Return H_l (nv, nv) with the rotors of rigid gears: what is light moves first."""
+    rigid = ~drive.loose
+    turning = drive.rows[rigid]
+    return np.asarray(inertia + turning.T @ (drive.inertia[rigid, None] * turning))
+
+
+def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
+    """Return q (nq,) moved out of the ground and back to the joint limits.
+
+    Driven joints keep their angles where a free base can do it.
+
+    Raises:
+        SimulationError: a point that no motion brings out.
+    """
+    space, barriers = setup.space, setup.barriers
+    q = barriers.within_limits(position)
+    stiff = np.zeros(space.model.nv)
+    gap = worst = np.zeros(0)
+    for _ in range(_TRIES):
+        pin.crba(space.model, space.data, q, pin.Convention.WORLD)
+        clearance = barriers.clearance(q)
+        gap = clearance.gap
+        if gap.min(initial=0.0) >= -0.5 * TOUCH:
+            return q
+        worst = gap if not worst.size else worst
+        near = barriers.rows(gap < _NEAR, clearance, np.zeros(barriers.size))
+        stiff[setup.robot.actuated] = _STIFF * space.data.M.diagonal().max()
+        metric = space.data.M + np.diag(stiff)
+        q = pin.integrate(space.model, q, shift_out(metric, near, gap[gap < _NEAR], _NEAR))
+    place = int(np.argmin(worst))
+    raise SimulationError(
+        f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
+        f"{-worst[place]:.3g} m (rad) inside, and no motion of its free joints brings it out."
+    )
+
+
+@compiled(Nothing, Dense, Vector, OutVector)
+def _project(delassus: FloatArray, missing: FloatArray, push: FloatArray) -> None:
+    """Sweep towards 0 <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
+    most = 0.0
+    for i in range(len(missing)):
+        most = max(most, abs(missing[i]))
+    for _ in range(100):
+        worst = 0.0
+        for i in range(len(missing)):
+            if delassus[i, i] <= 0.0:
+                continue
+            rest = missing[i]
+            for j in range(len(missing)):
+                rest -= delassus[i, j] * push[j]
+            aim = max(push[i] + rest / delassus[i, i], 0.0)
+            worst = max(worst, abs(aim - push[i]) * delassus[i, i])
+            push[i] = aim
+        if worst <= 1e-6 * most:
+            return
