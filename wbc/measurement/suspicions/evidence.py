@@ -22,8 +22,8 @@ from wbc.arrays import FloatArray
 from wbc.measurement.suspicions.rows import Need
 
 GAIN_SPREAD = float(np.log(4.0)) / 2.0
-"""Standard deviation of ln g: a judgement, drives, losses and loads amount to less than a factor 4 in
-95 of 100 machines."""
+"""Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
+in 95 of 100 machines."""
 
 _GAINS = np.exp(np.linspace(-4.0, 4.0, 73) * GAIN_SPREAD)
 _PRIOR = -0.5 * (np.log(_GAINS) / GAIN_SPREAD) ** 2
