@@ -122,7 +122,9 @@ class Controller:
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
         self._plant = Plant(robot)
-        self._law = GearLaw(robot.transmission, self.settings.rest_policy)
+        self._law = GearLaw(
+            robot.transmission, self.settings.rest_policy, self.settings.rest_margin
+        )
         self._effects = EffectTorques(robot)
         self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
         self._outcome = Outcome(self._law, self._motors, self.settings.deadline)

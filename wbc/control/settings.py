@@ -18,6 +18,8 @@ class ControllerSettings:
     Attributes:
         time_step: time until the next tick [s] where `step` is not told.
         rest_policy: what to choose inside the interval that stiction leaves free.
+        rest_margin: share of that interval, 0 to 0.5, that is kept free at either end, so that
+            efficiencies that are a little off do not let a resting gear slip.
         speed_blend: how the directions of the gears are judged.
         warm_start: whether the constraints that bound the last solution are tried before the
             solver is asked.
@@ -38,6 +40,7 @@ class ControllerSettings:
 
     time_step: float = 1e-3
     rest_policy: RestPolicy = RestPolicy.NEUTRAL
+    rest_margin: float = 0.0
     speed_blend: SpeedBlend = field(default_factory=SpeedBlend)
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
@@ -57,5 +60,9 @@ class ControllerSettings:
                 raise ControlError(f"setting {name} must be > 0, got {getattr(self, name)}.")
         if not self.force_weight >= 0.0:
             raise ControlError(f"setting force_weight must be >= 0, got {self.force_weight}.")
+        if not 0.0 <= self.rest_margin <= 0.5:
+            raise ControlError(
+                f"setting rest_margin must lie between 0 and 0.5, got {self.rest_margin}."
+            )
         if self.deadline is not None and not self.deadline > 0.0:
             raise ControlError(f"setting deadline must be > 0 s, got {self.deadline}.")

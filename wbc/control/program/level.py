@@ -193,8 +193,10 @@ class Level:
 
     def _found(self, solution: QPSolution, rounds: int, spent: float) -> Found:
         """Return a solution of the program without torque limits as one of the program."""
-        unpushed = np.zeros(self.program.rows.torque.stop)
-        solution = solution._replace(z=np.concatenate([unpushed, solution.z]))
+        push = np.zeros(len(self.program.rows.lower))
+        push[self.program.rows.torque.stop :] = solution.z
+        x, y, _, status, iterations = solution
+        solution = QPSolution(x, y, push, status, iterations)
         self._output = output = self.program.output_torque(solution.x)
         acceleration = solution.x[: self.program.nv]
         return Found(solution, output, rounds, spent, True, acceleration, solution.iterations)

@@ -215,7 +215,7 @@ def rates(asked: FloatArray, label: str, size: int, task: str) -> FloatArray:
     Raises:
         ControlError: another shape.
     """
-    if np.shape(asked) != (size,):
+    if (asked.shape if isinstance(asked, np.ndarray) else np.shape(asked)) != (size,):
         raise ControlError(
             f"the reference of task '{task}': {label} has shape {np.shape(asked)}, "
             f"expected ({size},)."

@@ -126,7 +126,7 @@ def name_complaint(
     contacts: Collection[str],
 ) -> Complaint | None:
     """Return what is wrong with the names and limits given, None if nothing is."""
-    if not isinstance(references, Mapping):
+    if type(references) is not dict and not isinstance(references, Mapping):
         kind = type(references).__name__
         return Status.BAD_INPUT, f"references map a task's name to a Reference; got {kind}."
     for name, reference in references.items():
@@ -137,7 +137,7 @@ def name_complaint(
             return Status.BAD_INPUT, f"task '{name}' needs a Reference, got {kind}."
     if active is None:
         return None
-    if not isinstance(active, Mapping):
+    if type(active) is not dict and not isinstance(active, Mapping):
         return Status.BAD_INPUT, (
             "contacts map a name to the greatest normal force [N], as in "
             f"{{'{next(iter(contacts), 'foot')}': inf}}; got {type(active).__name__}."
@@ -215,5 +215,7 @@ def all_finite(*vectors: FloatArray) -> bool:
 
 def _is_number(value: Any) -> TypeGuard[float]:
     """Whether a value is a real number; True and False are none."""
+    if type(value) is float:
+        return True
     real = isinstance(value, (float, int, np.floating, np.integer))
     return real and not isinstance(value, bool)

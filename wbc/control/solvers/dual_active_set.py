@@ -11,10 +11,7 @@ from wbc.control.solvers.dual_steps import CONTRADICTION, SOLVED, climb
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.row_system import (
     meet_rows,
-    place_active,
-    place_blocks,
-    place_values,
-    revise,
+    settle,
 )
 
 _ROUNDS = 4
@@ -67,6 +64,7 @@ class DualActiveSet:
         self._push, self._basis = np.zeros(room), np.zeros((room, n + size))
         self._triangle, self._moves = np.zeros((room, room)), np.zeros((room, n))
         self._vectors = np.zeros((10, max(n + size, inequalities)))
+        self._memory_of_rows = *self._rows, *self._diagonal
         self.steps, self.blocking = 0, -1
 
     def forget(self) -> None:
@@ -79,7 +77,6 @@ class DualActiveSet:
 
     def guess(self, problem: BlockProblem) -> QPSolution | None:
         """Return the solution if the binding rows follow from the last ones, None otherwise."""
-        self._load(problem)
         self.steps, self.blocking = 0, -1
         return self._settled(problem)
 
@@ -104,27 +101,24 @@ class DualActiveSet:
         empty = np.zeros(k), np.zeros(len(problem.lower))
         return QPSolution(np.full(n, np.nan), *empty, status, self.steps)
 
-    def _load(self, problem: BlockProblem) -> None:
-        parts = problem.rows, problem.right, problem.softness, problem.diagonal, problem.pull
-        place_blocks(*parts, *self._rows, *self._diagonal)
-
     def _settled(self, problem: BlockProblem) -> QPSolution | None:
         """Correct the binding rows a few times; return the solution where that ends."""
-        base, x = len(problem.right), np.empty(len(problem.pull))
-        bounds, binding = (problem.lower, problem.upper), (self._active, self._taken)
-        for _ in range(_ROUNDS):
-            self.steps += _SYSTEM
-            size = place_active(problem.C, *bounds, base, *binding, *self._rows)
-            if size < 0 or not meet_rows(
-                *(*self._rows, *self._diagonal, size, self._allowed, x, self._force),
-                *self._memory,
-            ):
-                break
-            place_values(problem.C, x, self._values)
-            if not revise(
-                *(*bounds, self._tolerance, self._values, self._force, base, size), *binding
-            ):
-                return self._solution(problem, x, base, size)
+        x = np.empty(len(problem.pull))
+        diagonal, pull, rows, right, softness, _, C, lower, upper = problem
+        size, rounds = settle(
+            *(rows, right, softness, diagonal, pull, C, lower, upper),
+            *(self._tolerance, self._allowed, _ROUNDS),
+            *self._memory_of_rows,
+            x,
+            self._force,
+            self._values,
+            self._active,
+            self._taken,
+            *self._memory,
+        )
+        self.steps += _SYSTEM * rounds
+        if size >= 0:
+            return self._solution(problem, x, len(right), size)
         self.forget()
         return None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numba import types
+
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Count,
@@ -180,7 +182,8 @@ def revise(
             elif lower[i] - values[i] > tolerance:
                 taken[i], changed = -1, True
     for k in range(size - base):
-        if -force[base + k] * taken[active[k]] <= tolerance:
+        # to drop what hardly pushes as well would drop and take some rows in turns
+        if -force[base + k] * taken[active[k]] < -tolerance:
             taken[active[k]], changed = 0, True
     return changed
 
@@ -193,3 +196,75 @@ def place_values(rows: FloatArray, x: FloatArray, values: FloatArray) -> None:
         for j in range(len(x)):
             reached += rows[i, j] * x[j]
         values[i] = reached
+
+
+@compiled(
+    types.UniTuple(Count, 2),
+    *(Dense, *[Vector] * 4, Dense, *[Vector] * 2, Number, Number, Count),
+    *(OutDense, *[OutVector] * 7, OutPlaces, OutPlaces, OutDense, OutDense, OutVector),
+)
+def settle(
+    rows: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    diagonal: FloatArray,
+    pull: FloatArray,
+    C: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float,
+    allowed: float,
+    rounds: int,
+    G: FloatArray,
+    all_right: FloatArray,
+    all_softness: FloatArray,
+    inverse: FloatArray,
+    free: FloatArray,
+    x: FloatArray,
+    force: FloatArray,
+    values: FloatArray,
+    active: IntArray,
+    taken: IntArray,
+    scaled: FloatArray,
+    system: FloatArray,
+    left: FloatArray,
+) -> tuple[int, int]:
+    """Solve with the rows taken as binding, and correct these until nothing changes.
+
+    One call for a whole tick where few rows bind: handing arrays over takes as long as the work.
+
+    Args:
+        rows, right, softness, diagonal, pull, C, lower, upper: of the program.
+        tolerance, allowed: as for `revise` and `meet_rows`.
+        rounds: systems solved at most.
+        G, all_right, all_softness, inverse, free: results, as of `place_blocks`.
+        x, force, values: results.
+        active, taken: as for `revise`; `taken` is what to start from, and the result.
+        scaled, system, left: memory of `meet_rows`.
+
+    Returns:
+        how many rows G has in the end, -1 where the rows do not settle; systems solved.
+    """
+    place_blocks(rows, right, softness, diagonal, pull, G, all_right, all_softness, inverse, free)
+    base = len(right)
+    for count in range(rounds):
+        size = place_active(C, lower, upper, base, active, taken, G, all_right, all_softness)
+        if size < 0 or not meet_rows(
+            G,
+            all_right,
+            all_softness,
+            inverse,
+            free,
+            size,
+            allowed,
+            x,
+            force,
+            scaled,
+            system,
+            left,
+        ):
+            return -1, count + 1
+        place_values(C, x, values)
+        if not revise(lower, upper, tolerance, values, force, base, size, active, taken):
+            return size, count + 1
+    return -1, rounds

@@ -20,6 +20,8 @@ def vector_target(target: Any, size: int) -> FloatArray:
     Raises:
         ControlError: another shape, or no numbers.
     """
+    if isinstance(target, np.ndarray) and target.dtype == np.float64 and target.shape == (size,):
+        return target.copy()
     try:
         values = np.array(target, dtype=np.float64)
     except (TypeError, ValueError) as cause:

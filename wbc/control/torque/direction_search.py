@@ -187,4 +187,5 @@ class DirectionSearch:
         )
         if found is not None:
             return self._found(found, proven)
+        self.program.assemble_torque_limits(slopes.at(positive), *limits)  # a node's rows are fewer
         return self._found(unsolved, proven)._replace(settled=False)

@@ -46,8 +46,14 @@ class GearLaw:
         blended: the slopes (m,) at rest, where T sigma > 0, and where T sigma < 0.
     """
 
-    def __init__(self, gears: Transmission, policy: RestPolicy) -> None:
-        """Precompute the three slopes of every gear."""
+    def __init__(self, gears: Transmission, policy: RestPolicy, margin: float = 0.0) -> None:
+        """Precompute the three slopes of every gear.
+
+        Args:
+            gears: of the robot.
+            policy: what to choose at rest.
+            margin: share of the interval at rest that is kept free at either end, 0 to 0.5.
+        """
         self._forward = 1.0 / gears.forward_efficiency
         self._backward = np.array(gears.backward_efficiency)
         self._gears = gears
@@ -58,7 +64,8 @@ class GearLaw:
             RestPolicy.LEAST_TORQUE: np.zeros(gears.size),
             RestPolicy.MOST_MARGIN: 0.5 * (low + high),
         }[policy]
-        self._rest = np.clip(preferred, low, high)
+        free = margin * (high - low)
+        self._rest = np.clip(preferred, low + free, high - free)
         self.blended = self._rest, self._forward, self._backward
         # rows: slopes for T > 0 and for T < 0
         self._both = np.array([self._rest, self._rest])
