@@ -10,6 +10,10 @@ Run: python -m benchmarks.sim [--profile]
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import argparse
 import cProfile
 import pstats

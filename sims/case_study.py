@@ -172,8 +172,9 @@ def efficiency_figure() -> Figure:
         Panel("two ways to hold more", "hold up [N]", "IMF [-]", _ways(eta)),
     ]  # fmt: skip
     figure = sweep_figure(panels, columns=2)
-    figure.axes[0].legend(loc="lower right", fontsize=7)
-    figure.axes[3].legend(loc="lower left")
+    figure.axes[0].legend(loc="lower right", fontsize=7, frameon=False)
+    figure.axes[3].set_ylim(0.2, 1.15)  # room for the legend above the curves
+    figure.axes[3].legend(loc="upper right", fontsize=8, frameon=False)
     return figure
 
 

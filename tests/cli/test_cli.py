@@ -13,7 +13,17 @@ import pytest
 from wbc.cli import main
 from wbc.measurement import Log, save_log
 
-COMMANDS = ("compare", "diagnose", "check", "play", "metrics", "design", "list", "completion")
+COMMANDS = (
+    "compare",
+    "diagnose",
+    "check",
+    "play",
+    "metrics",
+    "design",
+    "experiment",
+    "list",
+    "completion",
+)
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 

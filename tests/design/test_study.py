@@ -139,11 +139,12 @@ def test_a_study_with_another_key_is_refused(tmp_path: Path) -> None:
 
 
 RUN = """
-import sys
+import sys, time
 from wbc.design import Study, parse_sweep, run_study
 pose = {pose!r}
 sweeps = tuple(map(parse_sweep, ("reduction=6:160", "length.shin=0.2:0.5")))
-run_study(Study("planar_leg", sweeps, "foot", pose, samples=15000, seed=2), sys.argv[1], chunk=100)
+study = Study("planar_leg", sweeps, "foot", pose, samples=1500, seed=2)
+run_study(study, sys.argv[1], chunk=50, watch=lambda done, total: time.sleep(0.1))
 """
 
 
@@ -158,16 +159,16 @@ def test_a_killed_study_goes_on_and_ends_with_the_same_table(tmp_path: Path) -> 
         process.send_signal(signal.SIGKILL)
     assert process.returncode == -signal.SIGKILL
     left = {part.name: part.read_bytes() for part in parts.glob("0*.parquet")}
-    assert 5 <= len(left) < 150
+    assert 5 <= len(left) < 30
     assert not path.exists()
     done: list[int] = []
     sweeps = tuple(map(parse_sweep, ("reduction=6:160", "length.shin=0.2:0.5")))
-    same = Study("planar_leg", sweeps, "foot", POSE, samples=15000, seed=2)
+    same = Study("planar_leg", sweeps, "foot", POSE, samples=1500, seed=2)
 
-    run_study(same, path, chunk=100, watch=lambda count, total: done.append(count))
-    assert done[0] == 100 * len(left)
-    assert len(done) == 151 - len(left)
-    whole = run_study(same, tmp_path / "whole.parquet", chunk=100)
+    run_study(same, path, chunk=50, watch=lambda count, total: done.append(count))
+    assert done[0] == 50 * len(left)
+    assert len(done) == 31 - len(left)
+    whole = run_study(same, tmp_path / "whole.parquet", chunk=50)
     assert path.read_bytes() == whole.read_bytes()
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import pytest
 from wbc.effects import (
     CoulombFriction,
     JointCompliance,
+    JointEffect,
     PayloadMass,
     TorqueRipple,
     TransmissionEfficiency,
@@ -19,7 +22,7 @@ from wbc.effects import (
     save_robot,
 )
 from wbc.errors import EffectError, RobotError, WbcError
-from wbc.robot import robots_directory
+from wbc.robot import Parameter, robots_directory
 
 FITTED = """
 robot = "planar_leg"
@@ -129,6 +132,36 @@ def test_the_side_of_friction_beside_a_soft_gear_is_kept(tmp_path: Path) -> None
     path.write_text(path.read_text().replace('"motor"', '"gear"'))
     with pytest.raises(RobotError, match="'gear' is none of link, motor, either"):
         load_robot(path)
+
+
+@dataclass(frozen=True)
+class ToothRipple(JointEffect):
+    """A ripple whose order is known."""
+
+    amplitude: float
+    harmonic: int = 12
+    belt: str = "short"
+    name: ClassVar[str] = "tooth_ripple"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude", "N m", 0.0, 0.0, 10.0, 0.1),
+    )
+    explanation: ClassVar[str] = "Teeth."
+    experiment: ClassVar[str] = "Turn."
+
+
+def test_every_field_of_an_effect_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.effects.saved.effect_class", lambda name: ToothRipple)
+    effect = ToothRipple("knee", 0.3, harmonic=7, belt="long")
+    path = save_robot(load_robot("planar_leg").with_effect(effect), tmp_path / "fitted.toml")
+    assert load_robot(path).effects == (effect,)
+    for old, new, message in (
+        ("harmonic", "harmonik", "Did you mean 'harmonic'"),
+        ("= 7", "= 7.5", "harmonic: 7.5 stands where a int is expected"),
+    ):
+        other = tmp_path / "other.toml"
+        other.write_text(path.read_text().replace(old, new))
+        with pytest.raises(RobotError, match=re.escape(message)):
+            load_robot(other)
 
 
 def test_a_chain_of_files_adds_up(tmp_path: Path) -> None:

@@ -34,7 +34,8 @@ def test_no_step_makes_energy_through_its_rows(
         try:
             result = plant.step(state, torque, 10.0**decade)
         except SimulationError as error:
-            assert "self-locking gears 'j" in str(error)  # several solutions: refused by name
+            if "self-locking gears 'j" not in str(error):  # several solutions: refused by name
+                raise
             return
         state = result.state
         assert made_by_rows(result) < 1e-9

@@ -201,6 +201,18 @@ def test_dry_friction_behind_and_before_a_soft_gear_is_named_with_it(side: str) 
     assert said == (side == "motor")
 
 
+def test_a_fit_does_not_depend_on_what_was_fitted_before() -> None:
+    """A side of friction that one bad start chose was kept for all fits after it."""
+    logs = [_log(*SOFT_KNEE, 0.0, seed, Rubbing(dry=(0.0, 0.6))) for seed in (3, 4)]
+    robot = load_robot("planar_leg_fixed").lossless()
+    start = JointCompliance("knee", 430.0, 1.3), CoulombFriction("knee", 0.5)
+    fresh, used = (Problem.from_logs(robot, logs) for _ in range(2))
+    used.fit((JointCompliance("knee", 3000.0, 30.0), CoulombFriction("knee", 3.0)))
+    one, other = fresh.fit(start), used.fit(start)
+    assert one.effects == other.effects
+    np.testing.assert_array_equal(one.residual, other.residual)
+
+
 @pytest.mark.parametrize(
     ("rubs", "begun"),
     [

@@ -80,6 +80,8 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace, console: Console) -> int:
     """Run or resume the study, print the front, write figures and JSON."""
     require_outputs(options)
+    if Path(options.out).suffix.lower() != ".parquet":
+        raise WbcError(f"--out '{options.out}': the name must end in .parquet.")
     if options.workers == 0:
         raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
     study = _study(options)

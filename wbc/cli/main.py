@@ -9,21 +9,28 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import check, compare, completion, design, diagnose, init, listing, metrics, play
+from wbc.cli import (
+    check,
+    compare,
+    completion,
+    design,
+    diagnose,
+    experiment,
+    init,
+    listing,
+    metrics,
+    play,
+)
 from wbc.cli.inputs import write_fix
 from wbc.errors import WbcError
 from wbc.measurement import SuspiciousLogError
 
-_COMMANDS = (init, check, compare, diagnose, play, metrics, design, listing)
+_COMMANDS = (init, check, compare, diagnose, play, metrics, design, experiment, listing)
 
 _EPILOG = """\
 examples:
   wbc init my_leg.urdf run*.csv
-  wbc check run*.csv --robot planar_leg_fixed
-  wbc compare run*.csv --robot planar_leg_fixed
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
-  wbc play run.csv --robot planar_leg --ghost fitted.toml --html run.html
-  wbc metrics planar_leg --figures out
   wbc design planar_leg --sweep reduction=6:160 --figures out
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),

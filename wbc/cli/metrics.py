@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "metrics",
-        help="inertia, force capability and impact mitigation of a contact",
+        help="inertia, force capability, impacts and holding of a contact",
         epilog="example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
     )
     parser.add_argument("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")

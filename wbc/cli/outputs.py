@@ -15,7 +15,7 @@ _ENDINGS = {
     "png": (".png",),
     "gif": (".gif", ".mp4"),
     "save": (".toml",),
-    "out": (".parquet",),
+    "out": (".parquet", ".csv"),
     "fix": (".toml",),
     "json": (),
 }

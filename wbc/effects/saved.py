@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from wbc.effects.catalogue import effect_class
-from wbc.effects.yielding_gear import SIDES, YieldingGear
+from wbc.effects.yielding_gear import SIDES
 from wbc.errors import RobotError, unknown_name
 from wbc.files import write_text
 from wbc.robot import Effect, Robot, RobotDescription, build_robot, read_description
@@ -62,7 +63,7 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
         name: _value(number, units.get(name), f"{path}: {kind.name} at '{where}': {name}")
         for name, number in entry.get("parameters", {}).items()
     }
-    effect = _on_its_side(kind.at(where, values), entry, path)
+    effect = _with_constants(kind.at(where, values), entry, path)
     for parameter in effect.parameters:
         number = entry.get("parameters", {}).get(parameter.name)
         stated = number.get("unit", parameter.unit) if isinstance(number, Mapping) else None
@@ -74,15 +75,42 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
     return effect
 
 
-def _on_its_side(effect: Effect, entry: Mapping[str, Any], path: Path) -> Effect:
-    """Return a gear with the side on which its joint's friction was found to rub."""
-    side = entry.get("friction_side")
-    if side is None or not isinstance(effect, YieldingGear):
-        return effect
-    if side not in SIDES:
-        choices = ", ".join(SIDES)
-        raise RobotError(f"{path}: {effect.name}: friction_side '{side}' is none of {choices}.")
-    return effect.with_friction_at(side)
+def _constants(effect: Effect) -> dict[str, Any]:
+    """Return the fields of an effect that are no parameters of it (a number of teeth, a side).
+
+    Raises:
+        RobotError: a value that no file can hold.
+    """
+    known = {"where", *(parameter.name for parameter in effect.parameters)}
+    if effect.parameters != type(effect).parameters:  # they are made of its fields
+        return {}
+    found = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name not in known}
+    for name, value in found.items():
+        if not isinstance(value, (bool, int, float, str)):
+            raise RobotError(
+                f"{effect.name} at '{effect.where}': '{name}' is a {type(value).__name__}; a file "
+                "holds numbers, texts and true or false only."
+            )
+    return found
+
+
+def _with_constants(effect: Effect, entry: Mapping[str, Any], path: Path) -> Effect:
+    """Return an effect with those of its fields that an entry holds beside its parameters."""
+    place = f"{path}: {effect.name} at '{effect.where}'"
+    constants = _constants(effect)
+    given = dict(entry.get("constants", {}))
+    if "friction_side" in entry:  # as files had it before they held constants
+        given["friction_side"] = entry["friction_side"]
+    for name, value in given.items():
+        if name not in constants:
+            raise RobotError(f"{place}: " + unknown_name("constant", name, constants))
+        if type(value) is not type(constants[name]):
+            kind = type(constants[name]).__name__
+            raise RobotError(f"{place}: {name}: {value!r} stands where a {kind} is expected.")
+    side = given.get("friction_side")
+    if side is not None and side not in SIDES:
+        raise RobotError(f"{place}: friction_side '{side}' is none of {', '.join(SIDES)}.")
+    return replace(effect, **given) if given else effect
 
 
 def _value(number: Any, unit: str | None, place: str) -> float:
@@ -133,8 +161,9 @@ def save_robot(
                 number["low"], number["high"] = float(span[0]), float(span[1])
             parameters[parameter.name] = number
         entry: dict[str, Any] = {"effect": effect.name, "where": effect.where}
-        if isinstance(effect, YieldingGear) and effect.friction_side != "either":
-            entry["friction_side"] = effect.friction_side
+        constants = _constants(effect)
+        if constants:
+            entry["constants"] = constants
         effects.append({**entry, "parameters": parameters})
     table: dict[str, Any] = {"robot": robot.source.name, "lossless": robot.source.lossless}
     if provenance:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -85,20 +84,24 @@ class SparseRegression:
 
     def _pursuit(self, size: int) -> tuple[int, ...]:
         """Return the terms that orthogonal matching pursuit picks (Pati et al. 1993)."""
-        # Imported here: it takes a second, and most diagnoses need no discovery.
-        from sklearn.linear_model import orthogonal_mp_gram
-
         usable = np.flatnonzero(self._usable)
-        size = min(size, usable.size)
-        if size == 0:
-            return ()
-        with warnings.catch_warnings():
-            # Terms that depend on those picked end the pursuit early; the rest is not needed.
-            warnings.simplefilter("ignore", RuntimeWarning)
-            weights = orthogonal_mp_gram(
-                self._gram[np.ix_(usable, usable)], self._moment[usable], n_nonzero_coefs=size
+        gram, moment = self._gram[np.ix_(usable, usable)], self._moment[usable]
+        chosen: list[int] = []
+        left = moment.copy()
+        for _ in range(min(size, usable.size)):
+            left[chosen] = 0.0
+            best = int(np.argmax(np.abs(left)))
+            rows = [*chosen, best]
+            pivot = gram[best, best] - gram[best, chosen] @ np.linalg.solve(
+                gram[np.ix_(chosen, chosen)], gram[chosen, best]
             )
-        return tuple(int(k) for k in usable[np.flatnonzero(weights)])
+            # Terms that depend on those picked end the pursuit early; the rest is not needed.
+            if pivot <= np.finfo(np.float64).eps * gram[best, best] or left[best] == 0.0:
+                break
+            chosen = rows
+            weights = np.linalg.solve(gram[np.ix_(chosen, chosen)], moment[chosen])
+            left = moment - gram[:, chosen] @ weights
+        return tuple(sorted(int(k) for k in usable[chosen]))
 
     def _exchanged(self, support: Support) -> Support:
         """Return the support after exchanges of single terms, as long as they help."""

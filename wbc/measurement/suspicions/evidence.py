@@ -22,8 +22,8 @@ from wbc.arrays import FloatArray
 from wbc.measurement.suspicions.rows import Need
 
 GAIN_SPREAD = float(np.log(4.0)) / 2.0
-"""Standard deviation of ln g: in 95 of 100 machines drives, losses and loads amount to less than a
-factor 4 (torque constants up to 2.7 times off stand in the recorded sets' own papers)."""
+"""Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
+in 95 of 100 machines."""
 
 _GAINS = np.exp(np.linspace(-4.0, 4.0, 73) * GAIN_SPREAD)
 _PRIOR = -0.5 * (np.log(_GAINS) / GAIN_SPREAD) ** 2
@@ -34,8 +34,8 @@ _RATIO_PRIOR -= logsumexp(_RATIO_PRIOR)
 _ROTOR_SPREAD = 0.4  # standard deviation of ln of a rotor's inertia over that of its data sheet ...
 _ROTOR_WRONG = float(np.log(0.02))  # ... unless it is simply wrong
 _ALIKE = 0.15  # standard deviation of ln g between drives of one kind
-_UNRELATED = float(np.log(0.1))  # a drive that carried nothing: 3 of 30 recorded joints
-_STRANGE = float(np.log(0.002))  # a large report that follows something else: none in 30
+_UNRELATED = float(np.log(0.1))  # a drive that carried nothing: a judgement, TIAGo has three
+_STRANGE = float(np.log(0.002))  # a large report that follows something else: a judgement
 _IDLE = 0.1  # share of the need below which a report may well be that of an idle drive
 _PHYSICS = 0.01  # share of a report's power that rigid bodies and friction never explain
 _MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves

@@ -16,10 +16,10 @@ from wbc.measurement.motion.velocity_fit import fit_velocity
 
 _RATIO_SPREAD = 0.02  # of ln of velocity over d position / d time: filters, delays, calibration
 _ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have another cause
-_MISTAKE = log(0.02)  # each: a few in a hundred sets of logs have one
+_MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
 _CHECKED_ROWS = 200_000
-_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2  # sample times: 0.5 to 50 ms in 95 of 100 robot logs
+_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2  # sample times: a judgement, 0.5 to 50 ms
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def motion_mistakes(log: Log, ratios: Mapping[str, float]) -> list[MotionMistake
         stands = np.logaddexp(_log_odds(scale, 1.0) - _MISTAKE, _odd(scale) - _MISTAKE)
         best = int(np.argmax(odds))
         probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
-        if probability >= 0.5:
+        if probability >= 0.9:
             found.append(MotionMistake(known[best], joint, scale, probability))
     return found
 

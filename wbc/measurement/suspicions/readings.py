@@ -16,8 +16,8 @@ from wbc.measurement.columns.mend import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.rows import Rows
 
-# How often a set of logs has a mistake of a kind, as far as questions on forums of robot software
-# tell: a few in a hundred. A factor 3 moves a decision by one nat; clear cases have ten or more.
+# How often a set of logs has a mistake of a kind: a judgement, nobody counted. A factor 3 moves a
+# decision by one nat; clear cases have ten or more.
 _EVERYWHERE = ln(0.02)
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)

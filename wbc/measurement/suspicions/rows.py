@@ -12,6 +12,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.measurement.log import Log
+from wbc.measurement.motion.local_noise import residual_noise
 from wbc.measurement.motion.zero_phase import filtered_derivatives, low_pass
 from wbc.measurement.torque import rotor_torques, torque_quantity
 from wbc.robot import Motion, Robot
@@ -19,6 +20,7 @@ from wbc.robot import Motion, Robot
 _ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
 _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
 _HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
+_MOVES = 5.0  # times the noise of an encoder: white noise itself has one
 _EDGE = 0.05  # share of the log at either end, where the filter has not settled
 
 
@@ -93,7 +95,8 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     """Return the rows of a log, None where it cannot be held against the robot.
 
     That is so for a log without the positions and torques that the robot has, for one without the
-    forces on a robot that stands on them, and for one too short to be filtered.
+    forces on a robot that stands on them, for one too short to be filtered, and for one without
+    motion.
     """
     joints = robot.transmission.joints
     if not joints or not _has_all(robot, log) or len(log) < 50:
@@ -102,6 +105,8 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     if robot.floating_size and robot.contacts and not forces:
         return None
     grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
+    if not _moves(robot, log):
+        return None
     raw = _positions(robot, log)
     position = np.stack([np.interp(grid, log.time, column) for column in raw.T], axis=1)
     cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
@@ -151,6 +156,12 @@ def _has_all(robot: Robot, log: Log) -> bool:
         if not log.has(f"{joint}.current") or not np.isfinite(constant[k]):
             return False
     return True
+
+
+def _moves(robot: Robot, log: Log) -> bool:
+    """Whether any joint moves by more than the noise of its encoder."""
+    channels = [log.column(f"{name}.position") for name in robot.single_joints]
+    return any(np.std(q) > _MOVES * residual_noise(log.time, q) for q in channels)
 
 
 def _positions(robot: Robot, log: Log) -> FloatArray:

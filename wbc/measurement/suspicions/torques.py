@@ -18,7 +18,7 @@ from wbc.measurement.suspicions.readings import Reading, as_it_stands, readings
 from wbc.measurement.suspicions.rows import rows_of
 from wbc.robot import Robot
 
-LIKELY = 0.5
+LIKELY = 0.9
 """Probability from which a mistake is worth a warning."""
 CERTAIN = 0.99
 """Probability from which a mistake stops a diagnosis."""

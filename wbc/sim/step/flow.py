@@ -42,7 +42,7 @@ from wbc.sim.step.overlap import inertia_with_rotors, shift_out
 from wbc.sim.step.program import StepProgram
 
 _DRIFT = 1e-8
-"""Overlap [m, rad] from which on it is taken back."""
+"""Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
 
 _NO_SHIFT = np.zeros(0)
 
@@ -124,7 +124,7 @@ def flow(
         force += external
     closed = state.closed if kept is None else state.closed | kept
     clearance = setup.barriers.clearance(middle.position)
-    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, step))
+    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, kept, step))
     motor = MotorMotion.of(setup.drive, state)
     problem = _Problem(setup, state, middle.velocity, motor, step, forces, force, held)
     gears, places, solution = _solve_released(problem, coupling)
@@ -186,13 +186,13 @@ def _arrive(
     position, carried = from_middle(bases, space, middle, inertia, after, 0.5 * step)
     gap = _gap_at(setup, position)
     shift, overlap = _NO_SHIFT, _NO_SHIFT
-    over = gap[closed]
-    if min(over.tolist(), default=0.0) < -_DRIFT:
+    drift, pressed = gap[closed], solution.normal_impulse > 0.0
+    if np.any(np.where(pressed, np.abs(drift), -drift) > _DRIFT):
         furthest = setup.return_speed * step
         metric = inertia_with_rotors(setup.drive, inertia)
-        shift = shift_out(metric, held, over, furthest)
+        shift = shift_out(metric, held, drift, furthest, pressed)
         position = pin.integrate(space.model, position, shift)
-        if over.min() < -furthest - TOUCH:
+        if drift.min() < -furthest - TOUCH:
             overlap = np.maximum(-gap - furthest, 0.0) * closed
         gap = _gap_at(setup, position)
     velocity = arrived_velocity(bases, space, carried, after)
@@ -209,15 +209,15 @@ def _gap_at(setup: Setup, position: FloatArray) -> FloatArray:
     return setup.barriers.clearance(position).gap
 
 
-def _opening(gap: FloatArray, step: float) -> FloatArray:
+def _opening(gap: FloatArray, kept: BoolArray | None, step: float) -> FloatArray:
     """Return the lowest speed (2 j + c,) at which gaps (2 j + c,) may open over a step.
 
-    A gap that is left may close within the step: all of it over the half that is left where the
-    barrier was kept ahead of its closing, half of it where it is mere drift. An overlap opens by no
-    speed; it is a matter of place.
+    A barrier that was kept ahead of its closing may close, over the half step that is left. One
+    that is closed may not: the drift of its gap is a matter of place, not of speed.
     """
-    left = np.maximum(gap, 0.0)
-    return np.asarray(-left * np.where(left > TOUCH, 2.0, 1.0) / step)
+    if kept is None or not kept.any():
+        return np.zeros(len(gap))
+    return np.asarray(-2.0 / step * np.maximum(gap, 0.0) * kept)
 
 
 def _still_closed(closed: BoolArray, gap: FloatArray, pressed: FloatArray) -> BoolArray:

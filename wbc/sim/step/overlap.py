@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import Dense, Nothing, OutVector, Vector, compiled
 from wbc.errors import SimulationError
 from wbc.sim.ground.barriers import TOUCH, ClosedRows
@@ -22,7 +22,13 @@ _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to
 _STIFF = 1e6
 
 
-def shift_out(metric: FloatArray, held: ClosedRows, gap: FloatArray, furthest: float) -> FloatArray:
+def shift_out(
+    metric: FloatArray,
+    held: ClosedRows,
+    gap: FloatArray,
+    furthest: float,
+    pressed: BoolArray,
+) -> FloatArray:
     """Return the least shift (nv,) of the configuration that takes overlaps back.
 
     Args:
@@ -30,13 +36,17 @@ def shift_out(metric: FloatArray, held: ClosedRows, gap: FloatArray, furthest: f
         held: rows of the barriers that are closed.
         gap: (l + c,) of these; a gap that is left may close.
         furthest: [m, rad] by which an overlap is taken back at most.
+        pressed: (l + c,) barriers that carry an impulse: their gaps are taken back from either
+            side.
     """
     rows = np.concatenate((held.unilateral.limits, held.unilateral.normals))
     _, response, info = lapack.dposv(metric, rows.T)
     if info != 0:
         return np.zeros(len(metric))
     push = np.zeros(len(rows))
-    _project(np.ascontiguousarray(rows @ response), np.minimum(-gap, furthest), push)
+    missing = np.maximum(np.minimum(-gap, furthest), np.where(pressed, -furthest, -np.inf))
+    lowest = np.where(pressed, -np.inf, 0.0)
+    _project(np.ascontiguousarray(rows @ response), missing, lowest, push)
     return np.asarray(response @ push)
 
 
@@ -69,7 +79,8 @@ def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
         near = barriers.rows(gap < _NEAR, clearance, np.zeros(barriers.size))
         stiff[setup.robot.actuated] = _STIFF * space.data.M.diagonal().max()
         metric = space.data.M + np.diag(stiff)
-        q = pin.integrate(space.model, q, shift_out(metric, near, gap[gap < _NEAR], _NEAR))
+        held = np.zeros(len(near.which) + len(near.limits), dtype=bool)
+        q = pin.integrate(space.model, q, shift_out(metric, near, gap[gap < _NEAR], _NEAR, held))
     place = int(np.argmin(worst))
     raise SimulationError(
         f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
@@ -77,9 +88,11 @@ def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
     )
 
 
-@compiled(Nothing, Dense, Vector, OutVector)
-def _project(delassus: FloatArray, missing: FloatArray, push: FloatArray) -> None:
-    """Sweep towards 0 <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
+@compiled(Nothing, Dense, Vector, Vector, OutVector)
+def _project(
+    delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray
+) -> None:
+    """Sweep towards lowest <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
     most = 0.0
     for i in range(len(missing)):
         most = max(most, abs(missing[i]))
@@ -91,7 +104,7 @@ def _project(delassus: FloatArray, missing: FloatArray, push: FloatArray) -> Non
             rest = missing[i]
             for j in range(len(missing)):
                 rest -= delassus[i, j] * push[j]
-            aim = max(push[i] + rest / delassus[i, i], 0.0)
+            aim = max(push[i] + rest / delassus[i, i], lowest[i])
             worst = max(worst, abs(aim - push[i]) * delassus[i, i])
             push[i] = aim
         if worst <= 1e-6 * most:

@@ -1,0 +1,164 @@
+"""Motions that decide: the odds said before against odds of simulated measurements."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from wbc.cli import main
+from wbc.design.experiment import (
+    FourierPath,
+    MotionLimits,
+    Rivals,
+    design_experiment,
+    expected,
+    informing,
+    parse_rival,
+    random_paths,
+)
+from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import load_robot
+from wbc.errors import DesignError, EffectError
+from wbc.robot import Motion
+
+LEG = load_robot("planar_leg_fixed").lossless()
+LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)
+
+
+def rivals(noise: float = 0.01, *texts: str) -> Rivals:
+    names = texts or ("viscous_friction@knee:coefficient=0.3", "coulomb_friction@knee:level=0.5")
+    return Rivals(LEG, tuple(parse_rival(t, LEG) for t in names), np.full(2, noise))
+
+
+def path(seed: int = 3) -> FourierPath:
+    return next(random_paths(rivals(), LIMITS, 4.0, seed, 1))
+
+
+def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> None:
+    one = path()
+    time = np.linspace(0.0, one.duration, 200_001)
+    q, v, a = one.at(time)
+    for ends in (q[[0, -1]] - one.centre, v[[0, -1]], a[[0, -1]]):
+        np.testing.assert_allclose(ends, 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.gradient(q, time, axis=0)[1:-1], v[1:-1], atol=1e-6)
+    # The third derivative jumps where the window is open: no central difference across that.
+    smooth = (np.abs(time - 0.4) > 1e-4) & (np.abs(time - 3.6) > 1e-4)
+    smooth[[0, -1]] = False
+    np.testing.assert_allclose(np.gradient(v, time, axis=0)[smooth], a[smooth], atol=1e-4)
+
+
+def test_the_odds_are_those_of_simulated_measurements() -> None:
+    """Fit both causes to noisy torques of the true one: the mean log-odds is what was said."""
+    chosen, one = rivals(noise=0.1), path()
+    said = expected(chosen, LIMITS, one, rate=100.0).odds
+    time = one.times(100.0)
+    q, v, a = one.at(time)
+    motion = Motion(q, v, a)
+    links, random = link_torque(LEG, motion), np.random.default_rng(0)
+
+    def torque(i: int, value: float) -> np.ndarray:
+        effect = chosen.effects[i]
+        (name,) = effect.values
+        robot = LEG.with_effect(effect.with_values({name: value}))
+        return rotor_torque(robot, motion, links)[0]
+
+    def least(i: int, measured: np.ndarray) -> float:
+        found = minimize_scalar(
+            lambda x: np.sum(((torque(i, x) - measured) / 0.1) ** 2),
+            bounds=(0.0, 5.0),
+            method="bounded",
+        )
+        return 0.5 * found.fun
+
+    values = [next(iter(effect.values.values())) for effect in chosen.effects]
+    for true, other in ((0, 1), (1, 0)):
+        clean = torque(true, values[true])
+        odds = []
+        for _ in range(60):
+            measured = clean + 0.1 * random.standard_normal(clean.shape)
+            odds.append(least(other, measured) - least(true, measured))
+        # Equal numbers of fitted parameters: what the noise gives to both fits cancels.
+        error = np.std(odds) / np.sqrt(len(odds))
+        assert np.mean(odds) == pytest.approx(said[true, other], abs=4.0 * error + 0.5)
+        assert said[true, other] > 3.0
+
+
+def test_the_designed_motion_beats_chance_and_keeps_the_limits() -> None:
+    chosen = rivals(0.01, "rotor_inertia@knee", "payload_mass@shin")
+    chance = [expected(chosen, LIMITS, p).worst for p in random_paths(chosen, LIMITS, 4.0, 1, 9)]
+    classic = design_experiment(chosen, LIMITS, 4.0, rounds=24, aim=informing)
+    ours = design_experiment(chosen, LIMITS, 4.0, rounds=24, starts=[classic.path])
+    assert ours.worst > 5.0 * np.median(chance)
+    assert ours.worst >= 0.99 * classic.worst  # compared at half the rate of the log
+    time = np.linspace(0.0, 4.0, 4001)  # finer than it was designed at
+    q, v, a = ours.path.at(time)
+    assert np.all((q > LIMITS.low) & (q < LIMITS.high))
+    assert np.abs(v).max() < 6.0
+    for effect in chosen.effects:
+        robot, motion = LEG.with_effect(effect), Motion(q, v, a)
+        torque = rotor_torque(robot, motion, link_torque(robot, motion))[0]
+        assert np.all(np.abs(torque) < LIMITS.torque)
+    again = design_experiment(chosen, LIMITS, 4.0, rounds=24, starts=[classic.path])
+    np.testing.assert_array_equal(again.path.sine, ours.path.sine)
+
+
+def test_twice_the_time_or_half_the_noise_is_more_evidence() -> None:
+    one = path()
+    loud, quiet = expected(rivals(0.02), LIMITS, one), expected(rivals(0.01), LIMITS, one)
+    assert quiet.worst == pytest.approx(4.0 * loud.worst, rel=1e-6)
+    fast = expected(rivals(0.02), LIMITS, one, rate=200.0)
+    assert fast.worst == pytest.approx(2.0 * loud.worst, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("texts", "error", "message"),
+    [
+        (("viscous_friction",), DesignError, "EFFECT@PLACE"),
+        (("viscous@knee",), EffectError, "Unknown effect"),
+        (("viscous_friction@ankle",), EffectError, "hip, knee"),
+        (("viscous_friction@knee:level=1",), EffectError, "coefficient"),
+        (("viscous_friction@knee:coefficient",), DesignError, "PARAMETER=VALUE"),
+        (("backlash@knee",), DesignError, "memory"),
+        (("actuation_delay@knee",), DesignError, "memory"),
+        (("viscous_friction@knee",), DesignError, "two causes"),
+        (("viscous_friction@knee", "viscous_friction@knee"), DesignError, "given twice"),
+    ],
+)
+def test_what_cannot_be_compared_is_named(
+    texts: tuple[str, ...], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        rivals(0.01, *texts)
+
+
+def test_the_command_writes_set_points_and_odds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    causes = ["viscous_friction@knee", "coulomb_friction@knee"]
+    command = ["experiment", "planar_leg_fixed", "--lossless", "--between", *causes]
+    command += ["--duration", "3", "--speed", "6", "--rounds", "4", "--json", "odds.json"]
+    assert main(command) == 0
+    shown = capsys.readouterr().out
+    assert "D-optimal" in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    table = np.genfromtxt("trajectory.csv", delimiter=",", names=True)
+    assert len(table) == 301
+    assert table["time"][-1] == pytest.approx(3.0)
+    odds = json.loads(Path("odds.json").read_text())
+    assert set(odds["log10_odds"]) == {"random, median", "D-optimal", "designed"}
+    assert 0.0 < odds["used"] <= 0.81
+    for extra, message in (
+        (["--noise", "0"], "must be > 0"),
+        (["--rounds", "0"], "at least 1"),
+        (["--out", "x.parquet"], "end in .csv"),
+        (["--duration", "0"], "must be > 0"),
+    ):
+        assert main([*command, *extra]) == 2
+        assert message in capsys.readouterr().err
+    assert main(["experiment", "planar_leg", "--between", *causes]) == 2
+    assert "fixed base" in capsys.readouterr().err

@@ -1,0 +1,89 @@
+"""What a motion must stay inside: position, speed, acceleration and rotor torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """Limits of the driven joints, each (m,); infinite where there is none.
+
+    Attributes:
+        low, high: positions [rad, m].
+        speed: of the joints [rad/s, m/s].
+        acceleration: of the joints [rad/s^2, m/s^2].
+        torque: of the rotors [N m].
+    """
+
+    low: FloatArray
+    high: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        span: float = np.inf,
+        speed: float = np.inf,
+        acceleration: float = np.inf,
+        centre: FloatArray | None = None,
+    ) -> MotionLimits:
+        """Return the robot's own limits, narrowed by what is given.
+
+        Args:
+            robot: the robot; its model holds positions and speeds, its motors torque and speed.
+            span: furthest from `centre` [rad, m].
+            speed: of every joint [rad/s, m/s].
+            acceleration: of every joint [rad/s^2, m/s^2].
+            centre: (m,) about which the robot moves.
+        """
+        gears, rows = robot.transmission, robot.actuated
+        middle = robot.pose()[robot.actuated_position] if centre is None else centre
+        # A joint's speed turns several motors in a parallel drive: each bounds it alone.
+        per_speed = np.abs(gears.gear_ratio[:, None] * gears.motor_from_joint)
+        share = np.where(per_speed > 0.0, per_speed, np.nan)
+        with np.errstate(invalid="ignore"):
+            own = np.nanmin(gears.speed_limit[:, None] / share, axis=0)
+        model = np.asarray(robot.model.velocityLimit)[rows]
+        model = np.where(model > 0.0, model, np.inf)
+        low = np.asarray(robot.model.lowerPositionLimit)[robot.actuated_position]
+        high = np.asarray(robot.model.upperPositionLimit)[robot.actuated_position]
+        ranged = high > low
+        return cls(
+            low=np.maximum(np.where(ranged, low, -np.inf), middle - span),
+            high=np.minimum(np.where(ranged, high, np.inf), middle + span),
+            speed=np.minimum(np.minimum(model, own), speed),
+            acceleration=np.full(gears.size, acceleration),
+            torque=np.array(gears.torque_limit),
+        )
+
+    def used(
+        self,
+        motion: tuple[FloatArray, FloatArray, FloatArray],
+        torque: FloatArray,
+        centre: FloatArray,
+    ) -> float:
+        """Return the largest share of a limit that a motion uses; above 1 it is broken.
+
+        Args:
+            motion: positions, velocities, accelerations (N, m).
+            torque: (N, m) [N m] that the motion needs.
+            centre: (m,), strictly inside the position limits.
+        """
+        q, v, a = motion
+        shares = [
+            (q - centre) / (self.high - centre),
+            (centre - q) / (centre - self.low),
+            np.abs(v) / self.speed,
+            np.abs(a) / self.acceleration,
+            np.abs(torque) / self.torque,
+        ]
+        return float(max(share.max() for share in shares))
