@@ -22,9 +22,8 @@ from wbc.control.solvers.positive_definite import substitute
 from wbc.control.solvers.row_system import place_values
 
 SOLVED, CONTRADICTION, UNFINISHED = 0, 1, 2
-# Below these shares a row is one that the equalities or the active rows already decide. Rounding
-# leaves some 1e-22 and 1e-15 (squared lengths, Talos and Solo12 at random states); rows that are
-# free keep more than 1e-12 and 1e-9.
+# Below these shares of a squared length a row is one that the equalities or the active rows already
+# decide: well above what rounding leaves of a length (1e-16), squared.
 _DECIDED, _DEPENDENT = 1e-18, 1e-12
 
 
