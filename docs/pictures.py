@@ -21,6 +21,7 @@ from sims import (
     holding,
     hopping,
     impact,
+    imperfect_loop,
     parallelogram,
     wedge,
 )
@@ -102,7 +103,8 @@ def studies() -> None:
     holding.report(holding.main())
     backdrive.report(backdrive.main())
     parallelogram.report(parallelogram.main())
-    for name in ("hopping", "impact", "holding", "backdrive"):
+    imperfect_loop.report(imperfect_loop.main(), imperfect_loop.sweeps())
+    for name in ("hopping", "impact", "holding", "backdrive", "imperfect_loop"):
         keep(OUT / f"{name}.png", name)
     keep(OUT / "squat_parallelogram.png", "parallelogram")
 

@@ -31,10 +31,9 @@ _EPILOG = """\
 examples:
   wbc init my_leg.urdf run*.csv
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
-  wbc design planar_leg --sweep reduction=6:160 --figures out
 
-exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
-2 bad input or wrong columns, 3 above --fail-above (compare), 130 interrupted
+exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check), 2 bad
+input or wrong columns, 3 above --fail-above (compare), 130 interrupted
 `wbc COMMAND --help` shows every option of a command with an example."""
 
 

@@ -11,6 +11,9 @@ from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
 
+# Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
+_SPREAD = 0.2  # standard deviation of the logarithm of the factor
+
 
 @final
 @dataclass(frozen=True)
@@ -33,6 +36,11 @@ class TorqueConstant(JointEffect):
         "Hang a known weight on the joint and hold it still from above and from below: the "
         "mean torque is off by the factor."
     )
+
+    @property
+    def implausibility(self) -> float:
+        """Half of the squared deviation of the factor's logarithm."""
+        return float(0.5 * (np.log(self.factor) / _SPREAD) ** 2)
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return factor * torque for this gear, (..., m)."""

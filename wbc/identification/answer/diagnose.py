@@ -46,7 +46,7 @@ _SILENT = (
 )
 
 
-_BELIEVED = 0.5  # probability from which on a cause is more likely than not
+_BELIEVED = 2.0 / 3.0  # a cause in the answer is at least twice as probable as not
 
 
 def diagnose(

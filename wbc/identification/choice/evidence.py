@@ -44,15 +44,23 @@ def log_densities(problem: Problem, hypotheses: Sequence[Hypothesis]) -> FloatAr
     """
     reference = min(hypotheses, key=lambda h: h.error)
     samples = reference.rows[:, None] * reference.samples
-    distorted = _distorted_share(reference) ** 2 * np.maximum(problem.first - 1.0, 0.0)
-    return np.array([_log_density(h, samples, distorted) for h in hypotheses])
+    first = np.maximum(problem.first - 1.0, 0.0)
+    # A link that swings shakes the others: what its simulation is off by shows at all of them.
+    first = np.full_like(first, first.mean()) if reference.swings else first
+    distorted = _distorted_share(reference) ** 2 * first
+    # A simulated link is off by as much in a way of its own: nothing below that is evidence.
+    least = 1.0 + distorted if reference.swings else np.zeros_like(distorted)
+    return np.array([_log_density(h, samples, distorted, least) for h in hypotheses])
 
 
-def _log_density(h: Hypothesis, samples: FloatArray, distorted: FloatArray) -> FloatArray:
+def _log_density(
+    h: Hypothesis, samples: FloatArray, distorted: FloatArray, least: FloatArray
+) -> FloatArray:
+    left = np.maximum(h.folds, least)
     total = h.rows @ h.folds
     others = (total - h.rows[:, None] * h.folds) / (h.rows.sum() - h.rows)[:, None]
     variance = np.maximum(others, 1.0) + distorted
-    return np.asarray(-0.5 * np.sum(samples * (np.log(variance) + h.folds / variance), axis=0))
+    return np.asarray(-0.5 * np.sum(samples * (np.log(variance) + left / variance), axis=0))
 
 
 def _distorted_share(h: Hypothesis) -> float:

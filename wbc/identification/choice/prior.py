@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from wbc.identification.choice.gears.plays import plays
@@ -9,13 +11,13 @@ from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps
 from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.problem import Problem
-from wbc.identification.model.residual import drive_gains
+from wbc.identification.model.residual import drive_gains, drive_misses
 from wbc.identification.model.yielding import deflects, yielding_gears
 from wbc.robot import Effect
 
 _NAME, _PLACE, _NUMBER = 6.0, 3.0, 1.0  # [nats] for each name, place and number of a hypothesis
-# Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
-_GAIN = 0.2  # standard deviation of the logarithm of delivered over reported torque
+_GAIN = 0.5  # standard deviation of the logarithm of delivered over reported torque
+_FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
 _LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
 _BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
 _AT_END = 3.0  # [nats] for one that lies there
@@ -45,7 +47,7 @@ def implausible(problem: Problem, fit: Fit) -> tuple[float, ...]:
         costs[k] += effect.implausibility
         if not effect.recognisable(fit.robot, motions) or not _plays(problem, fit, effect):
             costs[k] += _NOT_SHOWN
-        costs[k] += _alone(problem, effect)
+        costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)
     return tuple(costs)
 
 
@@ -86,22 +88,35 @@ def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
-def _alone(problem: Problem, effect: Effect) -> float:
-    """Return what masses that leave a link and drives that scale their report cost."""
-    cost = 0.0
+def _lost_mass(problem: Problem, effect: Effect) -> float:
+    """Return what masses that leave a link cost."""
+    if "change" not in effect.acts_by:
+        return 0.0
     try:
-        robot = problem.robot.with_effect(effect)
+        robot = effect.change(problem.robot)
     except IMPOSSIBLE:
-        return cost
-    if robot.model is not problem.robot.model:
-        before, after = (
-            np.array([inertia.mass for inertia in one.model.inertias])
-            for one in (problem.robot, robot)
-        )
-        heavy = before > 0.0
-        left = np.log(np.maximum(after[heavy], 1e-300) / before[heavy])
-        cost += float(0.5 * np.sum((np.minimum(left, 0.0) / _LOST) ** 2))
-    if "drive" in effect.acts_by:
-        gains = drive_gains(robot, problem.records)
-        cost += float(0.5 * np.sum((np.log(np.maximum(gains, 1e-300)) / _GAIN) ** 2))
-    return cost
+        return 0.0
+    if robot.model is problem.robot.model:
+        return 0.0
+    before, after = (
+        np.array([inertia.mass for inertia in one.model.inertias]) for one in (problem.robot, robot)
+    )
+    heavy = before > 0.0
+    left = np.log(np.maximum(after[heavy], 1e-300) / before[heavy])
+    return float(0.5 * np.sum((np.minimum(left, 0.0) / _LOST) ** 2))
+
+
+def _wrong_drive(problem: Problem, fit: Fit, effect: Effect) -> float:
+    """Return what a drive costs that delivers something else than it reports.
+
+    It would explain any report that holds no torque, unless what it delivers is what the motion
+    needs.
+    """
+    if "drive" not in effect.acts_by:
+        return 0.0
+    robot = replace(problem.robot, effects=(effect,))
+    off = 0.5 * (np.log(np.maximum(drive_gains(robot, problem.records), 1e-300)) / _GAIN) ** 2
+    if np.sum(off) < 1.0:
+        return float(np.sum(off))
+    missed = np.minimum(drive_misses(fit.robot, problem.records) / _FOLLOWED, 1.0)
+    return float(np.sum(off * missed))

@@ -25,6 +25,11 @@ def blown_up(inertia: FloatArray, velocity: FloatArray) -> SimulationError:
         inertia: H_l (n, n).
         velocity: v (n,) before the step.
     """
+    if not (np.isfinite(inertia).all() and np.isfinite(velocity).all()):
+        return SimulationError(
+            "the step has no numbers: its inertia, its velocity or a torque is not finite. Look at "
+            "the state and the torques that were given, and at the events of the steps before."
+        )
     symmetric = np.triu(inertia) + np.triu(inertia, 1).T
     with np.errstate(all="ignore"):
         energy = 0.5 * float(velocity @ symmetric @ velocity)
