@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
+from wbc.identification.choice import moves
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search, best_of
@@ -93,6 +94,11 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
     explained = fine if trials.problem.floor.repeats else rough
     one, weak = len(known.effects) < _SEVERAL, first.error < _WEAK
     ends: list[Hypothesis] = []
+    if weak and known.effects:
+        # Where little was to be explained, much looks like a soft gear: what is tried in the
+        # place of a cause is at least an alternative.
+        other = everything.best(moves.swaps(everything.proposer, known), known)
+        ends += [] if other is None else [direct.climb(other)]
     early = next((h for h in everything.path if len(h.effects) == 1), None)
     for origin in dict.fromkeys((first, known, early or first)):
         best = min([known, *ends], key=lambda h: h.error)
