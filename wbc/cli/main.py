@@ -32,8 +32,8 @@ examples:
   wbc init my_leg.urdf run*.csv
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 
-exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check), 2 bad
-input or wrong columns, 3 above --fail-above (compare), 130 interrupted
+exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
+2 bad input or wrong columns, 3 above --fail-above (compare), 130 interrupted
 `wbc COMMAND --help` shows every option of a command with an example."""
 
 
