@@ -66,7 +66,8 @@ def test_a_leg_without_hidden_effect_is_left_alone(practice_leg: Path) -> None:
 def test_play_is_found_by_simulating_the_link_behind_it(practice_leg: Path) -> None:
     diagnosis = run(practice_leg, "case09", "planar_leg_fixed")
     assert diagnosis.verdict == "named"
-    (effect,) = diagnosis.effects
+    # A bouncing link is simulated roughly: what else it may leave room for is not certain.
+    (effect,) = [f.effect for f in diagnosis.findings if f.probability >= 0.95]
     assert (effect.name, effect.where) == ("backlash", "knee")
     assert effect.values["width"] == pytest.approx(0.04, rel=0.01)
     assert diagnosis.error.after < 0.05 * diagnosis.error.before

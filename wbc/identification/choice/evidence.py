@@ -12,9 +12,7 @@ from wbc.identification.model.problem import Problem
 
 _DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SIMULATED = 0.02  # ... that simulated links distort
-# ... that links which bounce distort: they soon forget how they began. With its true play the
-# practice leg keeps 3 %, other logs up to 9 %.
-_BOUNCING = 0.06
+_BOUNCING = 0.03  # ... that links which bounce distort: they soon forget how they began
 
 
 def weigh(problem: Problem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
@@ -46,10 +44,7 @@ def log_densities(problem: Problem, hypotheses: Sequence[Hypothesis]) -> FloatAr
     """
     reference = min(hypotheses, key=lambda h: h.error)
     samples = reference.rows[:, None] * reference.samples
-    first = np.maximum(problem.first - 1.0, 0.0)
-    # A link that swings shakes the others: what its simulation is off by shows at all of them.
-    first = np.full_like(first, first.mean()) if reference.swings else first
-    distorted = _distorted_share(reference) ** 2 * first
+    distorted = _distorted_share(reference) ** 2 * np.maximum(problem.first - 1.0, 0.0)
     # A simulated link is off by as much in a way of its own: nothing below that is evidence.
     least = 1.0 + distorted if reference.swings else np.zeros_like(distorted)
     return np.array([_log_density(h, samples, distorted, least) for h in hypotheses])
