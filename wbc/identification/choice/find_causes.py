@@ -15,9 +15,6 @@ from wbc.identification.choice.yielding_search import YieldingSearch
 from wbc.identification.model.problem import ONLY_NOISE, Problem
 from wbc.robot import Effect
 
-_HALF = 0.5  # of the error, left by the best cause that acts at once, from which on ...
-_FAR = 0.3  # ... links that swing come first, if they leave so little of what that cause leaves
-_CLEAR = 0.1  # ... and nothing else is sought in their place, if in the end they leave this
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
