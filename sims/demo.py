@@ -44,7 +44,7 @@ def stand(console: Console, duration: float) -> list[Path]:
         write_figure(OUT / "squat.png", standing_figure(robot, squats)),
         write_figure(OUT / "landing.png", impact_figure(robot, landings)),
         write_figure(OUT / "power.png", power_figure(robot, ours.squat.log)),
-        write_figure(OUT / "energy.png", energy_figure(robot, ours.squat.log)),
+        write_figure(OUT / "energy.png", energy_figure(robot, ours.squat.log, held=True)),
     ]
 
 
