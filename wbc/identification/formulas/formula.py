@@ -61,7 +61,7 @@ class Formula:
 
 
 def find_formula(table: TermTable) -> Formula | None:
-    """Return the smallest formula that does as well as the best one on unseen folds, if there is one.
+    """Return the smallest formula that does as well as the best one on unseen folds, or none.
 
     Every fold is predicted by terms *and* coefficients that were found without it; formulas of
     zero to four terms are compared block by block. The smallest one within one standard error of
