@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from wbc.identification.choice.gears.pairs import best_pairs, loudest
+from wbc.identification.choice.gears.pairs import best_pairs, loose_beside, loudest
 from wbc.identification.choice.gears.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.choice.proposals import Proposer
@@ -52,8 +52,12 @@ class YieldingSearch:
             # A loose gear found alone holds in its numbers what another one does.
             both = self.pair_beside(h) if len(h.effects) == 1 else None
             return self.search.best([both], h) if both is not None else None
-        longer = trials.all_of(self._gears.beside(h, _ADDED))
-        return self.search.best([self._settled(one) if one.bounces else one for one in longer], h)
+        offers = self._gears.beside(h, _ADDED)
+        if h.swings:
+            offers += loose_beside(trials.problem, h.effects, self._gears.candidates)
+        best = self.search.best(trials.all_of(offers), h)
+        # Numbers of loose gears are tried one by one: for the best alone, each is a simulation.
+        return self._settled(best) if best is not None and best.bounces else best
 
     def pair_beside(self, known: Hypothesis) -> Hypothesis | None:
         """Return two gears that yield at once, with numbers settled, if they promise more.
