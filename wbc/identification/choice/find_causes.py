@@ -16,7 +16,6 @@ from wbc.identification.model.problem import ONLY_NOISE, Problem
 from wbc.robot import Effect
 
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
-_SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
@@ -87,8 +86,7 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
     trials = everything.proposer.trials
     first, yielding = trials.nothing, YieldingSearch(everything)
     fine = ONLY_NOISE + _FILTERED**2 * first.error
-    rough = ONLY_NOISE + _SIMULATED**2 * first.error
-    explained = fine if trials.problem.floor.repeats else rough
+    explained = fine if trials.problem.floor.repeats else yielding.rough
     one, weak = len(known.effects) < _SEVERAL, first.error < _WEAK
     ends: list[Hypothesis] = []
     if weak and known.effects:
@@ -106,7 +104,7 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
         if swung is not origin:
             ends.append(direct.climb(swung))
     best = best_of(everything, [known, *ends])
-    if best.error > explained and (best.error > rough or best.bounces):
+    if best.error > explained and (best.error > yielding.rough or best.bounces):
         both = yielding.pair_beside(best)
         if both is not None:
             ends.append(direct.climb(both))
