@@ -108,6 +108,10 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
         if swung is not origin:
             ends.append(direct.climb(swung))
     best = best_of(everything, [known, *ends])
+    soft = best.error > yielding.rough and best.swings and not best.bounces
+    if soft and (loose := yielding.loose_beside(best)) is not None:
+        ends.append(direct.climb(loose))
+        best = best_of(everything, [best, ends[-1]])
     if best.error > yielding.rough:
         both = yielding.pair_beside(best)
         if both is not None:

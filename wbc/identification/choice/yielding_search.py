@@ -60,11 +60,15 @@ class YieldingSearch:
             both = self.pair_beside(h) if len(h.effects) == 1 else None
             return self.search.best([both], h) if both is not None else None
         best = self.search.best(trials.all_of(self._gears.beside(h, _ADDED)), h)
-        if h.swings and (best or h).error > self.rough:
-            offers = loose_beside(trials.problem, h.effects, self._gears.candidates)
-            best = self.search.best([*trials.all_of(offers), *([best] if best else [])], h)
         # Numbers of loose gears are tried one by one: for the best alone, each is a simulation.
         return self._settled(best) if best is not None and best.bounces else best
+
+    def loose_beside(self, soft: Hypothesis) -> Hypothesis | None:
+        """Return a hypothesis with springs and a loose gear more, None if it adds no evidence."""
+        trials = self._proposer.trials
+        offers = loose_beside(trials.problem, soft.effects, self._gears.candidates)
+        best = self.search.best(trials.all_of(offers), soft)
+        return None if best is None else self._settled(best)
 
     def pair_beside(self, known: Hypothesis) -> Hypothesis | None:
         """Return two gears that yield at once, with numbers settled, if they promise more.
