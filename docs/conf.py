@@ -1,5 +1,6 @@
 """Sphinx configuration: `make docs` builds docs/_build."""
 
+import re
 from importlib.metadata import version as installed
 from pathlib import Path
 
@@ -31,7 +32,11 @@ copybutton_exclude = ".linenos, .gp, .go"
 # What a page says was printed is not for pasting.
 copybutton_selector = "div:not(.highlight-text) > div.highlight > pre"
 autodoc_member_order = "bysource"
-autodoc_typehints = "signature"  # parameters stand once, under Args or Attributes
+autodoc_typehints = "signature"
+# Each field stands once: under Attributes, without the type that the signature gives already.
+napoleon_use_ivar = True
+python_maximum_signature_line_length = 80
+autodoc_type_aliases = {"FloatArray": "FloatArray", "IntArray": "IntArray"}
 autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
@@ -80,9 +85,18 @@ def _skip_fields(app, what, name, obj, skip, options):
     return True if type(obj).__name__ in ("_tuplegetter", "member_descriptor") else None
 
 
+def _short_types(app, what, name, obj, options, signature, returns):
+    """Name an alias of a type as the source does."""
+    return tuple(
+        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
+        for text in (signature, returns)
+    )
+
+
 def setup(app):
     """Connect the hooks."""
     app.add_html_math_renderer("mathml", _mathml("inline"), _mathml("block"))
     app.add_post_transform(DarkPictures)
     app.connect("autodoc-process-docstring", _escape_bars)
+    app.connect("autodoc-process-signature", _short_types)
     app.connect("autodoc-skip-member", _skip_fields)
