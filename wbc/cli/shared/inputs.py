@@ -20,6 +20,7 @@ from wbc.identification import Diagnosis
 from wbc.identification.formulas import Discovery
 from wbc.measurement import Finding, Log, load_logs
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
+from wbc.progress import Watch, progress_bar
 from wbc.robot import Robot
 
 
@@ -119,6 +120,16 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
 def table_console(options: argparse.Namespace, console: Console) -> Console:
     """Return where tables go: nowhere when the JSON itself is printed."""
     return Console(quiet=True) if options.json == "-" else console
+
+
+@contextmanager
+def watching(what: str, console: Console) -> Iterator[Watch | None]:
+    """Show a bar with the time left; silent, and without a function to call, when piped."""
+    if not console.is_terminal:
+        yield None
+        return
+    with progress_bar(what, console) as watch:
+        yield watch
 
 
 @contextmanager

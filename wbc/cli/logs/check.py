@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from wbc.cli.inputs import (
+from wbc.cli.shared.inputs import (
     add_log_options,
     gear_ratios,
     robot_from,
@@ -19,7 +19,7 @@ from wbc.cli.inputs import (
     write_fix,
     write_json,
 )
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs
 from wbc.measurement import LogQuality, check_logs, find_repeats, read_logs
 
 

@@ -9,8 +9,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from wbc.cli.discovery import print_discovery
-from wbc.cli.inputs import (
+from wbc.cli.logs.discovery import print_discovery
+from wbc.cli.shared.inputs import (
     add_log_options,
     add_output_options,
     command_line,
@@ -21,7 +21,7 @@ from wbc.cli.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose

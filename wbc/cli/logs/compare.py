@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from wbc.cli.inputs import (
+from wbc.cli.shared.inputs import (
     add_log_options,
     add_output_options,
     logs_from,
@@ -20,7 +20,7 @@ from wbc.cli.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
 

@@ -9,19 +9,10 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import (
-    check,
-    compare,
-    completion,
-    design,
-    diagnose,
-    experiment,
-    init,
-    listing,
-    metrics,
-    play,
-)
-from wbc.cli.inputs import write_fix
+from wbc.cli import completion
+from wbc.cli.logs import check, compare, diagnose, init, play
+from wbc.cli.robots import design, experiment, listing, metrics
+from wbc.cli.shared.inputs import write_fix
 from wbc.errors import WbcError
 from wbc.measurement import SuspiciousLogError
 
@@ -53,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
     Args:
