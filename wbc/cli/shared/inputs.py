@@ -13,6 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
+from wbc.cli.shared.printout import add_depth_options
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
@@ -36,6 +37,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--columns", metavar="MAP.toml", help="foreign column names, units, side of the gear"
     )
+    add_depth_options(parser)
     parser.add_argument(
         "--fix",
         metavar="MAP.toml",
