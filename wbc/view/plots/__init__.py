@@ -12,6 +12,7 @@ with needs("view", "drawing plots"):
     from wbc.view.plots.standing import standing_figure
     from wbc.view.plots.style import DASHES, drawing, new_figure, write_figure
     from wbc.view.plots.tradeoff import tradeoff_figure
+    from wbc.view.plots.trend import trend_figure
 
 __all__ = [
     "DASHES",
@@ -29,5 +30,6 @@ __all__ = [
     "staircase_figure",
     "standing_figure",
     "tradeoff_figure",
+    "trend_figure",
     "write_figure",
 ]
