@@ -12,7 +12,7 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 
-def work_on(
+def run_jobs(
     function: Callable[[_Item], _Result],
     items: Sequence[_Item],
     *,

@@ -10,7 +10,7 @@ from wbc.arrays import FloatArray
 from wbc.design.study import Study, describe_columns
 from wbc.design.table import DesignTable
 from wbc.errors import DesignError
-from wbc.parallel import work_on
+from wbc.parallel import run_jobs
 from wbc.progress import Watch
 
 ANALYTIC_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
@@ -58,7 +58,7 @@ def run_study(
     left = [one for one in ends if one[0] not in done]
     if watch:
         watch(count, study.size)
-    for number, columns in work_on(
+    for number, columns in run_jobs(
         partial(evaluate_chunk, study), left, workers=workers, cluster=cluster
     ):
         table.add(number, columns)

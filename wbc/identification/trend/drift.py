@@ -1,9 +1,9 @@
 """Straight lines through what machines show over time, and which slopes are no chance.
 
 Every session has its interval; sessions also differ by more than that (temperature, mounting).
-This scatter is taken to be the same for all machines and is estimated from all of them together
-(Paule and Mandel): the more machines, the surer it is. A slope is judged by Student's t; of many
-slopes judged at once one in twenty may be wrong altogether (Holm).
+This scatter is taken to be the same for the machines given and is estimated from all of them
+together (Paule and Mandel): the more machines, the surer it is. A slope is judged by Student's t;
+of many slopes judged at once one in twenty may be wrong altogether (Holm).
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from wbc.identification.trend.measure import (
     measure_session,
 )
 from wbc.identification.trend.runs import Run
-from wbc.parallel import work_on
+from wbc.parallel import run_jobs
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Trend:
     Attributes:
         sessions: in order of machine and date.
         drifts: a line per machine and quantity, the surest drift first.
-        scatter: quantity -> standard deviation between sessions beyond their intervals.
+        scatter: parameter -> standard deviation between sessions beyond their intervals.
     """
 
     sessions: tuple[SessionResult, ...]
@@ -183,7 +183,7 @@ def follow(
     if not sessions:
         raise IdentificationError("no log was given.")
     results = []
-    for result in work_on(measure_session, sessions, workers=workers, cluster=cluster):
+    for result in run_jobs(measure_session, sessions, workers=workers, cluster=cluster):
         results.append(result)
         if watch:
             watch(len(results), len(sessions))
@@ -216,7 +216,11 @@ def _drifts(results: Sequence[SessionResult]) -> tuple[tuple[Drift, ...], dict[Q
             if quantity in result.values:
                 machines.setdefault(result.machine, []).append(result)
         points = {name: _points(own, quantity) for name, own in machines.items()}
-        lines, scatter[quantity] = fit_lines(points)
+        if quantity[0]:
+            lines, scatter[quantity] = fit_lines(points)
+        else:
+            # An error scatters the more the larger it is: each machine by its own scatter.
+            lines = {name: fit_lines({name: own})[0][name] for name, own in points.items()}
         rows += [(name, quantity, line, machines[name]) for name, line in lines.items()]
     certain = no_chance([line.chance for _, _, line, _ in rows])
     drifts = [
