@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from wbc.arrays import FloatArray
-from wbc.cli.inputs import table_console, write_json
-from wbc.cli.outputs import require_outputs
-from wbc.cli.sites import checked_axes, first_contact, pose_from
+from wbc.cli.shared.inputs import table_console, write_json
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.sites import checked_axes, first_contact, pose_from
 from wbc.effects import load_robot
 from wbc.errors import ViewError
 from wbc.metrics import Metric, summary, with_contact_at

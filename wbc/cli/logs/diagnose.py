@@ -6,11 +6,12 @@ import argparse
 from math import inf
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.table import Table
+from rich.text import Text
 
-from wbc.cli.discovery import print_discovery
-from wbc.cli.inputs import (
+from wbc.cli.logs.discovery import print_discovery
+from wbc.cli.shared.inputs import (
     add_log_options,
     add_output_options,
     command_line,
@@ -21,15 +22,18 @@ from wbc.cli.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
+from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.sentence import verdict_sentence, what_to_do
 from wbc.identification.formulas import discover
 from wbc.robot import Effect
 
-_RANKED = 12  # rows of the ranking that are printed; --json has all of them
+_RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
 
 _EPILOG = """example:
   wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
@@ -78,7 +82,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
-    print_diagnosis(shown, diagnosis, options.save or "fitted.toml")
+    print_diagnosis(
+        shown,
+        diagnosis,
+        options.save or "fitted.toml",
+        quiet=options.quiet,
+        verbose=options.verbose,
+    )
     content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
     discovery = None
     if options.discover:
@@ -88,13 +98,14 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["discovery"] = discovery.to_json()
         if discovery.proposals:
             fitted, intervals = discovery.robot, dict(discovery.intervals)
+    content["provenance"] = provenance(diagnosis.sources, command_line())
     write_json(options.json, content, console)
     if options.save:
-        provenance = {
+        facts = {
             "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
             "command": command_line(),
         }
-        path = save_robot(fitted, options.save, intervals, provenance)
+        path = save_robot(fitted, options.save, intervals, facts)
         shown.print(f"wrote {path}")
     write_report_file(options, robot, logs, shown, diagnosis, discovery)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
@@ -109,25 +120,41 @@ def _candidates(choice: str) -> list[type[Effect]] | None:
     return [effect_class(name) for name in names]
 
 
-def print_diagnosis(console: Console, diagnosis: Diagnosis, saved: str = "fitted.toml") -> None:
-    """Print the answer in a sentence, what to do now, then the detail."""
-    console.print(f"verdict: {diagnosis.verdict}", style="bold")
-    console.print(verdict_sentence(diagnosis))
+def print_diagnosis(
+    console: Console,
+    diagnosis: Diagnosis,
+    saved: str = "fitted.toml",
+    *,
+    quiet: bool = False,
+    verbose: bool = False,
+) -> None:
+    """Print the answer in a sentence, what to do now, then as much of the detail as fits.
+
+    Args:
+        console: where.
+        diagnosis: the answer.
+        saved: file in which the robot with the effects found is, or would be.
+        quiet: print the answer alone.
+        verbose: print all of the detail.
+    """
+    answer: list[RenderableType] = [
+        Text(f"verdict: {diagnosis.verdict}", style="bold"),
+        verdict_sentence(diagnosis),
+    ]
     if to_do := what_to_do(diagnosis, saved):
-        console.print(f"do this now: {to_do}")
+        answer.append(f"do this now: {to_do}")
+    parts = [Part("what is left", _outputs_table(diagnosis))]
     if diagnosis.findings:
-        console.print(_effects_table(diagnosis))
-    console.print(_outputs_table(diagnosis))
-    error = diagnosis.error
-    console.print(
-        f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors"
-        f" (floor from {error.floor_source})",
-    )
-    for text in (diagnosis.remainder, *diagnosis.warnings):
-        if text:
-            console.print(text)
-    console.print(_steps_table(diagnosis))
-    console.print(_ranking_table(diagnosis))
+        parts.insert(0, Part("what was found", _effects_table(diagnosis)))
+    for name, text in (
+        ("what the rest looks like", diagnosis.remainder),
+        ("warnings", "\n".join(diagnosis.warnings)),
+    ):
+        parts += [Part(name, text)] if text else []
+    parts += [Part("how the error falls", _steps_table(diagnosis))]
+    if len(diagnosis.ranking) > 1:
+        parts.append(Part("what else was tried", _ranking_table(diagnosis, verbose)))
+    print_out(console, answer, parts, quiet=quiet, verbose=verbose)
 
 
 def _outputs_table(diagnosis: Diagnosis) -> Table:
@@ -135,7 +162,7 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
     for column in table.columns[1:5]:
         column.justify = "right"
     for o in diagnosis.outputs:
-        numbers = (f"{x:.3g}" for x in (o.before, o.after, o.attainable, o.sensors))
+        numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
         table.add_row(o.output, *numbers, o.unit)
     table.caption = "rms torque that the model does not explain; attainable by any model of motion"
     return table
@@ -149,8 +176,8 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
         sure = f"{100.0 * finding.probability:.0f} % sure"
         table.add_row(f"{finding.effect.name} at {finding.effect.where}", "", sure)
         for parameter, e in finding.parameters.items():
-            interval = f"{e.low:.4g} .. {e.high:.4g}"
-            table.add_row(f"  {parameter}", f"{e.value:.4g}", interval, e.unit)
+            value, interval = with_interval(e.value, e.low, e.high)
+            table.add_row(f"  {parameter}", value, interval, "" if e.unit == "1" else e.unit)
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:
@@ -162,22 +189,26 @@ def _steps_table(diagnosis: Diagnosis) -> Table:
     table = Table("added", "where", "held-out error", box=None)
     table.columns[2].justify = "right"
     for step in diagnosis.steps:
-        table.add_row(step.added or "(the model as given)", step.where, f"{step.error:.2f}")
+        table.add_row(step.added or "(the model as given)", step.where, plain(step.error))
+    table.caption = f"in noise floors (floor from {diagnosis.error.floor_source})"
     return table
 
 
-def _ranking_table(diagnosis: Diagnosis) -> Table:
+def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
     """Return the models tried, with what they leave beyond the one found."""
-    table = Table("model", "error", "difference", "", box=None, title="what else was tried")
+    table = Table("what else was tried", "error", "difference", "", box=None)
     for column in table.columns[1:3]:
         column.justify = "right"
-    for row in diagnosis.ranking[:_RANKED]:
-        paired = f"{row.difference:+.3g} ± {row.deviation:.2g}"
-        found = row.standing == "found"
+    tried = [row for row in diagnosis.ranking if row.standing != "found"]
+    for row in tried if whole else tried[:_RANKED]:
+        sign = "+" if row.difference > 0.0 else ""
+        paired = f"{sign}{plain(row.difference, 2)} ± {plain(row.deviation, 1)}"
         short = "tie" if row.standing == "not distinguishable" else row.standing
-        table.add_row(row.text, f"{row.error:.2f}", "" if found else paired, "" if found else short)
+        table.add_row(row.text, plain(row.error), paired, short)
+    if len(tried) > _RANKED and not whole:
+        table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
     table.caption = (
-        "error: held out, in noise floors; difference: of its mean square from that of what was "
+        "error: held out, in noise floors; difference of its mean square from that of what was "
         "found, ± standard error; tie: not distinguishable"
     )
     return table

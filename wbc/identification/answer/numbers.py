@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Numbers as people read them, and as deep as they are known."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
     width = abs(high - low)
     if not (math.isfinite(width) and width > 0.0):
         return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
-    places = max(0, 1 - math.floor(math.log10(width)))
+    size = math.floor(math.log10(width))
+    # Two digits of a narrow interval, one of a wide one: as errors of measurements are written.
+    places = max(0, -size + (1 if width < 3.0 * 10.0**size else 0))
     if places > 6:
         return plain(value, 6), f"{plain(low, 6)} … {plain(high, 6)}"
     texts = [f"{number:.{places}f}".replace("-", "−") for number in (value, low, high)]

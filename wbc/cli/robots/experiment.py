@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from wbc.arrays import FloatArray
-from wbc.cli.inputs import table_console, write_json
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.inputs import table_console, watching, write_json
+from wbc.cli.shared.outputs import require_outputs
 from wbc.design.experiment import (
     Designed,
     FourierPath,
@@ -121,7 +118,7 @@ def _compare(
         (expected(rivals, limits, path, options.rate) for path in drawn), key=lambda d: d.worst
     )
     settings = {"rate": options.rate, "rounds": options.rounds, "seed": options.seed}
-    with _progress(console) as watch:
+    with watching("motions", console) as watch:
         classic = design_experiment(
             rivals, limits, options.duration, aim=informing, watch=watch, **settings
         )
@@ -129,16 +126,6 @@ def _compare(
             rivals, limits, options.duration, starts=[classic.path], watch=watch, **settings
         )
     return {"random, median": chance[_RANDOM // 2], "D-optimal": classic, "designed": ours}
-
-
-@contextmanager
-def _progress(console: Console) -> Iterator[Any]:
-    if not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("motions", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _print(rivals: Rivals, found: dict[str, Designed], console: Console) -> None:

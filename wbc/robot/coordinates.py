@@ -1,4 +1,4 @@
-"""Axis and kind of a joint with one degree of freedom."""
+"""Axis, name and unit of the coordinates of a robot."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.robot import Robot
+from wbc.robot.robot import Robot
 
 
 def joint_axis(robot: Robot, joint: str) -> FloatArray:
@@ -35,6 +35,12 @@ def coordinate_names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
             names[joint.idx_v + part] = f"{name} {'force' if force else 'moment'} {'xyz'[part % 3]}"
             units[joint.idx_v + part] = "N" if force else "N m"
     return tuple(names), tuple(units)
+
+
+def output_units(robot: Robot) -> tuple[str, ...]:
+    """Return the unit of every output of a residual: driven joints, then the other coordinates."""
+    _, units = coordinate_names(robot)
+    return tuple(units[row] for row in (*robot.actuated, *robot.unactuated))
 
 
 def _unit_twist(robot: Robot, joint: str) -> tuple[FloatArray, FloatArray]:

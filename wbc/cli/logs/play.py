@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from wbc.cli.inputs import read_logs, working
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.inputs import read_logs, working
+from wbc.cli.shared.outputs import require_outputs
 from wbc.effects import load_robot
 from wbc.errors import ViewError
 from wbc.measurement import Log

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.cli.inputs import table_console, write_json
-from wbc.cli.outputs import require_outputs
-from wbc.cli.sites import checked_axes, first_contact, main_direction, pose_from
+from wbc.cli.shared.inputs import table_console, watching, write_json
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.sites import checked_axes, first_contact, main_direction, pose_from
 from wbc.design import (
     SIMULATIONS,
     Objective,
@@ -88,7 +86,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     units = describe_columns(study)
     objectives = _objectives(options, study, units)
     shown = table_console(options, console)
-    with _progress(shown) as watch:
+    with watching("designs", shown) as watch:
         path = run_study(
             study, options.out, workers=options.workers, cluster=options.cluster, watch=watch
         )
@@ -128,17 +126,6 @@ def _objectives(
     # On a fixed base the impact mitigation is 1 whatever the gears.
     other = Objective("impact_mitigation") if floating else Objective("backward_inertia", False)
     return [Objective("lift"), other]
-
-
-@contextmanager
-def _progress(console: Console) -> Iterator[Any]:
-    """Show a bar with the time left; silent when piped."""
-    if not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("designs", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:

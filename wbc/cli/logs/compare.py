@@ -10,9 +10,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from wbc.cli.inputs import (
+from wbc.cli.shared.inputs import (
     add_log_options,
     add_output_options,
+    command_line,
     logs_from,
     robot_from,
     table_console,
@@ -20,9 +21,12 @@ from wbc.cli.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
+from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.provenance import provenance
 
 EXIT_ABOVE = 3
 """Exit code of an error above --fail-above."""
@@ -61,21 +65,21 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "comparing"):
         comparison = compare(robot, logs)
-    shown.print(error_table(comparison))
-    shown.print(where_table(comparison))
-    shown.print(
-        f"error of the model: {comparison.error:.2f} noise floors"
-        f" (floor from {comparison.floor.source})",
-    )
-    for warning in comparison.warnings:
-        shown.print(warning)
-    content = comparison.to_json()
+    parts = [
+        Part("the error of every output", error_table(comparison)),
+        Part("warnings", "\n".join(comparison.warnings)),
+        Part("where it fails", where_table(comparison)),
+    ]
+    content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
     if options.against:
         given = f"{options.robot} (lossless)" if options.lossless else options.robot
         robots = {given: robot, **{name: load_robot(name) for name in options.against}}
         ranked = rank_robots(robots, logs)
-        shown.print(contest_table(ranked))
+        parts.insert(0, Part("the robots", contest_table(ranked)))
         content["robots"] = [contestant.to_json() for contestant in ranked]
+    parts = [part for part in parts if part.shown]
+    answer = [comparison.sentence]
+    print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
     write_json(options.json, content, console)
     write_report_file(options, robot, logs, shown)
     return _judged(options.fail_above, comparison, shown)
@@ -119,9 +123,9 @@ def error_table(comparison: Comparison) -> Table:
         "output",
         "unit",
         "residual",
+        "torque",
         "floor",
         "x floor",
-        "torque",
         "rollout",
         box=None,
         title="error",
@@ -129,18 +133,19 @@ def error_table(comparison: Comparison) -> Table:
     for column in table.columns[2:]:
         column.justify = "right"
     for o in comparison.outputs:
-        size = "" if o.size != o.size else f"{o.size:.3g}"
+        size = "" if o.size != o.size else plain(o.size)
         table.add_row(
             o.output,
             o.unit,
-            f"{o.rms:.3g}",
-            f"{o.floor:.2g}",
-            f"{o.ratio:.1f}",
+            plain(o.rms, 2),
             size,
-            f"{o.rollout:.2g}",
+            plain(o.floor, 2),
+            plain(o.ratio, 2),
+            plain(o.rollout, 2),
         )
     table.caption = (
-        f"rms; torque: rms measured; rollout: rms position error after {comparison.horizon:g} s"
+        "rms over all logs; torque: measured; floor: noise; rollout: position error after "
+        f"{comparison.horizon:g} s"
     )
     return table
 

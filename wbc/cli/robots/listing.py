@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from wbc.cli.inputs import table_console, write_json
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.inputs import table_console, write_json
+from wbc.cli.shared.outputs import require_outputs
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import WbcError
 from wbc.robot import robot_names

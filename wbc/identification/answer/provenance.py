@@ -5,36 +5,33 @@ from __future__ import annotations
 import platform
 import subprocess
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import wbc
-from wbc.measurement import Log
+from wbc.identification.model.intervals import BOOTSTRAP_SEED
+from wbc.measurement import LogSource
 
-_PACKAGES = ("wbc", "pin", "numpy", "scipy", "proxsuite", "plotly", "meshcat")
+_PACKAGES = ("wbc", "pin", "numpy", "scipy", "proxsuite")
 
 
-def provenance(logs: Sequence[Log], command: str, seed: int | None) -> dict[str, str]:
-    """Return label -> text: command, seed, versions, commit, time of writing, hashes of the data.
+def provenance(sources: Sequence[LogSource], command: str = "") -> dict[str, Any]:
+    """Return versions, commit, seed and the hashes of the logs; equal for equal results.
 
     Args:
-        logs: their files' SHA-256 are listed.
+        sources: of the logs.
         command: how to run it again; left out when empty.
-        seed: of random numbers; left out when None.
     """
-    facts = {"command": command} if command else {}
-    if seed is not None:
-        facts["seed"] = f"{seed} (blocks drawn for the intervals)"
-    facts["versions"] = ", ".join(f"{name} {_version(name)}" for name in _PACKAGES)
+    facts: dict[str, Any] = {"command": command} if command else {}
+    facts["logs"] = [
+        {"file": s.path, "part": s.part, "columns": s.mapping, "sha256": s.sha256} for s in sources
+    ]
+    facts["seed"] = BOOTSTRAP_SEED
+    facts["versions"] = {name: _version(name) for name in _PACKAGES}
     facts["python"] = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    commit = _commit()
-    if commit:
-        facts["commit"] = commit
-    facts["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    for log in logs:
-        digest = f"sha256 {log.source.sha256}" if log.source.sha256 else "made in memory"
-        facts[f"data: {Path(log.source.label).name}"] = digest
+    facts["commit"] = _commit()
     return facts
 
 
@@ -45,6 +42,7 @@ def _version(package: str) -> str:
         return "?"
 
 
+@cache
 def _commit() -> str:
     """Return the commit of the checkout that the package runs from, empty for an installation."""
     folder = Path(wbc.__file__).resolve().parent.parent

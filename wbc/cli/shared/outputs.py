@@ -8,7 +8,7 @@ from pathlib import Path
 
 from wbc.errors import WbcError
 
-_INPUTS = ("run_file", "robot", "columns", "ghost")
+_INPUTS = ("run_file", "robot", "columns", "ghost", "index")
 _ENDINGS = {
     "html": (".html", ".htm"),
     "report": (".html", ".htm"),

@@ -9,23 +9,14 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from wbc.cli import (
-    check,
-    compare,
-    completion,
-    design,
-    diagnose,
-    experiment,
-    init,
-    listing,
-    metrics,
-    play,
-)
-from wbc.cli.inputs import write_fix
+from wbc.cli import completion
+from wbc.cli.logs import check, compare, diagnose, init, play, trend
+from wbc.cli.robots import design, experiment, listing, metrics
+from wbc.cli.shared.inputs import write_fix
 from wbc.errors import WbcError
 from wbc.measurement import SuspiciousLogError
 
-_COMMANDS = (init, check, compare, diagnose, play, metrics, design, experiment, listing)
+_COMMANDS = (init, check, compare, diagnose, trend, play, metrics, design, experiment, listing)
 
 _EPILOG = """\
 examples:
@@ -33,7 +24,8 @@ examples:
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 
 exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
-2 bad input or wrong columns, 3 above --fail-above (compare), 130 interrupted
+2 bad input or wrong columns, 3 above --fail-above (compare),
+4 drifts with --fail-on-drift (trend), 130 interrupted
 `wbc COMMAND --help` shows every option of a command with an example."""
 
 
@@ -53,7 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
     Args:

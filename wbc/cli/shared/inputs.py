@@ -13,6 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
+from wbc.cli.shared.printout import add_depth_options
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
@@ -20,6 +21,7 @@ from wbc.identification import Diagnosis
 from wbc.identification.formulas import Discovery
 from wbc.measurement import Finding, Log, load_logs
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
+from wbc.progress import Watch, progress_bar
 from wbc.robot import Robot
 
 
@@ -35,6 +37,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--columns", metavar="MAP.toml", help="foreign column names, units, side of the gear"
     )
+    add_depth_options(parser)
     parser.add_argument(
         "--fix",
         metavar="MAP.toml",
@@ -119,6 +122,16 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
 def table_console(options: argparse.Namespace, console: Console) -> Console:
     """Return where tables go: nowhere when the JSON itself is printed."""
     return Console(quiet=True) if options.json == "-" else console
+
+
+@contextmanager
+def watching(what: str, console: Console) -> Iterator[Watch | None]:
+    """Show a bar with the time left; silent, and without a function to call, when piped."""
+    if not console.is_terminal:
+        yield None
+        return
+    with progress_bar(what, console) as watch:
+        yield watch
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from wbc.cli.inputs import (
+from wbc.cli.shared.inputs import (
     add_log_options,
     gear_ratios,
     robot_from,
@@ -19,7 +19,8 @@ from wbc.cli.inputs import (
     write_fix,
     write_json,
 )
-from wbc.cli.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.printout import Part, print_out
 from wbc.measurement import LogQuality, check_logs, find_repeats, read_logs
 
 
@@ -42,15 +43,18 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = read_logs(options.logs, options.columns, gear_ratios=gear_ratios(robot))
     qualities = check_logs(logs, robot)
     shown = table_console(options, console)
-    shown.print(_clock_table(qualities))
-    for quality in qualities:
-        for finding in quality.findings:
-            text = f"{_short(quality)}: {finding}" if len(qualities) > 1 else str(finding)
-            shown.print(Padding(text, (0, 0, 0, 2)))
-    if not any(quality.findings for quality in qualities):
-        shown.print("nothing to complain about")
+    said = [
+        f"{_short(quality)}: {finding}" if len(qualities) > 1 else str(finding)
+        for quality in qualities
+        for finding in quality.findings
+    ]
+    answer = [_answer(qualities)]
+    parts = [Part("remarks", Padding(text, (0, 0, 0, 2))) for text in said]
     for group in find_repeats(logs):
-        shown.print(f"repeats of one run: {', '.join(_short(qualities[k]) for k in group)}")
+        names = ", ".join(_short(qualities[k]) for k in group)
+        parts.append(Part("repeats", f"repeats of one run: {names}"))
+    parts.append(Part("the clocks", _clock_table(qualities)))
+    print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
     write_fix(options, list(wrong.values()), shown)
     write_json(
@@ -80,6 +84,16 @@ def run(options: argparse.Namespace, console: Console) -> int:
         console,
     )
     return 0 if all(quality.usable for quality in qualities) else 1
+
+
+def _answer(qualities: Sequence[LogQuality]) -> str:
+    """Return in a sentence whether the logs can be used."""
+    wrong = [_short(quality) for quality in qualities if not quality.usable]
+    if wrong:
+        return f"do not use yet: {', '.join(wrong)} would give wrong results."
+    if any(quality.findings for quality in qualities):
+        return "these logs can be used, with the remarks below."
+    return "nothing to complain about"
 
 
 def _short(quality: LogQuality) -> str:
