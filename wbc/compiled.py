@@ -25,6 +25,8 @@ Dense = types.Array(types.float64, 2, "C", readonly=True)
 """To read, row by row."""
 Places = types.Array(types.int64, 1, "C", readonly=True)
 """Row numbers to read."""
+PlaceRows = types.Array(types.int64, 2, "C", readonly=True)
+"""Rows of numbers of rows to read."""
 OutVector = types.Array(types.float64, 1, "A")
 """To write."""
 OutMatrix = types.Array(types.float64, 2, "A")

@@ -142,6 +142,7 @@ class Controller:
         self._programs = ProgramLibrary(
             Recipe(
                 plant=self._plant,
+                kinematics=self._kinematics,
                 contacts=self._contacts,
                 limited=self._motors.limited,
                 joint_limit=joint_limit,
@@ -174,6 +175,7 @@ class Controller:
         for stack in self._stacks:
             stack.forget()
         self._output = np.zeros(m)
+        self._anchors: Mapping[str, FloatArray] = {}
         self._expected = np.zeros(self.robot.model.nv)
         self._fallback.forget()
         self._plant.forget()
@@ -269,7 +271,7 @@ class Controller:
         except ControlError as cause:
             return _Refused(motion, (Status.BAD_INPUT, str(cause)))
         levels = self._programs.levels(contacts)
-        levels[0].program.contacts.fill(self._kinematics)
+        levels[0].program.contacts.fill(self._kinematics, self._anchors)
         gears, expected = self._judge_speeds(motion, dt)
         return _Ready(motion, given, contacts, dt, levels, gears, expected)
 
@@ -330,6 +332,7 @@ class Controller:
         self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
         active = ready.levels[0].program.contacts.contacts
         self._fallback.remember(ready.motion, answer.realised.torque, active)
+        self._anchors = ready.levels[0].program.contacts.anchored(self._anchors)
         if self._brakes:
             self._plant.remember(answer.found.acceleration, answer.found.output)
 
