@@ -115,12 +115,12 @@ class Controller:
         checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
-        self._stacks = stacks_by_level(robot, self.tasks)
         self._states = StateCheck(robot)
         self._weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
+        self._stacks = stacks_by_level(robot, self.tasks, self._kinematics.model)
         self._plant = Plant(robot)
         self._law = GearLaw(
             robot.transmission, self.settings.rest_policy, self.settings.rest_margin

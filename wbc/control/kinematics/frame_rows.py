@@ -60,6 +60,7 @@ class FrameTable:
 
     Attributes:
         places: placement of every frame (e, 12), rotation column by column before the origin.
+        plan: kind, joint, first row, first component, their number and step (e, 6).
         used: (e,) 1 for what is evaluated, 0 for what is left as it was.
     """
 
@@ -83,14 +84,14 @@ class FrameTable:
             offsets[i, :9] = placement.rotation.T.reshape(-1)
             offsets[i, 9:12] = placement.translation
             offsets[i, 12:] = entry.arm
-        self._plan, self._offsets = plan, frozen(offsets)
+        self.plan, self._offsets = plan, frozen(offsets)
         self.places, self.used = np.zeros((len(wanted), 12)), np.ones(len(wanted), dtype=np.int_)
         self._starts, self._columns = _supports(model)
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J and dJ/dt v into rows of (k, nv) and (k,); columns that never move stay zero."""
         place_state_rows(
-            *(self._plan, self._offsets, self._starts, self._columns, self.used),
+            *(self.plan, self._offsets, self._starts, self._columns, self.used),
             *(kinematics.joint_jacobian, kinematics.joint_places),
             *(kinematics.joint_rates, kinematics.joint_drifts),
             kinematics.center_of_mass(),
