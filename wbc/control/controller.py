@@ -312,10 +312,9 @@ class Controller:
     def _judge_speeds(self, motion: Motion, dt: float) -> tuple[GearState, FloatArray]:
         """Update the plant; return what is known of the gears, and the expected v (nv,)."""
         blend, plant = self.settings.speed_blend, self._plant
-        expected = blend.corrected(self._expected, motion.velocity, dt)
-        turning = plant.motor_speed(expected)
-        speed = plant.motor_speed(motion.velocity)
-        sigma = blend.certainty(turning)
+        expected, turning, speed, sigma = blend.judged(
+            self._expected, motion.velocity, dt, self.robot.actuated, plant.from_joints
+        )
         torque = None
         if self._effects.act_on_joints:
             torque = self._effects.on_joints(motion, blend.certainty(expected))

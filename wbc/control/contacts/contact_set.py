@@ -112,7 +112,7 @@ class ContactSet:
         Args:
             anchors: those of the last tick; a contact that is not active loses its own.
         """
-        return self._pull.kept(self._table.places, anchors)
+        return self._pull.kept(self._table.places, anchors) if self._pull.names else {}
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
         """Return the force of every contact as users see it, of all components (k,) [N, N m]."""

@@ -257,7 +257,11 @@ class ContactForceProgram:
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""
-        return self.plant.output_torque(x, self.contacts.jacobian, self.force_scale)
+        return self.torques(x)[0]
+
+    def torques(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return T and what the rotors take themselves (m,) [N m] at a solution."""
+        return self.plant.torques(x, self.contacts.jacobian, self.force_scale)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""

@@ -85,7 +85,7 @@ class ProgramLibrary:
         """Return the levels for the contacts that may carry force, all when None."""
         names = self._all
         if active is not None:
-            names = tuple(name for name in names if active.get(name, 0.0) > 0.0)
+            names = tuple([name for name in names if active.get(name, 0.0) > 0.0])
         levels = self._made.get(names)
         if levels is None:
             recipe = self._recipe
