@@ -132,9 +132,9 @@ class Plant:
     def _couple(self, kinematics: Kinematics) -> None:
         coupling = rotor_coupling(self.robot, _terms(kinematics))
         ratio = self.robot.transmission.gear_ratio
-        self.mass = self.mass + coupling.inertia.T @ self._turns
+        self.mass = np.ascontiguousarray(self.mass + coupling.inertia.T @ self._turns)
         self.bias = self.bias + coupling.link_bias
-        self.rotor = self._rotor_own + ratio[:, None] * coupling.inertia
+        self.rotor = np.ascontiguousarray(self._rotor_own + ratio[:, None] * coupling.inertia)
         own = ratio * coupling.rotor_bias
         self.rotor_bias = self.rotor_bias + own if self._rotors_rub else own
 

@@ -52,7 +52,7 @@ class Kinematics:
         self._data = data = model.createData()
         self.position: FloatArray = np.zeros(model.nq)
         self.velocity: FloatArray = np.zeros(nv)
-        self.mass_matrix: FloatArray = data.M
+        self.mass_matrix: FloatArray = data.M.reshape(nv, nv).T  # symmetric, now row by row
         self.bias: FloatArray = data.tau
         self.mass = float(pin.computeTotalMass(model))
         self.gravity = float(np.linalg.norm(model.gravity.linear))

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
+    Dense,
+    Line,
     Matrix,
     Nothing,
     Number,
+    OutLine,
     OutMatrix,
     OutVector,
     Places,
-    Vector,
     compiled,
 )
 
 
-@compiled(Nothing, Matrix, Vector, Matrix, Number, Places, OutMatrix, OutVector)
+@compiled(Nothing, Dense, Line, Matrix, Number, Places, OutMatrix, OutVector)
 def place_balance(
     mass: FloatArray,
     bias: FloatArray,
@@ -44,7 +46,7 @@ def place_balance(
             rows[i, nv + k] = -scale * jacobian[k, row]
 
 
-@compiled(Nothing, Matrix, Vector, Vector, OutVector)
+@compiled(Nothing, Dense, Line, Line, OutLine)
 def place_share(
     rotor: FloatArray, rotor_bias: FloatArray, acceleration: FloatArray, share: FloatArray
 ) -> None:
@@ -58,8 +60,8 @@ def place_share(
 
 @compiled(
     Nothing,
-    *(Matrix, Vector, Matrix, Number, Vector, Places, Matrix, Matrix, Vector),
-    *[OutVector] * 3,
+    *(Dense, Line, Matrix, Number, Line, Places, Dense, Dense, Line),
+    *[OutLine] * 3,
 )
 def place_output(
     mass: FloatArray,
@@ -97,8 +99,8 @@ def place_output(
             torque -= scale * jacobian[k, row] * x[nv + k]
         joint[i] = torque
     for i in range(m):
-        torque = 0.0
-        for j in range(m):
-            torque += topology[j, i] * joint[j]
-        output[i] = torque
+        output[i] = 0.0
+    for j in range(m):
+        for i in range(m):
+            output[i] += topology[j, i] * joint[j]
     place_share(rotor, rotor_bias, x, share)
