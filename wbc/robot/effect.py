@@ -55,6 +55,10 @@ class Parameter:
     doubt: float = 0.0
 
 
+_USUAL = np.zeros(0)
+_USUAL.flags.writeable = False
+
+
 @dataclass(frozen=True)
 class Effect(ABC):
     """A physical effect at one place of the robot; subclasses are final, small and frozen.
@@ -137,20 +141,7 @@ class Effect(ABC):
         where the effect is not there. An effect with a nonlinear shape parameter returns one
         screen per shape worth trying; `evidence` tells which those are.
         """
-        null = cls.null_values(robot, where)
-        steps: dict[str, float] = {}
-        for parameter in cls.parameters:
-            if not parameter.shape:
-                step = 1e-3 * parameter.scale
-                inside = null[parameter.name] + step <= parameter.high
-                steps[parameter.name] = step if inside else -step
-
-        def combine(coefficients: FloatArray) -> dict[str, float]:
-            changes = zip(steps.items(), coefficients, strict=True)
-            return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
-
-        units = tuple({**null, name: null[name] + step} for name, step in steps.items())
-        return (Screen(units, combine),) if units else ()
+        return small_steps(cls.parameters, cls.null_values(robot, where))
 
     @property
     def key(self) -> tuple[str, str]:
@@ -166,6 +157,15 @@ class Effect(ABC):
     def implausibility(self) -> float:
         """What its numbers cost that no machine is likely to have [nats]."""
         return 0.0
+
+    @property
+    def departures(self) -> FloatArray:
+        """(k,) how far its numbers lie from what is usual, in standard deviations (default: none).
+
+        A fit counts half their squares beside what the logs say [nats]: what logs do not tell stays
+        usual. They are zero where the effect is not there.
+        """
+        return _USUAL
 
     @property
     def values(self) -> dict[str, float]:
@@ -254,3 +254,25 @@ class Effect(ABC):
     def true(self, robot: Robot, motion: Motion) -> Motion:
         """Return the true motion behind what the encoders report; the inverse of `measured`."""
         return motion
+
+
+def small_steps(parameters: Sequence[Parameter], null: Mapping[str, float]) -> tuple[Screen, ...]:
+    """Return the screen of a small step of every parameter that is no shape, none without any.
+
+    Args:
+        parameters: of an effect.
+        null: the values with which it changes nothing.
+    """
+    steps: dict[str, float] = {}
+    for parameter in parameters:
+        if not parameter.shape:
+            step = 1e-3 * parameter.scale
+            inside = null[parameter.name] + step <= parameter.high
+            steps[parameter.name] = step if inside else -step
+
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        changes = zip(steps.items(), coefficients, strict=True)
+        return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
+
+    units = tuple({**null, name: null[name] + step} for name, step in steps.items())
+    return (Screen(units, combine),) if units else ()

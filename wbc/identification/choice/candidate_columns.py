@@ -35,12 +35,14 @@ class Atom:
         where: its place.
         screen: unit effects and how coefficients become parameters.
         columns: (rows, outputs, r) what each unit adds to the model's torque.
+        usual: (r, r) normal equations of what is usual before the logs speak.
     """
 
     effect: type[Effect]
     where: str
     screen: Screen
     columns: FloatArray
+    usual: FloatArray
 
     @property
     def key(self) -> tuple[str, str]:
@@ -109,8 +111,20 @@ def make_atoms(
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
-            atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
+            kept = _only(screen, used)
+            usual = _usual(robot, effect, where, kept)
+            atoms.append(Atom(effect, where, kept, stacked[:, :, used], usual))
     return atoms
+
+
+def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
+    """Return (r, r) how fast units depart from what is usual; zero for most effects."""
+    first = _made(effect, where, screen, screen.units[0]).departures
+    if not first.size:
+        return np.zeros((len(screen.units), len(screen.units)))
+    null = effect.at(where, effect.null_values(robot, where)).departures
+    slopes = [_made(effect, where, screen, unit).departures - null for unit in screen.units]
+    return np.array([[one @ other for other in slopes] for one in slopes])
 
 
 def _offers(

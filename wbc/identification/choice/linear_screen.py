@@ -39,6 +39,7 @@ class BeamSearch:
         whitening: FloatArray,
         folds: IntArray,
         width: int = 8,
+        noise: float = 1.0,
     ) -> None:
         """Sum up the columns of all atoms.
 
@@ -48,6 +49,7 @@ class BeamSearch:
             whitening: (outputs, judged outputs) of the fit.
             folds: (rows,) numbers of the folds.
             width: sets kept per size.
+            noise: of the fit's residual, by which what is usual is weighed.
         """
         self.robot = fit.robot
         self.atoms = list(atoms)
@@ -64,7 +66,13 @@ class BeamSearch:
         expected = np.zeros(columns.shape[-1])
         for atom, places in zip(self.atoms, self._slices, strict=True):
             expected[places] = atom.screen.expected
-        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds, expected)
+        usual = np.zeros((expected.size, expected.size)), np.zeros(expected.size)
+        for atom, places in zip(self.atoms, self._slices, strict=True):
+            usual[0][np.ix_(places, places)] = noise * atom.usual
+        own = fit.usual.jacobian
+        usual[0][np.ix_(self._nuisance, self._nuisance)] = own.T @ own
+        usual[1][self._nuisance] = -own.T @ fit.usual.residual
+        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds, expected, usual)
         self._errors: dict[tuple[int, ...], float] = {}
 
     def columns(self, chosen: Sequence[int]) -> list[int]:

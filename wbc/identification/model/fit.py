@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from wbc.identification.model.derivatives import (
     with_changes,
 )
 from wbc.identification.model.kept_columns import IMPOSSIBLE, KeptColumns
+from wbc.identification.model.usual import UsualRows
 from wbc.identification.model.yielding import some_deflect
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
@@ -40,6 +41,7 @@ class Fit:
         jacobian: (rows, outputs, p) change of the whitened residual per unit of each parameter's
             scale.
         parameters: the p fitted parameters as (number of effect, parameter).
+        usual: rows of what is usual, which are fitted beside those of the records.
         settled: whether more steps would gain nothing.
         failed: why the robot cannot have these effects on these records, empty if it can; then all
             of the residual is infinite, so that the model loses every comparison.
@@ -50,6 +52,7 @@ class Fit:
     residual: FloatArray
     jacobian: FloatArray
     parameters: tuple[tuple[int, Parameter], ...]
+    usual: UsualRows
     settled: bool = True
     failed: str = ""
 
@@ -107,7 +110,12 @@ class Fit:
         norm = np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
         a = self.jacobian[rows].reshape(-1, p) / norm
         gram = a.T @ a + _KNOWS_NOTHING * np.eye(p)
-        return np.asarray(np.linalg.solve(gram, -(a.T @ self.residual[rows].ravel())) / norm)
+        moment = a.T @ self.residual[rows].ravel()
+        if self.usual.residual.size:
+            leaning = self.usual.jacobian / norm
+            gram += leaning.T @ leaning
+            moment += leaning.T @ self.usual.residual
+        return np.asarray(np.linalg.solve(gram, -moment) / norm)
 
 
 def refine(
@@ -117,6 +125,7 @@ def refine(
     whitening: FloatArray,
     iterations: int = ITERATIONS,
     kept: KeptColumns | None = None,
+    noise: Callable[[FloatArray], float] = lambda residual: 1.0,
 ) -> Fit:
     """Fit all parameters of `effects` added to `robot`.
 
@@ -127,6 +136,8 @@ def refine(
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
         kept: derivatives made before of this robot on these records; new ones are put there.
+        noise: whitened residual -> its mean square over independent samples per row, which says
+            what is usual weighs beside it.
 
     Raises:
         EffectError: the robot has no place for one of the effects.
@@ -143,8 +154,9 @@ def refine(
     fresh = True  # whether the links that swing were differentiated here
     ended = not slots
     for _ in range(iterations if slots else 0):
-        step = _bounded_step(at.effects, slots, jacobian, at.residual)
-        found = _line_search(robot, at, slots, step, records, whitening)
+        usual = _usual(at, slots, noise)
+        step = _bounded_step(at.effects, slots, jacobian, at.residual, usual)
+        found = _line_search(robot, at, slots, step, records, whitening, usual)
         if found is None:
             if fresh:
                 ended = True
@@ -153,7 +165,7 @@ def refine(
             fresh = True
             continue
         moved, length = found
-        gain = (at.cost - moved.cost) / at.cost
+        gain = abs(at.cost - moved.cost) / at.cost
         settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
         change = jacobian @ (length * step)
         if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
@@ -175,7 +187,14 @@ def refine(
             break
         fresh = not trusted or not swings
     whole = robot.with_effects(*at.effects)
-    return Fit(whole, at.effects, at.residual, jacobian, slots, ended)
+    usual = _usual(at, slots, noise)
+    return Fit(whole, at.effects, at.residual, jacobian, slots, usual, ended)
+
+
+def _usual(at: Evaluation, slots: Slots, noise: Callable[[FloatArray], float]) -> UsualRows:
+    if not any(effect.departures.size for effect in at.effects):
+        return UsualRows.none(len(slots))
+    return UsualRows.of(at.effects, slots, noise(at.residual))
 
 
 def _failed(
@@ -189,7 +208,8 @@ def _failed(
     """Return the fit of what cannot move like these records."""
     shape = sum(record.rows for record in records), whitening.shape[1]
     residual, jacobian = np.full(shape, np.inf), np.zeros((*shape, len(slots)))
-    return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), failed=why)
+    usual = UsualRows.none(len(slots))
+    return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), usual, failed=why)
 
 
 def _norm(values: FloatArray) -> float:
@@ -201,9 +221,12 @@ def _bounded_step(
     slots: Slots,
     jacobian: FloatArray,
     residual: FloatArray,
+    usual: UsualRows,
 ) -> FloatArray:
     """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
     a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
+    if usual.residual.size:
+        a, r = np.concatenate([a, usual.jacobian]), np.concatenate([r, usual.residual])
     values = np.array([effects[k].values[p.name] for k, p in slots])
     low = np.array([p.low for _, p in slots])
     high = np.array([p.high for _, p in slots])
@@ -227,9 +250,11 @@ def _line_search(
     step: FloatArray,
     records: Sequence[Record],
     whitening: FloatArray,
+    usual: UsualRows,
 ) -> tuple[Evaluation, float] | None:
     """Return the first point along a step that leaves less, and which share of the step it is."""
-    length = 1.0
+    length, leans = 1.0, bool(usual.residual.size)
+    weight = usual.weight
     for _ in range(5):
         changes = {
             (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
@@ -240,7 +265,8 @@ def _line_search(
         except IMPOSSIBLE:
             length *= 0.4
             continue
-        if after.cost < at.cost:
+        unusual = UsualRows.of(moved, (), weight).cost - usual.cost if leans else 0.0
+        if after.cost + unusual < at.cost:
             return after, length
         length *= 0.4
     return None
