@@ -148,9 +148,10 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
     for finding in diagnosis.findings:
         sure = f"{100.0 * finding.probability:.0f} % sure"
         table.add_row(f"{finding.effect.name} at {finding.effect.where}", "", sure)
-        for parameter, e in finding.parameters.items():
+        for number, e in finding.numbers.items():
             interval = f"{e.low:.4g} .. {e.high:.4g}"
-            table.add_row(f"  {parameter}", f"{e.value:.4g}", interval, e.unit)
+            unit = e.unit if e.drawn is None else f"{e.unit} (drawn {e.drawn:.4g})"
+            table.add_row(f"  {number}", f"{e.value:.4g}", interval, unit)
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:

@@ -5,9 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
+import numpy as np
+import pinocchio as pin
+
 from wbc.arrays import FloatArray
 from wbc.effects.pseudo_inertia import PARAMETERS, DrawnInertia, departures, excess
-from wbc.robot import Effect, Parameter, Robot
+from wbc.robot import Effect, Parameter, Quantity, Robot
+
+_LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
+_ABOUT_ORIGIN = "inertia_"
 
 
 @final
@@ -64,11 +70,50 @@ class LinkInertia(Effect):
         """What a drawing costs that is more wrong than drawings usually are [nats]."""
         return excess(self.departures)
 
+    def quantities(self, robot: Robot) -> dict[str, Quantity]:
+        """Mass, centre of mass and moments of the body."""
+        return link_quantities(self.change(robot), robot.body_joint(self.where))
+
+    def remarks(self, robot: Robot) -> tuple[str, ...]:
+        """Say where much of the mass that is drawn is not there."""
+        joint = robot.body_joint(self.where)
+        drawn, mass = (one.model.inertias[joint].mass for one in (robot, self.change(robot)))
+        return (mass_left(drawn - mass, drawn, self.where),) if mass < _LEFT * drawn else ()
+
     def change(self, robot: Robot) -> Robot:
         """Return the robot with the inertia of the body changed."""
         joint = robot.body_joint(self.where)
         after = DrawnInertia.of(robot, joint).changed(tuple(self.values.values()))
         return robot.with_inertia(joint, after)
+
+
+def link_quantities(robot: Robot, joint: int) -> dict[str, Quantity]:
+    """Return what a person can check of the link that a joint moves, in the joint's frame.
+
+    Mass, centre of mass, principal inertias about it from small to large; where logs do not tell
+    these, the first moments (mass times centre) and the inertia about the joint's origin.
+    """
+    inertia = robot.model.inertias[joint]
+    found = {"mass": Quantity(inertia.mass, "kg")}
+    for axis, center in zip("xyz", inertia.lever, strict=True):
+        found[f"center_{axis}"] = Quantity(float(center), "m", f"moment_{axis}")
+    for k, moment in enumerate(np.linalg.eigvalsh(inertia.inertia), start=1):
+        found[f"principal_inertia_{k}"] = Quantity(float(moment), "kg m^2", _ABOUT_ORIGIN)
+    for axis, center in zip("xyz", inertia.lever, strict=True):
+        found[f"moment_{axis}"] = Quantity(float(inertia.mass * center), "kg m")
+    about_origin = pin.PseudoInertia.FromDynamicParameters(inertia.toDynamicParameters())
+    second = np.diagonal(about_origin.toMatrix())[:3]
+    for axis, square in zip("xyz", second, strict=True):
+        found[f"inertia_{axis}{axis}"] = Quantity(float(second.sum() - square), "kg m^2")
+    return found
+
+
+def mass_left(lost: float, drawn: float, body: str) -> str:
+    """Say that a mass that is drawn is not there."""
+    return (
+        f"{lost:.3g} kg of the {drawn:.3g} kg that the robot file has at '{body}' are not there: a "
+        "tool or gripper that is drawn and not mounted?"
+    )
 
 
 def heavy_bodies(robot: Robot) -> tuple[str, ...]:

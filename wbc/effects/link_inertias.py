@@ -11,10 +11,10 @@ from typing import ClassVar, Self, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.link_inertia import heavy_bodies
+from wbc.effects.link_inertia import heavy_bodies, link_quantities
 from wbc.effects.pseudo_inertia import LOG_CHOLESKY, PARAMETERS, DrawnInertia, departures, excess
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import Effect, Evidence, Parameter, Robot, Screen, small_steps
+from wbc.robot import Effect, Evidence, Parameter, Quantity, Robot, Screen, small_steps
 
 _COUNT = len(LOG_CHOLESKY)
 
@@ -72,7 +72,7 @@ class LinkInertias(Effect):
         for name, value in (values or {}).items():
             body, _, own = name.rpartition(".")
             if own not in LOG_CHOLESKY or not body:
-                raise EffectError(unknown_name(f"number of {cls.name}", name, LOG_CHOLESKY))
+                raise EffectError(unknown_name(f"parameter of {cls.name}", name, LOG_CHOLESKY))
             known.setdefault(body, dict.fromkeys(LOG_CHOLESKY, 0.0))[own] = float(value)
         return cls(where, tuple((body, tuple(own.values())) for body, own in known.items()))
 
@@ -111,6 +111,17 @@ class LinkInertias(Effect):
     def implausibility(self) -> float:
         """What a drawing costs that is more wrong than drawings usually are [nats]."""
         return excess(self.departures)
+
+    def quantities(self, robot: Robot) -> dict[str, Quantity]:
+        """Mass, centre of mass and moments of every link, `BODY.mass` and so on."""
+        changed = self.change(robot)
+        return {
+            f"{body}.{name}": replace(
+                quantity, instead=quantity.instead and f"{body}.{quantity.instead}"
+            )
+            for body, _ in self.links
+            for name, quantity in link_quantities(changed, robot.body_joint(body)).items()
+        }
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless every body is one of `robot` that has a mass."""

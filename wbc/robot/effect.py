@@ -55,6 +55,21 @@ class Parameter:
     doubt: float = 0.0
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a machine that a person can check.
+
+    Attributes:
+        value: in `unit`.
+        unit: SI unit.
+        instead: beginning of the names of what is said in its place where logs do not tell it.
+    """
+
+    value: float
+    unit: str
+    instead: str = ""
+
+
 _USUAL = np.zeros(0)
 _USUAL.flags.writeable = False
 
@@ -180,6 +195,18 @@ class Effect(ABC):
                 raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
+
+    def quantities(self, robot: Robot) -> dict[str, Quantity]:
+        """Return the numbers that a person can check, where the parameters are not them.
+
+        Args:
+            robot: that lacks the effect.
+        """
+        return {}
+
+    def remarks(self, robot: Robot) -> tuple[str, ...]:
+        """Return sentences on what these numbers mean on a robot that lacks the effect."""
+        return ()
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless `where` is a place of this effect on `robot`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from wbc.identification.answer.ranking import Ranked
@@ -16,12 +16,16 @@ Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repea
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter: value with the ends of its 90 % interval, in `unit`."""
+    """A number that was found: value with the ends of its 90 % interval, in `unit`.
+
+    `drawn` is what the robot as given has in its place; None for a parameter of an effect.
+    """
 
     value: float
     unit: str
     low: float
     high: float
+    drawn: float | None = None
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ class Finding:
         support: what speaks for it.
         alternatives: the effects it cannot be told from on these logs.
         warnings: at a bound, not identifiable.
+        quantities: what a person can check, by name, where the parameters are not it and logs tell
+            that it differs from the robot as given.
     """
 
     effect: Effect
@@ -53,6 +59,12 @@ class Finding:
     support: Support
     alternatives: tuple[Alternative, ...] = ()
     warnings: tuple[str, ...] = ()
+    quantities: Mapping[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Mapping[str, Estimate]:
+        """What a person reads: the quantities, or else the parameters."""
+        return self.quantities or self.parameters
 
     @property
     def probability(self) -> float:
@@ -150,7 +162,8 @@ class Diagnosis:
         for finding in self.findings:
             numbers = ", ".join(
                 f"{name} {e.value:.4g} ({e.low:.4g} to {e.high:.4g}) {e.unit}".removesuffix(" 1")
-                for name, e in finding.parameters.items()
+                + (f" (drawn {e.drawn:.4g})" if e.drawn is not None else "")
+                for name, e in finding.numbers.items()
             )
             rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
             lines.append(
@@ -188,6 +201,16 @@ class Diagnosis:
                     "parameters": {
                         name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
                         for name, e in f.parameters.items()
+                    },
+                    "quantities": {
+                        name: {
+                            "value": e.value,
+                            "unit": e.unit,
+                            "low": e.low,
+                            "high": e.high,
+                            "drawn": e.drawn,
+                        }
+                        for name, e in f.quantities.items()
                     },
                     "probability": f.probability,
                     "support": asdict(f.support),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,15 @@ class Fit:
         """Whether links were simulated behind their gears."""
         return some_deflect(self.effects)
 
+    @property
+    def information(self) -> FloatArray:
+        """(p, p) what the records know of the parameters, in units of their scales.
+
+        Beside numbers that are drawn to what is usual: in squared standard deviations.
+        """
+        a = (self.jacobian * self.usual.weights[:, None]).reshape(-1, len(self.parameters))
+        return np.asarray(a.T @ a)
+
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself.
 
@@ -106,11 +115,12 @@ class Fit:
         else a clipping limit that only one block reached would fly away on the others.
         """
         p = len(self.parameters)
-        norm = np.sqrt(np.sum(self.jacobian**2, axis=(0, 1)))
+        norm = np.sqrt(np.sum(self.jacobian**2, axis=0).T @ (1.0 / self.usual.noise))
         norm = np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
-        a = self.jacobian[rows].reshape(-1, p) / norm
+        weights = self.usual.weights
+        a = (self.jacobian[rows] * weights[:, None]).reshape(-1, p) / norm
         gram = a.T @ a + _KNOWS_NOTHING * np.eye(p)
-        moment = a.T @ self.residual[rows].ravel()
+        moment = a.T @ (self.residual[rows] * weights).ravel()
         if self.usual.residual.size:
             leaning = self.usual.jacobian / norm
             gram += leaning.T @ leaning
@@ -125,7 +135,7 @@ def refine(
     whitening: FloatArray,
     iterations: int = ITERATIONS,
     kept: KeptColumns | None = None,
-    noise: Callable[[FloatArray], float] = lambda residual: 1.0,
+    samples: FloatArray | None = None,
 ) -> Fit:
     """Fit all parameters of `effects` added to `robot`.
 
@@ -136,8 +146,8 @@ def refine(
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
         kept: derivatives made before of this robot on these records; new ones are put there.
-        noise: whitened residual -> its mean square over independent samples per row, which says
-            what is usual weighs beside it.
+        samples: (outputs,) independent samples per row, by default one. Where numbers are drawn
+            to what is usual, it says how much the logs weigh beside that.
 
     Raises:
         EffectError: the robot has no place for one of the effects.
@@ -154,7 +164,7 @@ def refine(
     fresh = True  # whether the links that swing were differentiated here
     ended = not slots
     for _ in range(iterations if slots else 0):
-        usual = _usual(at, slots, noise)
+        usual = _usual(at, slots, samples)
         step = _bounded_step(at.effects, slots, jacobian, at.residual, usual)
         found = _line_search(robot, at, slots, step, records, whitening, usual)
         if found is None:
@@ -165,7 +175,8 @@ def refine(
             fresh = True
             continue
         moved, length = found
-        gain = abs(at.cost - moved.cost) / at.cost
+        before = _cost(at, usual)
+        gain = (before - _cost(moved, usual)) / before
         settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
         change = jacobian @ (length * step)
         if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
@@ -178,7 +189,7 @@ def refine(
         trusted = fresh
         if swings:
             promised = float(np.sum((at.residual + change) ** 2))
-            trusted = abs(gain * at.cost / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
+            trusted = abs((at.cost - moved.cost) / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
         at = moved
         known = jacobian if trusted else None
         jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
@@ -187,14 +198,23 @@ def refine(
             break
         fresh = not trusted or not swings
     whole = robot.with_effects(*at.effects)
-    usual = _usual(at, slots, noise)
+    usual = _usual(at, slots, samples)
     return Fit(whole, at.effects, at.residual, jacobian, slots, usual, ended)
 
 
-def _usual(at: Evaluation, slots: Slots, noise: Callable[[FloatArray], float]) -> UsualRows:
+def _usual(at: Evaluation, slots: Slots, samples: FloatArray | None) -> UsualRows:
     if not any(effect.departures.size for effect in at.effects):
-        return UsualRows.none(len(slots))
-    return UsualRows.of(at.effects, slots, noise(at.residual))
+        return UsualRows.none(at.residual.shape[1], len(slots))
+    count = np.ones(at.residual.shape[1]) if samples is None else samples
+    variance = np.maximum(np.mean(at.residual**2, axis=0), 1.0)
+    return UsualRows.of(at.effects, slots, variance / count, count)
+
+
+def _cost(at: Evaluation, beside: UsualRows) -> float:
+    """Return what is minimised, by the weights of the rows beside which it is compared."""
+    if not beside.residual.size:
+        return at.cost
+    return UsualRows.of(at.effects, (), beside.noise, beside.samples).cost(at.residual)
 
 
 def _failed(
@@ -208,7 +228,7 @@ def _failed(
     """Return the fit of what cannot move like these records."""
     shape = sum(record.rows for record in records), whitening.shape[1]
     residual, jacobian = np.full(shape, np.inf), np.zeros((*shape, len(slots)))
-    usual = UsualRows.none(len(slots))
+    usual = UsualRows.none(whitening.shape[1], len(slots))
     return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), usual, failed=why)
 
 
@@ -226,7 +246,9 @@ def _bounded_step(
     """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
     a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
     if usual.residual.size:
-        a, r = np.concatenate([a, usual.jacobian]), np.concatenate([r, usual.residual])
+        a = (jacobian * usual.weights[:, None]).reshape(-1, len(slots))
+        a = np.concatenate([a, usual.jacobian])
+        r = np.concatenate([(residual * usual.weights).ravel(), usual.residual])
     values = np.array([effects[k].values[p.name] for k, p in slots])
     low = np.array([p.low for _, p in slots])
     high = np.array([p.high for _, p in slots])
@@ -253,8 +275,7 @@ def _line_search(
     usual: UsualRows,
 ) -> tuple[Evaluation, float] | None:
     """Return the first point along a step that leaves less, and which share of the step it is."""
-    length, leans = 1.0, bool(usual.residual.size)
-    weight = usual.weight
+    length, before = 1.0, _cost(at, usual)
     for _ in range(5):
         changes = {
             (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
@@ -265,8 +286,7 @@ def _line_search(
         except IMPOSSIBLE:
             length *= 0.4
             continue
-        unusual = UsualRows.of(moved, (), weight).cost - usual.cost if leans else 0.0
-        if after.cost + unusual < at.cost:
+        if _cost(after, usual) < before:
             return after, length
         length *= 0.4
     return None

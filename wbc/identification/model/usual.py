@@ -19,29 +19,36 @@ class UsualRows:
     Attributes:
         residual: (k,).
         jacobian: (k, p) per unit of each parameter's scale.
-        weight: of a squared standard deviation beside the squares of the logs.
+        noise: (outputs,) mean square of what is left over independent samples per row: squares of
+            the logs are divided by it, so that both are in squared standard deviations.
+        samples: (outputs,) independent samples per row.
     """
 
     residual: FloatArray
     jacobian: FloatArray
-    weight: float
+    noise: FloatArray
+    samples: FloatArray
 
     @classmethod
-    def none(cls, count: int) -> UsualRows:
+    def none(cls, outputs: int, count: int) -> UsualRows:
         """Return no rows about so many parameters."""
-        return cls(np.zeros(0), np.zeros((0, count)), 1.0)
+        return cls(np.zeros(0), np.zeros((0, count)), np.ones(outputs), np.ones(outputs))
 
     @classmethod
     def of(
-        cls, effects: Sequence[Effect], slots: Sequence[tuple[int, Parameter]], noise: float
+        cls,
+        effects: Sequence[Effect],
+        slots: Sequence[tuple[int, Parameter]],
+        noise: FloatArray,
+        samples: FloatArray,
     ) -> UsualRows:
         """Return the rows of these effects.
 
         Args:
             effects: with their numbers.
             slots: the p parameters as (number of effect, parameter).
-            noise: mean square of the residual over independent samples per row: what a squared
-                standard deviation weighs beside the sum of squares of all rows.
+            noise: (outputs,) mean square of what is left over independent samples per row.
+            samples: (outputs,) independent samples per row.
         """
         parts, ends = [], [0]
         for effect in effects:
@@ -54,13 +61,23 @@ class UsualRows:
                 if parts[k].size:
                     rows = slice(ends[k], ends[k + 1])
                     jacobian[rows, column] = _slope(effects[k], parameter, parts[k])
-        weight = np.sqrt(noise)
-        return cls(weight * residual, weight * jacobian, noise)
+        return cls(residual, jacobian, noise, samples)
 
     @property
-    def cost(self) -> float:
-        """Sum of squares."""
-        return float(self.residual @ self.residual)
+    def weights(self) -> FloatArray:
+        """(outputs,) by which residuals are multiplied in a fit."""
+        return np.asarray(1.0 / np.sqrt(self.noise))
+
+    def cost(self, residual: FloatArray) -> float:
+        """Return what is minimised, with a residual (rows, outputs) of the logs [2 nats].
+
+        Minus twice the log density, each output with a variance of its own, never below that of
+        its sensors: an output that nothing explains does not outvote the others.
+        """
+        squares = np.mean(residual**2, axis=0)
+        variance = np.maximum(squares, 1.0)
+        each = np.log(variance) + squares / variance
+        return float(len(residual) * self.samples @ each + self.residual @ self.residual)
 
 
 def _slope(effect: Effect, parameter: Parameter, before: FloatArray) -> FloatArray:
