@@ -16,6 +16,7 @@ from wbc.cli import (
     design,
     diagnose,
     experiment,
+    identify,
     init,
     listing,
     metrics,
@@ -25,7 +26,7 @@ from wbc.cli.inputs import write_fix
 from wbc.errors import WbcError
 from wbc.measurement import SuspiciousLogError
 
-_COMMANDS = (init, check, compare, diagnose, play, metrics, design, experiment, listing)
+_COMMANDS = (init, check, compare, diagnose, identify, play, metrics, design, experiment, listing)
 
 _EPILOG = """\
 examples:

@@ -44,6 +44,7 @@ class LinkInertia(Effect):
     t2: float
     t3: float
 
+    expected: ClassVar[float] = 1.0
     name: ClassVar[str] = "link_inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     explanation: ClassVar[str] = (

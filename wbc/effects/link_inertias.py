@@ -38,6 +38,7 @@ class LinkInertias(Effect):
 
     links: tuple[tuple[str, tuple[float, ...]], ...]
 
+    expected: ClassVar[float] = 2.0  # as friction: no machine weighs what its drawing says
     name: ClassVar[str] = "link_inertias"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS  # of every link
     explanation: ClassVar[str] = (
