@@ -32,8 +32,9 @@ from wbc.measurement import load_logs
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 MACHINES = {
     "emps": "emps/emps_estimation.parquet",
-    "double_pendulum": "dfki_double_pendulum/double_pendulum.parquet#A.0/*",
-    "double_pendulum_c1": "dfki_double_pendulum/double_pendulum.parquet#C.1/14*",
+    "double_pendulum": "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*",
+    "double_pendulum_c0": "dfki_double_pendulum/double_pendulum.parquet#C.0/trajectory*",
+    "double_pendulum_c1": "dfki_double_pendulum/double_pendulum.parquet#C.1/1*",
     "staubli_tx40": "staubli_tx40/tx40.parquet",
     "tiago": "tiago/tiago.parquet",
 }

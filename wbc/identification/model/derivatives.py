@@ -98,7 +98,7 @@ def derivatives(
         kept: columns of this robot on these logs; new ones are put there.
     """
     columns = []
-    inertial = _inertial(robot, at, slots, records)
+    inertial = _inertial(robot, at, slots, records)  # by number of the column
     for row, (k, parameter) in enumerate(slots):
         if row in inertial:
             columns.append(inertial[row] @ whitening)
@@ -125,11 +125,11 @@ def _inertial(
     robot: Robot, at: Evaluation, slots: Slots, records: Sequence[Record]
 ) -> dict[int, FloatArray]:
     """Return the columns (rows, m + b) by parameters that only change the links' inertias."""
-    own = {
-        k
-        for k, effect in enumerate(at.effects)
-        if only_inertial(robot, effect) and not _swings(robot, at, k, records[0].motion)
-    }
+    if any(deflects(effect) for effect in at.effects):
+        return {}  # how links swing depends on their inertias
+    kinds = {type(effect): effect for effect in at.effects}
+    inertial = {kind for kind, effect in kinds.items() if only_inertial(robot, effect)}
+    own = {k for k, effect in enumerate(at.effects) if type(effect) in inertial}
     varied = {}
     for row, (k, parameter) in enumerate(slots):
         if k not in own:
