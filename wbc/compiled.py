@@ -25,6 +25,12 @@ Dense = types.Array(types.float64, 2, "C", readonly=True)
 """To read, row by row."""
 Places = types.Array(types.int64, 1, "C", readonly=True)
 """Row numbers to read."""
+Table = types.Array(types.int64, 2, "C", readonly=True)
+"""Whole numbers to read, row by row."""
+Flags = types.Array(types.boolean, 1, "A", readonly=True)
+"""To read."""
+OutFlags = types.Array(types.boolean, 1, "A")
+"""To write."""
 OutVector = types.Array(types.float64, 1, "A")
 """To write."""
 OutMatrix = types.Array(types.float64, 2, "A")

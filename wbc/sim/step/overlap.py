@@ -22,6 +22,29 @@ _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to
 _STIFF = 1e6
 
 
+@compiled(Nothing, Dense, Vector, Vector, OutVector)
+def project(
+    delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray
+) -> None:
+    """Sweep towards lowest <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
+    most = 0.0
+    for i in range(len(missing)):
+        most = max(most, abs(missing[i]))
+    for _ in range(100):
+        worst = 0.0
+        for i in range(len(missing)):
+            if delassus[i, i] <= 0.0:
+                continue
+            rest = missing[i]
+            for j in range(len(missing)):
+                rest -= delassus[i, j] * push[j]
+            aim = max(push[i] + rest / delassus[i, i], lowest[i])
+            worst = max(worst, abs(aim - push[i]) * delassus[i, i])
+            push[i] = aim
+        if worst <= 1e-6 * most:
+            return
+
+
 def shift_out(
     metric: FloatArray,
     held: ClosedRows,
@@ -46,7 +69,7 @@ def shift_out(
     push = np.zeros(len(rows))
     missing = np.maximum(np.minimum(-gap, furthest), np.where(pressed, -furthest, -np.inf))
     lowest = np.where(pressed, -np.inf, 0.0)
-    _project(np.ascontiguousarray(rows @ response), missing, lowest, push)
+    project(np.ascontiguousarray(rows @ response), missing, lowest, push)
     return np.asarray(response @ push)
 
 
@@ -86,26 +109,3 @@ def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
         f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
         f"{-worst[place]:.3g} m (rad) inside, and no motion of its free joints brings it out."
     )
-
-
-@compiled(Nothing, Dense, Vector, Vector, OutVector)
-def _project(
-    delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray
-) -> None:
-    """Sweep towards lowest <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
-    most = 0.0
-    for i in range(len(missing)):
-        most = max(most, abs(missing[i]))
-    for _ in range(100):
-        worst = 0.0
-        for i in range(len(missing)):
-            if delassus[i, i] <= 0.0:
-                continue
-            rest = missing[i]
-            for j in range(len(missing)):
-                rest -= delassus[i, j] * push[j]
-            aim = max(push[i] + rest / delassus[i, i], lowest[i])
-            worst = max(worst, abs(aim - push[i]) * delassus[i, i])
-            push[i] = aim
-        if worst <= 1e-6 * most:
-            return
