@@ -100,7 +100,7 @@ class Plant:
         v = np.zeros(model.nv) if velocity is None else velocity
         q = checked(position, (model.nq,), "position q", SimulationError)
         if lifted:
-            q = lifted_out(self._setup, q)
+            q = lifted_out(self._setup.space, self._setup.barriers, q)
         return SimState(q, checked(v, (model.nv,), "velocity v", SimulationError))
 
     def step(
@@ -140,8 +140,8 @@ class Plant:
                 impacts, struck = [impact], fresh
         while True:
             part = flow(setup, state, command, left, external, kept)
-            landing = ~state.closed & ~kept & (part.gap < -TOUCH)
-            if landing.any():
+            if part.landed:
+                landing = ~state.closed & ~kept & (part.gap < -TOUCH)
                 found = self._until_landing(state, command, part, left, external, kept)
                 if found is None:
                     kept = kept | landing

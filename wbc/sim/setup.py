@@ -12,6 +12,7 @@ from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.ground.barriers import Barriers
 from wbc.sim.ground.terrain import Terrain
+from wbc.sim.inner.inner import Inner, inner_of
 from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
 from wbc.sim.solve.reduced import NOT_POSITIVE
 from wbc.sim.state import EffectMemory
@@ -34,6 +35,8 @@ class Setup:
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
         layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
+        inner: compiled loops for the common case; None for robots and grounds that they do not
+            know.
     """
 
     robot: Robot
@@ -45,6 +48,7 @@ class Setup:
     return_speed: float
     layout: ImpulseLayout
     memory: EffectMemory
+    inner: Inner | None
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
@@ -59,15 +63,17 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
     barriers = Barriers(robot, terrain, space)
     drive = drivetrain(robot)
+    bases = free_bases(robot)
     layout = ImpulseLayout.of(drive.size, space.model.nv, barriers)
     return Setup(
         robot,
         space,
         drive,
         barriers,
-        free_bases(robot),
+        bases,
         restitution,
         return_speed,
         layout,
         first_memory(robot),
+        inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
     )

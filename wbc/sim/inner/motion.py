@@ -25,9 +25,7 @@ def point_of_reference(bases: IntArray, poses: FloatArray, about: FloatArray) ->
         about[k] = poses[joint, 9 + k]
 
 
-@compiled(
-    Nothing, Table, Dense, Table, Table, Count, Dense, OutDense, OutDense, OutDense, OutDense
-)
+@compiled(Nothing, Table, Dense, Table, Table, Count, Dense, OutDense, OutDense, OutDense, OutDense)
 def look(
     joints: IntArray,
     shapes: FloatArray,

@@ -16,7 +16,6 @@ from wbc.compiled import (
     OutFlags,
     OutPlaces,
     OutVector,
-    Places,
     Table,
     Vector,
     compiled,
@@ -33,7 +32,7 @@ from wbc.sim.inner.motion import (
     set_momentum,
 )
 from wbc.sim.inner.program import INERTIA, free_velocity, gear_laws, solve_rows
-from wbc.sim.solve.linear import cholesky, forward, products, backward
+from wbc.sim.solve.linear import backward, cholesky, forward, products
 from wbc.sim.step.momentum import momentum_at, part_on_joints
 from wbc.sim.step.overlap import project
 from wbc.sim.tree.inertia import bias_at
@@ -154,7 +153,7 @@ def row_places(
     Flags, Flags, Vector, Vector, Vector, Vector, Vector, Number, Number, Number, Number, Number,
     OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutVector, OutVector,
     OutVector, OutVector, OutVector, OutFlags, OutVector, OutVector, OutVector, OutDense, OutVector,
-    OutVector,
+    OutVector, OutVector,
 )  # fmt: skip
 def from_middle(
     joints: IntArray,
@@ -200,6 +199,7 @@ def from_middle(
     contact_impulse: FloatArray,
     mesh: FloatArray,
     overlap: FloatArray,
+    count: FloatArray,
 ) -> int:
     """Write the end of a smooth part from its middle, where the memory stands.
 
@@ -233,6 +233,7 @@ def from_middle(
         contact_impulse: (k, 3) world, to write.
         mesh: (m,) impulse through the meshes, to write.
         overlap: (2 j + c,) depth left to take back, to write.
+        count: (1,) linear systems solved, to write.
 
     Returns:
         FAILED, SMOOTH or LANDED; and minus SMOOTH or LANDED where some overlap is left.
@@ -286,10 +287,12 @@ def from_middle(
     if len(stored) == len(impulse):
         for i in range(total):
             start[i] = stored[places[i]]
-    if not solve_rows(
+    used = solve_rows(
         matrix, lower, laws, targets, frictions, d, free, start, accuracy, solved, moved, after
-    ):
+    )
+    if used < 0:
         return FAILED
+    count[0] = used
     impulse[:] = 0.0
     for i in range(total):
         impulse[places[i]] = solved[i]

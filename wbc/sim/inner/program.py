@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.compiled import (
     Count,
     Dense,
@@ -13,14 +13,11 @@ from wbc.compiled import (
     Number,
     OutDense,
     OutVector,
-    Places,
     Vector,
     compiled,
 )
 from wbc.sim.solve.linear import backward, cholesky, forward, products
 from wbc.sim.solve.newton import newton_loop
-from wbc.sim.step.momentum import part_on_joints
-from wbc.sim.tree.inertia import bias_at
 
 RATIO, INERTIA, VISCOUS, COULOMB, INVERSE, BACKWARD = range(6)
 """Columns of a table of gears: N, N^2 I_r, N^2 and |N| times the rotor's friction, 1/eta_f, eta_b."""
@@ -80,7 +77,7 @@ def lines(delassus: FloatArray, pairs: int, spring: FloatArray, slope: FloatArra
 
 
 @compiled(
-    Flag, Dense, Dense, Dense, Vector, Vector, Count, Vector, Vector, Number,
+    Count, Dense, Dense, Dense, Vector, Vector, Count, Vector, Vector, Number,
     OutVector, OutVector, OutVector,
 )  # fmt: skip
 def solve_rows(
@@ -96,8 +93,8 @@ def solve_rows(
     impulse: FloatArray,
     speed: FloatArray,
     after: FloatArray,
-) -> bool:
-    """Write row impulses and speeds (r,) with every row on its law, and v (nv,) after; False if none.
+) -> int:
+    """Write row impulses and speeds (r,) with every row on its law, and v (nv,) after.
 
     Args:
         matrix: G (r, nv).
@@ -109,6 +106,10 @@ def solve_rows(
         free: v (nv,) without the rows.
         start: (r,).
         accuracy: accepted distance of a row from its law, as a share of the largest speed plus 1.
+        impulse, speed, after: to write.
+
+    Returns:
+        the number of linear systems solved, -1 where Newton does not converge.
     """
     size, n = matrix.shape
     half, delassus = np.empty((size, n)), np.empty((size, size))
@@ -127,13 +128,14 @@ def solve_rows(
     lines(delassus, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
     limit = 0 if size > n else 12
     tolerance = accuracy * (1.0 + fastest)
+    used = 0
     if size > 0:
         used = newton_loop(
             delassus, own, spring, slope, laws, targets, frictions, tangents, start, tolerance,
             limit, impulse,
         )  # fmt: skip
         if used < 0:
-            return False
+            return -1
     after[:] = 0.0
     for i in range(size):
         for j in range(n):
@@ -148,12 +150,10 @@ def solve_rows(
         for j in range(size):
             total += delassus[i, j] * impulse[j]
         speed[i] = total
-    return bool(np.isfinite(good))
+    return used if np.isfinite(good) else -1
 
 
-@compiled(
-    Flag, Dense, Vector, Vector, Number, OutVector, OutDense
-)
+@compiled(Flag, Dense, Vector, Vector, Number, OutVector, OutDense)
 def free_velocity(
     inertia: FloatArray,
     v: FloatArray,

@@ -12,10 +12,13 @@ from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import Dense, Nothing, OutVector, Vector, compiled
+from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
-from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.barriers import TOUCH, Barriers, ClosedRows
 from wbc.sim.laws.drivetrain import Drivetrain
-from wbc.sim.setup import Setup
+
+DRIFT = 1e-8
+"""Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
 
 _TRIES = 100
 _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
@@ -80,15 +83,20 @@ def inertia_with_rotors(drive: Drivetrain, inertia: FloatArray) -> FloatArray:
     return np.asarray(inertia + turning.T @ (drive.inertia[rigid, None] * turning))
 
 
-def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
+def lifted_out(space: Workspace, barriers: Barriers, position: FloatArray) -> FloatArray:
     """Return q (nq,) moved out of the ground and back to the joint limits.
 
     Driven joints keep their angles where a free base can do it.
 
+    Args:
+        space: workspace of the robot.
+        barriers: its limits and contacts.
+        position: q (nq,).
+
     Raises:
         SimulationError: a point that no motion brings out.
     """
-    space, barriers = setup.space, setup.barriers
+    robot = space.robot
     q = barriers.within_limits(position)
     stiff = np.zeros(space.model.nv)
     gap = worst = np.zeros(0)
@@ -100,12 +108,12 @@ def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
             return q
         worst = gap if not worst.size else worst
         near = barriers.rows(gap < _NEAR, clearance, np.zeros(barriers.size))
-        stiff[setup.robot.actuated] = _STIFF * space.data.M.diagonal().max()
+        stiff[robot.actuated] = _STIFF * space.data.M.diagonal().max()
         metric = space.data.M + np.diag(stiff)
         held = np.zeros(len(near.which) + len(near.limits), dtype=bool)
         q = pin.integrate(space.model, q, shift_out(metric, near, gap[gap < _NEAR], _NEAR, held))
     place = int(np.argmin(worst))
     raise SimulationError(
-        f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
+        f"'{robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
         f"{-worst[place]:.3g} m (rad) inside, and no motion of its free joints brings it out."
     )
