@@ -55,7 +55,7 @@ def base_frame(
     turn: FloatArray,
     lever: FloatArray,
 ) -> None:
-    """Write the rotation (3, 3) of a free base and the way (3,) to the centre of mass of its tree."""
+    """Write the rotation (3, 3) of a free base and the way (3,) from it to the centre of mass."""
     joint, frame, about = bases[which, JOINT], bases[which, FRAME], np.empty(3)
     point_of_reference(bases, poses, about)
     for i in range(3):

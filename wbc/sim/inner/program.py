@@ -20,7 +20,7 @@ from wbc.sim.solve.linear import backward, cholesky, forward, products
 from wbc.sim.solve.newton import newton_loop
 
 RATIO, INERTIA, VISCOUS, COULOMB, INVERSE, BACKWARD = range(6)
-"""Columns of a table of gears: N, N^2 I_r, N^2 and |N| times the rotor's friction, 1/eta_f, eta_b."""
+"""Columns of a table of gears: N, N^2 I_r, N^2 and |N| times the friction, 1/eta_f, eta_b."""
 
 
 @compiled(Nothing, Dense, Dense, Vector, Vector, Vector, Number, OutDense)

@@ -1,9 +1,9 @@
 """The linear piece of every row's law that a point lies on, and the system of those pieces.
 
 A piece is on_speed dw + on_impulse dp = missing, with the row's natural residual beside it: the
-line of slope `slope` through (speed, impulse) meets a monotone law in one point, and the residual is
-how far away that is, as a speed; zero exactly at a solution. For contacts it is Alart and Curnier's
-map, the normal projected onto the half line, the tangents onto the disc of radius mu p_n.
+line of slope `slope` through (speed, impulse) meets a monotone law in one point, and the residual
+is how far away that is, as a speed; zero exactly at a solution. For contacts it is Alart and
+Curnier's map, the normal projected onto the half line, the tangents onto the disc of radius mu p_n.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def pieces_at(
     pieces: FloatArray,
     sliding: FloatArray,
 ) -> float:
-    """Write the pieces met by the lines of `slope` through (speed, impulse); return the largest residual.
+    """Write the pieces met by the lines of `slope` through (speed, impulse).
 
     Args:
         laws: (m, 7) of the elements.
@@ -77,6 +77,9 @@ def pieces_at(
         sliding: (k, 3) to write: direction (2) in which a contact's friction pushes, and
             mu p_n / |p_t - slope u_t| <= 1, how far that may turn; the last is -1 where the contact
             does not slide. The rows of one that does lack the coupling to normal and slip.
+
+    Returns:
+        the largest residual, infinite where one is no number.
     """
     m, count, contacts = len(laws), len(targets), len(frictions)
     for i in range(m):

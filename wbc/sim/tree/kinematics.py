@@ -176,7 +176,7 @@ def moved_along(
         kind, at, row = joints[i, 1], joints[i, 2], joints[i, 3]
         if kind == FREE_FLYER:
             _fly(q[at : at + 7], v[row : row + 6], time, moved[at : at + 7])
-        elif kind == REVOLUTE or kind == PRISMATIC:
+        elif kind in (REVOLUTE, PRISMATIC):
             moved[at] = q[at] + time * v[row]
         else:
             cos, sin = np.cos(time * v[row]), np.sin(time * v[row])

@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray
 
 REVOLUTE, UNBOUNDED, PRISMATIC, FREE_FLYER = range(4)
-"""Joints that the loops know: about an axis, the same with cos and sin as q, along an axis, free."""
+"""Joints that the loops know: about an axis, the same with q as cos and sin, along one, free."""
 
 _KINDS = {
     **{f"JointModelR{axis}": REVOLUTE for axis in "XYZ"},
