@@ -19,6 +19,8 @@ from numba import types
 Number, Count, Flag, Nothing = types.float64, types.int64, types.boolean, types.void
 Vector = types.Array(types.float64, 1, "A", readonly=True)
 """To read, with any stride."""
+Row = types.Array(types.float64, 1, "C", readonly=True)
+"""To read, without gaps."""
 Matrix = types.Array(types.float64, 2, "A", readonly=True)
 """To read, in any order."""
 Dense = types.Array(types.float64, 2, "C", readonly=True)
@@ -33,6 +35,8 @@ OutFlags = types.Array(types.boolean, 1, "A")
 """To write."""
 OutVector = types.Array(types.float64, 1, "A")
 """To write."""
+OutRow = types.Array(types.float64, 1, "C")
+"""To write, without gaps."""
 OutMatrix = types.Array(types.float64, 2, "A")
 """To write."""
 OutDense = types.Array(types.float64, 2, "C")

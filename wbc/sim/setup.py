@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pinocchio as pin
 from scipy.linalg import lapack
 
+from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
 from wbc.robot import Robot
@@ -35,6 +36,7 @@ class Setup:
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
         layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
+        least: (m,) [N m] least rotor torque, by the robot's torque limits.
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
     """
@@ -48,6 +50,7 @@ class Setup:
     return_speed: float
     layout: ImpulseLayout
     memory: EffectMemory
+    least: FloatArray
     inner: Inner | None
 
 
@@ -75,5 +78,6 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         return_speed,
         layout,
         first_memory(robot),
+        -robot.transmission.torque_limit,
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
     )

@@ -13,14 +13,14 @@ from wbc.compiled import (
     Nothing,
     OutDense,
     OutPlaces,
-    OutVector,
+    OutRow,
+    Row,
     Table,
-    Vector,
     compiled,
 )
 
 
-@compiled(Nothing, Table, Dense, Dense, Count, OutVector)
+@compiled(Nothing, Table, Dense, Dense, Count, OutRow)
 def place_of(
     contact_at: IntArray, contacts: FloatArray, poses: FloatArray, which: int, point: FloatArray
 ) -> None:
@@ -32,7 +32,7 @@ def place_of(
         )
 
 
-@compiled(Nothing, Table, Dense, Table, Dense, Dense, Vector, Dense, OutVector)
+@compiled(Nothing, Table, Dense, Table, Dense, Dense, Row, Dense, OutRow)
 def gaps_at(
     limit_at: IntArray,
     limit_range: FloatArray,
@@ -67,7 +67,7 @@ def gaps_at(
             gap[2 * j + s * k + i] = along - solids[s, 3] - contacts[i, 3]
 
 
-@compiled(Nothing, Vector, Flag, OutDense)
+@compiled(Nothing, Row, Flag, OutDense)
 def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
     """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3)."""
     x, y, z = normal[0], normal[1], normal[2]
@@ -87,7 +87,7 @@ def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
 
 
 @compiled(
-    Nothing, Flags, Table, Table, Dense, Dense, Flag, Table, Dense, Vector, Dense, Count,
+    Nothing, Flags, Table, Table, Dense, Dense, Flag, Table, Dense, Row, Dense, Count,
     OutDense, OutDense, OutPlaces,
 )  # fmt: skip
 def barrier_rows(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,36 +25,73 @@ from wbc.sim.tree.tree import Tree, tree_of
 _NOTHING = np.zeros(0)
 
 
-class Ended(NamedTuple):
-    """Where a part ended.
+class Ended:
+    """Where a part ended: slices of one array, cut when asked for.
 
     Attributes:
-        position: q (nq,).
-        velocity: v (nv,).
-        gap: (2 j + c,).
         closed: (2 j + c,) barriers that stay closed.
-        impulse: of the rows, in the plant's layout.
-        after: v (nv,) at the middle, after forces and impulses.
-        motor_speed: (m,).
-        contact_impulse: (k, 3).
-        mesh: (m,) impulse.
-        overlap: (2 j + c,) depth left to take back, empty for none.
         landed: whether a barrier that is not closed is passed.
-        iterations: linear systems solved.
+        left: whether some overlap is left to take back.
     """
 
-    position: FloatArray
-    velocity: FloatArray
-    gap: FloatArray
-    closed: BoolArray
-    impulse: FloatArray
-    after: FloatArray
-    motor_speed: FloatArray
-    contact_impulse: FloatArray
-    mesh: FloatArray
-    overlap: FloatArray
-    landed: bool
-    iterations: int
+    __slots__ = ("_ends", "_out", "closed", "landed", "left")
+
+    def __init__(
+        self, out: FloatArray, ends: tuple[int, ...], closed: BoolArray, landed: bool, left: bool
+    ) -> None:
+        """Keep what `from_middle` wrote."""
+        self._out, self._ends, self.closed = out, ends, closed
+        self.landed, self.left = landed, left
+
+    @property
+    def position(self) -> FloatArray:
+        """q (nq,)."""
+        return self._out[: self._ends[0]]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """v (nv,)."""
+        return self._out[self._ends[0] : self._ends[1]]
+
+    @property
+    def motor_speed(self) -> FloatArray:
+        """(m,) of the motor outputs."""
+        return self._out[self._ends[1] : self._ends[2]]
+
+    @property
+    def impulse(self) -> FloatArray:
+        """Of the rows, in the plant's layout."""
+        return self._out[self._ends[2] : self._ends[3]]
+
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,)."""
+        return self._out[self._ends[3] : self._ends[4]]
+
+    @property
+    def after(self) -> FloatArray:
+        """v (nv,) at the middle, after forces and impulses."""
+        return self._out[self._ends[4] : self._ends[5]]
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self._out[self._ends[5] : self._ends[6]]
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth that is left to take back; empty where nothing is."""
+        return self._out[self._ends[6] : self._ends[7]] if self.left else _NOTHING
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return self._out[self._ends[7] : self._ends[8]].reshape(-1, 3)
+
+    @property
+    def iterations(self) -> int:
+        """Linear systems solved."""
+        return int(self._out[self._ends[8]])
 
 
 class Inner:
@@ -75,8 +112,8 @@ class Inner:
         n, nv, k = len(tree.joints), len(tree.rows), barriers.points
         gears = (drive.ratio, drive.inertia, drive.viscous, drive.coulomb, 1.0 / drive.forward)
         table = np.ascontiguousarray(np.column_stack((*gears, drive.backward)))
-        self._tree = tree.joints, tree.shapes, tree.rows
-        self._fixed = (
+        self._tree: tuple[Any, ...] = tree.joints, tree.shapes, tree.rows
+        self._fixed: tuple[Any, ...] = (
             *self._tree,
             tree.gravity,
             bases,
@@ -86,20 +123,25 @@ class Inner:
             table,
             drive.rows,
         )
-        self._limits = return_speed, TOLERANCE, DRIFT, TOUCH
+        self._limits: tuple[Any, ...] = return_speed, TOLERANCE, DRIFT, TOUCH
         self._bases, self._actuated, self._direct = bases, drive.actuated, drive.direct
         # Poses, columns, bodies, bodies with all behind them, H_l.
         widths = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
-        self._memory = tuple(np.zeros(shape) for shape in widths)
+        self._memory: tuple[Any, ...] = tuple(np.zeros(shape) for shape in widths)
         self._carried = np.zeros((len(bases), 10))
         self._dry, m, size = drive.zero, drive.size, barriers.size
-        self._sizes = nq, nv, size, stored, nv, m, 3 * k, m, size, 1
+        self._places = np.cumsum((nq, nv, m, stored, size, nv, m, size, 3 * k))
+        self._ends = tuple(self._places.tolist())
+        self._size = self._ends[-1] + 1
 
     def to_middle(self, state: SimState, half: float) -> tuple[FloatArray, FloatArray]:
         """Return q (nq,) and v (nv,) after `half` a step [s]; the memory then stands there."""
-        q, v = state.position, state.velocity
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         middle, speed = np.empty(len(q)), np.empty(len(v))
-        to_middle(*self._tree, self._bases, q, v, half, *self._memory, self._carried, middle, speed)
+        given = self._bases, q, v, half
+        written = self._carried, middle, speed
+        arguments: tuple[Any, ...] = (*self._tree, *given, *self._memory, *written)
+        to_middle(*arguments)
         return middle, speed
 
     def from_middle(
@@ -129,21 +171,15 @@ class Inner:
             if not self._direct or np.count_nonzero(forces.friction) != np.count_nonzero(dry):
                 return None
         force = forces.joint if external is None else forces.joint + external
-        parts = [np.empty(size) for size in self._sizes]
-        q, v, gap, impulse, after, motor, push, mesh, overlap, count = parts
-        closed, contact = np.empty(len(kept), dtype=bool), push.reshape(-1, 3)
-        result = from_middle(
-            *self._fixed, state.closed, kept, state.impulse, state.velocity, forces.rotor, force,
-            dry, step, *self._limits, *self._memory, self._carried, position, velocity, q, v, gap,
-            closed, impulse, after, motor, contact, mesh, overlap, count,
-        )  # fmt: skip
+        out, closed = np.empty(self._size), np.empty(len(kept), dtype=np.bool_)
+        before = state.closed, kept, state.impulse, np.ascontiguousarray(state.velocity)
+        acting = forces.rotor, force, dry, step, *self._limits
+        written = self._carried, position, velocity, out, self._places, closed
+        arguments: tuple[Any, ...] = (*self._fixed, *before, *acting, *self._memory, *written)
+        result = from_middle(*arguments)
         if result == FAILED:
             return None
-        left = overlap if result < 0 else _NOTHING
-        landed = abs(result) == LANDED
-        return Ended(
-            q, v, gap, closed, impulse, after, motor, contact, mesh, left, landed, int(count[0])
-        )
+        return Ended(out, self._ends, closed, abs(result) == LANDED, result < 0)
 
 
 def inner_of(

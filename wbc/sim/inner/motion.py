@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutDense, OutVector, Table, Vector, compiled
+from wbc.compiled import Count, Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled
 from wbc.sim.step.momentum import momentum_at, velocity_at
 from wbc.sim.tree.inertia import bodies_at, inertia_at
 from wbc.sim.tree.kinematics import columns_at, moved_along, place
@@ -17,7 +17,7 @@ JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
 
 
-@compiled(Nothing, Table, Dense, OutVector)
+@compiled(Nothing, Table, Dense, OutRow)
 def point_of_reference(bases: IntArray, poses: FloatArray, about: FloatArray) -> None:
     """Write the point (3,) of all spatial vectors: the first free base, or the first joint."""
     joint = bases[0, FRAME] if len(bases) else 0
@@ -46,7 +46,7 @@ def look(
     inertia_at(rows, composite, columns, upto, inertia)
 
 
-@compiled(Nothing, Table, Count, Dense, Dense, OutDense, OutVector)
+@compiled(Nothing, Table, Count, Dense, Dense, OutDense, OutRow)
 def base_frame(
     bases: IntArray,
     which: int,
@@ -65,7 +65,7 @@ def base_frame(
         lever[i] = center - poses[frame, 9 + i]
 
 
-@compiled(Nothing, Table, Dense, Dense, Dense, Dense, OutVector)
+@compiled(Nothing, Table, Dense, Dense, Dense, Dense, OutRow)
 def set_momentum(
     bases: IntArray,
     poses: FloatArray,
@@ -82,7 +82,7 @@ def set_momentum(
         velocity_at(inertia, turn, lever, bases[i, FIRST], planar, carried[i, :6], v)
 
 
-@compiled(Nothing, Table, Table, Dense, Number, OutDense, OutVector, OutDense)
+@compiled(Nothing, Table, Table, Dense, Number, OutDense, OutRow, OutDense)
 def advance(
     joints: IntArray,
     bases: IntArray,
@@ -127,8 +127,8 @@ def advance(
 
 
 @compiled(
-    Nothing, Table, Dense, Table, Table, Vector, Vector, Number,
-    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutVector, OutVector,
+    Nothing, Table, Dense, Table, Table, Row, Row, Number,
+    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow,
 )  # fmt: skip
 def to_middle(
     joints: IntArray,

@@ -15,9 +15,10 @@ from wbc.compiled import (
     OutDense,
     OutFlags,
     OutPlaces,
-    OutVector,
+    OutRow,
+    Places,
+    Row,
     Table,
-    Vector,
     compiled,
 )
 from wbc.sim.inner.barriers import barrier_rows, gaps_at
@@ -32,7 +33,7 @@ from wbc.sim.inner.motion import (
     set_momentum,
 )
 from wbc.sim.inner.program import INERTIA, free_velocity, gear_laws, solve_rows
-from wbc.sim.solve.linear import backward, cholesky, forward, products
+from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
 from wbc.sim.step.momentum import momentum_at, part_on_joints
 from wbc.sim.step.overlap import project
 from wbc.sim.tree.inertia import bias_at
@@ -42,9 +43,7 @@ FAILED, SMOOTH, LANDED = range(3)
 """No solution by Newton; a part to the end; one in which a barrier was passed on the way."""
 
 
-@compiled(
-    Nothing, Table, Table, Vector, Table, Dense, Dense, Dense, Dense, Dense, Vector, OutVector
-)
+@compiled(Nothing, Table, Table, Row, Table, Dense, Dense, Dense, Dense, Dense, Row, OutRow)
 def bias_of(
     joints: IntArray,
     rows: IntArray,
@@ -69,7 +68,7 @@ def bias_of(
         part_on_joints(inertia, turn, lever, bases[i, FIRST], planar, weight, bias)
 
 
-@compiled(Flag, Dense, Dense, Dense, Dense, Flags, Vector, Number, OutVector)
+@compiled(Flag, Dense, Dense, Dense, Dense, Flags, Row, Number, OutRow)
 def shift_of(
     inertia: FloatArray,
     gear_rows: FloatArray,
@@ -101,22 +100,25 @@ def shift_of(
             if gear_rows[g, i] != 0.0:
                 for j in range(n):
                     metric[i, j] += gears[g, INERTIA] * gear_rows[g, i] * gear_rows[g, j]
-    if not cholesky(metric, lower):
+    if not factor_inertia(metric, lower):
         return False
-    half, delassus = np.empty((count, n)), np.empty((count, count))
+    half, delassus = np.empty((n, count)), np.empty((count, count))
     missing, lowest, push = np.empty(count), np.empty(count), np.zeros(count)
-    forward(lower, matrix, half)
+    for i in range(count):
+        for j in range(n):
+            half[j, i] = matrix[i, j]
+    halfway(lower, half)
     products(half, delassus)
     for i in range(count):
         missing[i], lowest[i] = min(-gap[i], furthest), 0.0
         if pressed[i]:
             missing[i], lowest[i] = max(missing[i], -furthest), -np.inf
     project(delassus, missing, lowest, push)
-    shift[:] = 0.0
-    for i in range(count):
-        for j in range(n):
-            shift[j] += half[i, j] * push[i]
-    backward(lower, shift)
+    for j in range(n):
+        shift[j] = 0.0
+        for i in range(count):
+            shift[j] += half[j, i] * push[i]
+    rest_of_way(lower, shift)
     return True
 
 
@@ -147,13 +149,12 @@ def row_places(
 
 @compiled(
     Count,
-    Table, Dense, Table, Vector, Table,
+    Table, Dense, Table, Row, Table,
     Table, Dense, Table, Dense, Dense, Flag,
     Dense, Dense,
-    Flags, Flags, Vector, Vector, Vector, Vector, Vector, Number, Number, Number, Number, Number,
-    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutVector, OutVector,
-    OutVector, OutVector, OutVector, OutFlags, OutVector, OutVector, OutVector, OutDense, OutVector,
-    OutVector, OutVector,
+    Flags, Flags, Row, Row, Row, Row, Row, Number, Number, Number, Number, Number,
+    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow,
+    OutRow, Places, OutFlags,
 )  # fmt: skip
 def from_middle(
     joints: IntArray,
@@ -189,17 +190,9 @@ def from_middle(
     carried: FloatArray,
     middle: FloatArray,
     speed: FloatArray,
-    q_end: FloatArray,
-    v_end: FloatArray,
-    gap: FloatArray,
+    out: FloatArray,
+    ends: IntArray,
     closed: BoolArray,
-    impulse: FloatArray,
-    after: FloatArray,
-    motor: FloatArray,
-    contact_impulse: FloatArray,
-    mesh: FloatArray,
-    overlap: FloatArray,
-    count: FloatArray,
 ) -> int:
     """Write the end of a smooth part from its middle, where the memory stands.
 
@@ -226,19 +219,18 @@ def from_middle(
         carried: (b, 10) momentum of the start, centres of mass at the middle.
         middle: q (nq,) at the middle.
         speed: v (nv,) there, with the momentum of the start.
-        q_end, v_end, gap, closed: to write, at the end.
-        impulse: row impulses in the plant's layout, to write.
-        after: v (nv,) at the middle after the step, to write.
-        motor: (m,) speeds of the motor outputs after, to write.
-        contact_impulse: (k, 3) world, to write.
-        mesh: (m,) impulse through the meshes, to write.
-        overlap: (2 j + c,) depth left to take back, to write.
-        count: (1,) linear systems solved, to write.
+        out: what `Ended` holds, one after the other, to write.
+        ends: where each of these ends.
+        closed: (2 j + c,) barriers that stay closed, to write.
 
     Returns:
         FAILED, SMOOTH or LANDED; and minus SMOOTH or LANDED where some overlap is left.
     """
     n, m, j, k = len(v), len(gears), len(limit_at), len(contact_at)
+    q_end, v_end, motor = out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]]
+    impulse, gap, after = out[ends[2] : ends[3]], out[ends[3] : ends[4]], out[ends[4] : ends[5]]
+    mesh, overlap = out[ends[5] : ends[6]], out[ends[6] : ends[7]]
+    contact_impulse = out[ends[7] : ends[8]].reshape(-1, 3)
     size, d = len(before), 1 if planar else 2
     # Forces.
     bias, free, lower = np.empty(n), np.empty(n), np.empty((n, n))
@@ -292,7 +284,7 @@ def from_middle(
     )
     if used < 0:
         return FAILED
-    count[0] = used
+    out[ends[8]] = used
     impulse[:] = 0.0
     for i in range(total):
         impulse[places[i]] = solved[i]

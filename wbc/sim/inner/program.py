@@ -12,18 +12,18 @@ from wbc.compiled import (
     Nothing,
     Number,
     OutDense,
-    OutVector,
-    Vector,
+    OutRow,
+    Row,
     compiled,
 )
-from wbc.sim.solve.linear import backward, cholesky, forward, products
+from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
 from wbc.sim.solve.newton import newton_loop
 
 RATIO, INERTIA, VISCOUS, COULOMB, INVERSE, BACKWARD = range(6)
 """Columns of a table of gears: N, N^2 I_r, N^2 and |N| times the friction, 1/eta_f, eta_b."""
 
 
-@compiled(Nothing, Dense, Dense, Vector, Vector, Vector, Number, OutDense)
+@compiled(Nothing, Dense, Dense, Row, Row, Row, Number, OutDense)
 def gear_laws(
     gears: FloatArray,
     gear_rows: FloatArray,
@@ -54,7 +54,7 @@ def gear_laws(
         law[4], law[5], law[6] = gear[BACKWARD], step * dry[i], 0.0
 
 
-@compiled(Nothing, Dense, Count, OutVector, OutVector)
+@compiled(Nothing, Dense, Count, OutRow, OutRow)
 def lines(delassus: FloatArray, pairs: int, spring: FloatArray, slope: FloatArray) -> None:
     """Write the springs that hold a split left open, and the slopes on which rows meet their laws.
 
@@ -77,8 +77,8 @@ def lines(delassus: FloatArray, pairs: int, spring: FloatArray, slope: FloatArra
 
 
 @compiled(
-    Count, Dense, Dense, Dense, Vector, Vector, Count, Vector, Vector, Number,
-    OutVector, OutVector, OutVector,
+    Count, Dense, Dense, Dense, Row, Row, Count, Row, Row, Number,
+    OutRow, OutRow, OutRow,
 )  # fmt: skip
 def solve_rows(
     matrix: FloatArray,
@@ -98,7 +98,7 @@ def solve_rows(
 
     Args:
         matrix: G (r, nv).
-        lower: L (nv, nv) with L L' = H_l.
+        lower: L (nv, nv) with L' L = H_l.
         laws: (m, 7).
         targets: (l + k,).
         frictions: (k,).
@@ -112,9 +112,12 @@ def solve_rows(
         the number of linear systems solved, -1 where Newton does not converge.
     """
     size, n = matrix.shape
-    half, delassus = np.empty((size, n)), np.empty((size, size))
+    half, delassus = np.empty((n, size)), np.empty((size, size))
     own, spring, slope = np.empty(size), np.empty(size), np.empty(size)
-    forward(lower, matrix, half)
+    for i in range(size):
+        for j in range(n):
+            half[j, i] = matrix[i, j]
+    halfway(lower, half)
     products(half, delassus)
     fastest = 0.0
     for i in range(size):
@@ -136,11 +139,12 @@ def solve_rows(
         )  # fmt: skip
         if used < 0:
             return -1
-    after[:] = 0.0
-    for i in range(size):
-        for j in range(n):
-            after[j] += half[i, j] * impulse[i]
-    backward(lower, after)
+    for j in range(n):
+        total = 0.0
+        for i in range(size):
+            total += half[j, i] * impulse[i]
+        after[j] = total
+    rest_of_way(lower, after)
     good = 0.0
     for j in range(n):
         after[j] += free[j]
@@ -153,7 +157,7 @@ def solve_rows(
     return used if np.isfinite(good) else -1
 
 
-@compiled(Flag, Dense, Vector, Vector, Number, OutVector, OutDense)
+@compiled(Flag, Dense, Row, Row, Number, OutRow, OutDense)
 def free_velocity(
     inertia: FloatArray,
     v: FloatArray,
@@ -163,15 +167,12 @@ def free_velocity(
     lower: FloatArray,
 ) -> bool:
     """Write v + h H_l^-1 force (nv,) and the factor of H_l; False where H_l is not positive."""
-    n = len(v)
-    if not cholesky(inertia, lower):
+    if not factor_inertia(inertia, lower):
         return False
-    for i in range(n):
-        total = 0.0
-        for j in range(i):
-            total += lower[i, j] * free[j]
-        free[i] = (step * force[i] - total) / lower[i, i]
-    backward(lower, free)
-    for i in range(n):
+    for i in range(len(v)):
+        free[i] = step * force[i]
+    halfway(lower, free.reshape(-1, 1))
+    rest_of_way(lower, free)
+    for i in range(len(v)):
         free[i] += v[i]
     return True

@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Flag, Nothing, Number, OutDense, OutVector, Vector, compiled
+from wbc.compiled import Count, Dense, Flag, Nothing, Number, OutDense, OutRow, Row, compiled
 from wbc.sim.solve.linear import factor, solve_factored
 
 
-@compiled(Nothing, Vector, Number, Number, Number, OutVector)
+@compiled(Nothing, Row, Number, Number, Number, OutRow)
 def element_piece(
     law: FloatArray, slope: float, impulse: float, speed: float, piece: FloatArray
 ) -> None:
@@ -51,7 +51,7 @@ def element_piece(
     piece[3] = missing / (on_speed + gain * slope)
 
 
-@compiled(Number, Dense, Vector, Vector, Count, Vector, Vector, Vector, OutDense, OutDense)
+@compiled(Number, Dense, Row, Row, Count, Row, Row, Row, OutDense, OutDense)
 def pieces_at(
     laws: FloatArray,
     targets: FloatArray,
@@ -126,7 +126,7 @@ def pieces_at(
     return worst
 
 
-@compiled(Flag, Dense, Vector, Vector, Vector, Count, Dense, Dense, Vector, OutVector)
+@compiled(Flag, Dense, Row, Row, Row, Count, Dense, Dense, Row, OutRow)
 def solve_pieces(
     delassus: FloatArray,
     spring: FloatArray,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, Flag, Nothing, OutDense, OutPlaces, OutVector, Places, compiled
+from wbc.compiled import Dense, Flag, Nothing, OutDense, OutPlaces, OutRow, Places, compiled
 
 
 @compiled(Flag, OutDense, OutPlaces)
@@ -32,7 +32,7 @@ def factor(matrix: FloatArray, pivots: IntArray) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, Places, OutVector)
+@compiled(Nothing, Dense, Places, OutRow)
 def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> None:
     """Replace the right side (n,) by the solution, with what `factor` left."""
     size = len(right)
@@ -52,55 +52,61 @@ def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> N
 
 
 @compiled(Flag, Dense, OutDense)
-def cholesky(matrix: FloatArray, lower: FloatArray) -> bool:
-    """Write L with L L' = matrix (n, n), symmetric; False where it is not positive definite."""
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(j):
-                total += lower[i, k] * lower[j, k]
-            value = matrix[i, j] - total
-            if i != j:
-                lower[i, j] = value / lower[j, j]
-            elif value > 0.0:
-                lower[i, i] = np.sqrt(value)
-            else:
-                return False
+def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
+    """Write L, lower triangular, with L' L = inertia (n, n); False where that is not positive.
+
+    From the leaves to the root, where the zeros between branches of a tree stay zeros
+    (Featherstone).
+    """
+    size = len(inertia)
+    for i in range(size):
+        for j in range(size):
+            lower[i, j] = inertia[i, j] if j <= i else 0.0
+    for k in range(size - 1, -1, -1):
+        if not lower[k, k] > 0.0:
+            return False
+        lower[k, k] = np.sqrt(lower[k, k])
+        for j in range(k):
+            lower[k, j] /= lower[k, k]
+        for i in range(k):
+            share = lower[k, i]
+            if share != 0.0:
+                for j in range(i + 1):
+                    lower[i, j] -= share * lower[k, j]
     return True
 
 
-@compiled(Nothing, Dense, Dense, OutDense)
-def forward(lower: FloatArray, rows: FloatArray, solved: FloatArray) -> None:
-    """Write L^-1 row for every row (r, n); leading zeros stay zeros."""
-    size = len(lower)
-    for r in range(len(rows)):
-        first = 0
-        while first < size and rows[r, first] == 0.0:
-            solved[r, first] = 0.0
-            first += 1
-        for i in range(first, size):
-            total = 0.0
-            for j in range(first, i):
-                total += lower[i, j] * solved[r, j]
-            solved[r, i] = (rows[r, i] - total) / lower[i, i]
-
-
-@compiled(Nothing, Dense, OutVector)
-def backward(lower: FloatArray, right: FloatArray) -> None:
-    """Replace the right side (n,) by L'^-1 of it."""
-    size = len(lower)
-    for i in range(size - 1, -1, -1):
-        right[i] /= lower[i, i]
+@compiled(Nothing, Dense, OutDense)
+def halfway(lower: FloatArray, columns: FloatArray) -> None:
+    """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
+    for i in range(len(lower) - 1, -1, -1):
+        for c in range(columns.shape[1]):
+            columns[i, c] /= lower[i, i]
         for j in range(i):
-            right[j] -= lower[i, j] * right[i]
+            share = lower[i, j]
+            if share != 0.0:
+                for c in range(columns.shape[1]):
+                    columns[j, c] -= share * columns[i, c]
+
+
+@compiled(Nothing, Dense, OutRow)
+def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
+    """Replace the right side (n,) by L^-1 of it."""
+    for i in range(len(lower)):
+        total = 0.0
+        for j in range(i):
+            total += lower[i, j] * right[j]
+        right[i] = (right[i] - total) / lower[i, i]
 
 
 @compiled(Nothing, Dense, OutDense)
-def products(rows: FloatArray, gram: FloatArray) -> None:
-    """Write rows rows' (r, r)."""
-    for i in range(len(rows)):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(rows.shape[1]):
-                total += rows[i, k] * rows[j, k]
-            gram[i, j] = gram[j, i] = total
+def products(columns: FloatArray, gram: FloatArray) -> None:
+    """Write columns' columns (r, r)."""
+    size = columns.shape[1]
+    gram[:] = 0.0
+    for k in range(len(columns)):
+        for i in range(size):
+            share = columns[k, i]
+            if share != 0.0:
+                for j in range(size):
+                    gram[i, j] += share * columns[k, j]

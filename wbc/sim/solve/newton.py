@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutVector, Vector, compiled
+from wbc.compiled import Count, Dense, Nothing, Number, OutRow, Row, compiled
 from wbc.sim.solve.branches import pieces_at, solve_pieces
 from wbc.sim.solve.reduced import Reduced
 
@@ -13,7 +13,7 @@ _FULL_STEPS = 4
 _SHORTEST = 1e-2
 
 
-@compiled(Nothing, Dense, Vector, Vector, OutVector)
+@compiled(Nothing, Dense, Row, Row, OutRow)
 def speeds_at(
     delassus: FloatArray, free: FloatArray, impulse: FloatArray, speed: FloatArray
 ) -> None:
@@ -28,17 +28,17 @@ def speeds_at(
 @compiled(
     Count,
     Dense,
-    Vector,
-    Vector,
-    Vector,
+    Row,
+    Row,
+    Row,
     Dense,
-    Vector,
-    Vector,
+    Row,
+    Row,
     Count,
-    Vector,
+    Row,
     Number,
     Count,
-    OutVector,
+    OutRow,
 )
 def newton_loop(
     delassus: FloatArray,

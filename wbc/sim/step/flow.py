@@ -53,32 +53,55 @@ from wbc.sim.step.program import StepProgram
 _NO_SHIFT = np.zeros(0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
+class PlainEnd:
+    """What `Ended` holds too, of a part that compiled loops do not know."""
+
+    gap: FloatArray
+    overlap: FloatArray
+    contact_impulse: FloatArray
+    mesh_impulse: FloatArray
+
+
+@dataclass(eq=False)
 class Flow:
     """What happened in one smooth part.
 
     Attributes:
         state: at its end.
-        gap: (2 j + c,) at its end.
         landed: whether a barrier that is not closed is passed at its end.
-        overlap: (2 j + c,) depth [m, rad] that was left to take back, beyond what the plant's
-            return speed allows; empty where nothing was.
-        contact_impulse: (k, 3) [N s] on the robot, world axes.
-        mesh_impulse: T (m,) [N m s].
+        end: gaps, overlaps and impulses.
         forces: of the effects.
         step: h [s].
         details: returns how the gears passed; called when asked for.
     """
 
     state: SimState
-    gap: FloatArray
     landed: bool
-    overlap: FloatArray
-    contact_impulse: FloatArray
-    mesh_impulse: FloatArray
+    end: Ended | PlainEnd
     forces: EffectForces
     step: float
     details: Callable[[], Transit]
+
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,) at its end."""
+        return self.end.gap
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
+        return self.end.overlap
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return self.end.contact_impulse
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self.end.mesh_impulse
 
     @property
     def rotor_impulse(self) -> FloatArray:
@@ -156,17 +179,7 @@ def _compiled(
     details = partial(
         _rebuilt, setup, state, position, velocity, forces, external, kept, step, found
     )
-    return Flow(
-        following,
-        found.gap,
-        found.landed,
-        found.overlap,
-        found.contact_impulse,
-        found.mesh,
-        forces,
-        step,
-        details,
-    )
+    return Flow(following, found.landed, found, forces, step, details)
 
 
 def _rebuilt(
@@ -250,7 +263,8 @@ def _plain(
     )
     landed = bool(np.any(~closed & (end.gap < -TOUCH)))
     push = world_impulse(held.contacts, setup.barriers.points, solution)
-    return Flow(following, end.gap, landed, end.overlap, push, mesh, forces, step, lambda: transit)
+    ended = PlainEnd(end.gap, end.overlap, push, mesh)
+    return Flow(following, landed, ended, forces, step, lambda: transit)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Nothing, OutDense, OutVector, Table, Vector, compiled
+from wbc.compiled import Count, Dense, Nothing, OutDense, OutRow, Row, Table, compiled
 
 
-@compiled(Nothing, Vector, Vector, OutVector)
+@compiled(Nothing, Row, Row, OutRow)
 def _momentum(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> None:
     """Write the momentum (6,) of a body (10,) with a spatial velocity (6,)."""
     m, x, y, z = body[0], body[1], body[2], body[3]
@@ -21,7 +21,7 @@ def _momentum(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> Non
     momentum[5] = x * b - y * a + body[6] * p + body[8] * q + body[9] * r
 
 
-@compiled(Nothing, Table, Dense, Dense, Vector, OutDense, OutDense)
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense, OutDense)
 def bodies_at(
     joints: IntArray,
     shapes: FloatArray,
@@ -91,7 +91,7 @@ def inertia_at(
             i = rows[i, 1]
 
 
-@compiled(Nothing, Vector, Vector, OutVector)
+@compiled(Nothing, Row, Row, OutRow)
 def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) -> None:
     """Add how fast a spatial velocity (6,) that moves along with `motion` (6,) changes."""
     for k in range(3):
@@ -105,7 +105,7 @@ def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) 
         total[3 + k] += motion[3 + i] * other[3 + j] - motion[3 + j] * other[3 + i]
 
 
-@compiled(Nothing, Vector, Vector, OutVector)
+@compiled(Nothing, Row, Row, OutRow)
 def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray) -> None:
     """Add how fast a momentum (6,) that moves along with `motion` (6,) changes."""
     for k in range(3):
@@ -119,7 +119,7 @@ def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray
         )
 
 
-@compiled(Nothing, Table, Table, Vector, Dense, Dense, Vector, OutVector)
+@compiled(Nothing, Table, Table, Row, Dense, Dense, Row, OutRow)
 def bias_at(
     joints: IntArray,
     rows: IntArray,

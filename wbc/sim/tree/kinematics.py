@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, Nothing, Number, OutDense, OutVector, Table, Vector, compiled
+from wbc.compiled import Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled
 from wbc.sim.tree.tree import FREE_FLYER, PRISMATIC, REVOLUTE
 
 
-@compiled(Nothing, Vector, Number, Number, OutVector)
+@compiled(Nothing, Row, Number, Number, OutRow)
 def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> None:
     """Write the rotation (9,) about a unit axis (3,)."""
     x, y, z, rest = axis[0], axis[1], axis[2], 1.0 - cos
@@ -22,7 +22,7 @@ def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> N
     turn[6], turn[7], turn[8] = rest * x * z - sin * y, rest * y * z + sin * x, cos + rest * z * z
 
 
-@compiled(Nothing, Vector, OutVector)
+@compiled(Nothing, Row, OutRow)
 def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
     """Write the rotation (9,) of a quaternion (x, y, z, w)."""
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -31,7 +31,7 @@ def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
     turn[6], turn[7], turn[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@compiled(Nothing, Vector, Vector, OutVector)
+@compiled(Nothing, Row, Row, OutRow)
 def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
     for i in range(3):
         for j in range(3):
@@ -42,7 +42,7 @@ def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
             )
 
 
-@compiled(Nothing, Table, Dense, Vector, OutDense)
+@compiled(Nothing, Table, Dense, Row, OutDense)
 def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray) -> None:
     """Write the pose of every joint: rotation (9 by rows) and place (3), world.
 
@@ -93,7 +93,7 @@ def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray
         _product(mounted, own, pose[:9])
 
 
-@compiled(Nothing, Table, Dense, Dense, Vector, OutDense)
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense)
 def columns_at(
     joints: IntArray, shapes: FloatArray, poses: FloatArray, about: FloatArray, columns: FloatArray
 ) -> None:
@@ -129,7 +129,7 @@ def columns_at(
             column[3], column[4], column[5] = a, b, c
 
 
-@compiled(Nothing, Vector, Vector, Number, OutVector)
+@compiled(Nothing, Row, Row, Number, OutRow)
 def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
     """Write the pose (7,) after flying with the constant body velocity v (6,): SE(3)'s exponential.
 
@@ -167,7 +167,7 @@ def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
         moved[k] /= size
 
 
-@compiled(Nothing, Table, Vector, Vector, Number, OutVector)
+@compiled(Nothing, Table, Row, Row, Number, OutRow)
 def moved_along(
     joints: IntArray, q: FloatArray, v: FloatArray, time: float, moved: FloatArray
 ) -> None:
