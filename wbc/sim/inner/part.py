@@ -35,7 +35,7 @@ from wbc.sim.inner.motion import (
 from wbc.sim.inner.program import INERTIA, free_velocity, gear_laws, solve_rows
 from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
 from wbc.sim.step.momentum import momentum_at, part_on_joints
-from wbc.sim.step.overlap import project
+from wbc.sim.step.overlap import least
 from wbc.sim.tree.inertia import bias_at
 from wbc.sim.tree.kinematics import moved_along, place
 
@@ -113,7 +113,7 @@ def shift_of(
         missing[i], lowest[i] = min(-gap[i], furthest), 0.0
         if pressed[i]:
             missing[i], lowest[i] = max(missing[i], -furthest), -np.inf
-    project(delassus, missing, lowest, push)
+    least(delassus, missing, lowest, push)
     for j in range(n):
         shift[j] = 0.0
         for i in range(count):

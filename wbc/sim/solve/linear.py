@@ -24,11 +24,16 @@ def factor(matrix: FloatArray, pivots: IntArray) -> bool:
         if matrix[k, k] == 0.0:
             return False
         for i in range(k + 1, size):
-            if matrix[i, k] != 0.0:
-                share = matrix[i, k] / matrix[k, k]
-                matrix[i, k] = share
-                for j in range(k + 1, size):
-                    matrix[i, j] -= share * matrix[k, j]
+            matrix[i, k] /= matrix[k, k]
+        # Two rows at a time: the overhead of a loop is as long as its work.
+        for i in range(k + 1, size - 1, 2):
+            one, two = matrix[i, k], matrix[i + 1, k]
+            for j in range(k + 1, size):
+                matrix[i, j] -= one * matrix[k, j]
+                matrix[i + 1, j] -= two * matrix[k, j]
+        if (size - k) % 2 == 0:
+            for j in range(k + 1, size):
+                matrix[size - 1, j] -= matrix[size - 1, k] * matrix[k, j]
     return True
 
 

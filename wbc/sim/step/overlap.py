@@ -11,11 +11,12 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import Dense, Nothing, OutVector, Vector, compiled
+from wbc.compiled import Dense, Nothing, OutRow, OutVector, Vector, compiled
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
 from wbc.sim.ground.barriers import TOUCH, Barriers, ClosedRows
 from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.solve.linear import factor, solve_factored
 
 DRIFT = 1e-8
 """Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
@@ -48,6 +49,28 @@ def project(
             return
 
 
+@compiled(Nothing, Dense, Vector, Vector, OutRow)
+def least(delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray) -> None:
+    """Write the pushes (b,) with lowest <= push, delassus @ push >= missing, complementary.
+
+    Where none is bounded, one linear solve; a hair of compliance chooses among equal ones.
+    """
+    size = len(missing)
+    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
+    bounded = False
+    for i in range(size):
+        bounded = bounded or lowest[i] == 0.0
+        push[i] = missing[i]
+        for j in range(size):
+            total[i, j] = delassus[i, j]
+        total[i, i] *= 1.0 + 1e-9
+    if not bounded and factor(total, pivots):
+        solve_factored(total, pivots, push)
+        return
+    push[:] = 0.0
+    project(delassus, missing, lowest, push)
+
+
 def shift_out(
     metric: FloatArray,
     held: ClosedRows,
@@ -72,7 +95,7 @@ def shift_out(
     push = np.zeros(len(rows))
     missing = np.maximum(np.minimum(-gap, furthest), np.where(pressed, -furthest, -np.inf))
     lowest = np.where(pressed, -np.inf, 0.0)
-    project(np.ascontiguousarray(rows @ response), missing, lowest, push)
+    least(np.ascontiguousarray(rows @ response), missing, lowest, push)
     return np.asarray(response @ push)
 
 
