@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.metadata import version
 
 from rich.console import Console
@@ -35,9 +36,8 @@ examples:
   wbc init my_leg.urdf run*.csv
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 
-exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
-2 bad input or wrong columns, 3 above --fail-above (compare),
-4 drifts with --fail-on-drift (trend), 130 interrupted
+exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input or wrong columns,
+3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted
 `wbc COMMAND --help` shows every option of a command with an example."""
 
 
@@ -47,7 +47,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="wbc",
         description="Compare a robot model with logs, learn which physics is missing, see it.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=15),
     )
     parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
