@@ -47,7 +47,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="wbc",
         description="Compare a robot model with logs, learn which physics is missing, see it.",
         epilog=_EPILOG,
-        formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=15),
+        formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=18),
     )
     parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
