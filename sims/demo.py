@@ -7,15 +7,15 @@ from pathlib import Path
 from rich.console import Console
 
 from sims import standing
-from sims.excitation import record_with
 from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import load_robot, save_robot
-from wbc.cli.compare import error_table
-from wbc.cli.diagnose import print_diagnosis
+from wbc.cli.logs.compare import error_table
+from wbc.cli.logs.diagnose import print_diagnosis
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
 from wbc.measurement import save_log
+from wbc.sim.excitation import record_with
 from wbc.view import write_playback
 from wbc.view.report import write_report
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
-from wbc.view.axes import joint_axis
+from wbc.robot.coordinates import joint_axis
 from wbc.view.geometry import UprightCylinder, along
 from wbc.view.ground import GroundSlab
 from wbc.view.impacts import robot_weight
