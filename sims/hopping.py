@@ -35,9 +35,8 @@ def hop(plant: Robot, model: Robot, hops: int, rise: float) -> Hopping:
     control, ground = Hopper(model, hops, rise), Plant(plant)
     period = control.stance + 2.0 * np.sqrt(2.0 * rise / 9.81)
     duration = hops * period + control.stance + 1.0
-    # A push-off turns the joints at 10 rad/s; at 1 ms the balance of energy gains 3.7 %.
     start = ground.state(balanced_pose(plant, knee=0.5))
-    run = simulate(ground, control, start, duration, substeps=2)
+    run = simulate(ground, control, start, duration)
     pitch = np.rad2deg(run.log.column("base_pitch.position"))
     torque = np.array([command.rotor_torque for command in control.commands])
     errors = np.array(control.apexes) - control.height - rise
