@@ -40,7 +40,13 @@ def stand(console: Console, duration: float) -> list[Path]:
     return [
         save_log(ours.squat.log, OUT / "squat.parquet"),
         save_log(ours.landing.log, OUT / "landing.parquet"),
-        write_playback(OUT / "landing.html", robot, ours.landing.log, title="Landing from 10 cm"),
+        write_playback(
+            OUT / "landing.html",
+            robot,
+            ours.landing.log,
+            marks=ours.landing.marks,
+            title="Landing from 10 cm",
+        ),
         write_figure(OUT / "squat.png", standing_figure(robot, squats)),
         write_figure(OUT / "landing.png", impact_figure(robot, landings)),
         write_figure(OUT / "power.png", power_figure(robot, ours.squat.log)),

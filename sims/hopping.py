@@ -78,12 +78,14 @@ def main(hops: int = 10, rise: float = 0.04) -> dict[str, Hopping]:
 def report(loops: dict[str, Hopping]) -> list[Path]:
     """Print the table; return the plots and the playback written."""
     print_columns("hopping, 100 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
-    robot, ours = stronger_leg(), loops["dissipative"].run.log
+    robot, run = stronger_leg(), loops["dissipative"].run
     logs = {name: loop.run.log for name, loop in loops.items()}
     return [
         write_figure(OUT / "hopping.png", standing_figure(robot, logs)),
-        write_figure(OUT / "hopping_power.png", power_figure(robot, ours)),
-        write_playback(OUT / "hopping.html", robot, ours, title="Ten hops on lossy gears"),
+        write_figure(OUT / "hopping_power.png", power_figure(robot, run.log)),
+        write_playback(
+            OUT / "hopping.html", robot, run.log, marks=run.marks, title="Ten hops on lossy gears"
+        ),
     ]
 
 
