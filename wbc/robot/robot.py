@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.arrays import FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
@@ -71,9 +73,15 @@ class Robot:
     actuated_position: IntArray = field(init=False)
     unactuated: IntArray = field(init=False)
 
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Make it anew where it is copied or unpickled."""
+        return remade(self)
+
     def __post_init__(self) -> None:
         """Resolve names to indices and check that everything refers to something."""
         object.__setattr__(self, "contacts", tuple(self.contacts))
+        poses = {name: frozen(q) for name, q in self.poses.items()}
+        object.__setattr__(self, "poses", MappingProxyType(poses))
         model = self.model
         rows, positions = [], []
         for joint in self.transmission.joints:
@@ -146,7 +154,7 @@ class Robot:
         """b, the number of coordinates that no gear drives."""
         return int(self.unactuated.size)
 
-    @property
+    @cached_property
     def bodies(self) -> tuple[str, ...]:
         """One name per moving joint: the link that the joint carries."""
         return tuple(self.body_of(joint) for joint in self.joints)
@@ -233,8 +241,13 @@ class Robot:
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
+        return self.with_inertias({joint_number: inertia})
+
+    def with_inertias(self, inertias: Mapping[int, pin.Inertia]) -> Robot:
+        """Return a copy whose links at these joints have these inertias."""
         model = self.model.copy()
-        model.inertias[joint_number] = inertia
+        for joint_number, inertia in inertias.items():
+            model.inertias[joint_number] = inertia
         return replace(self, model=model, source=None, before_effects=None)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:

@@ -8,7 +8,7 @@ with needs("view", "drawing plots"):
     from wbc.view.plots.impact import impact_figure
     from wbc.view.plots.leg import leg_figure
     from wbc.view.plots.power import power_figure
-    from wbc.view.plots.residuals import residual_figure, staircase_figure
+    from wbc.view.plots.residuals import residual_figure, staircase_figure, unexplained_figure
     from wbc.view.plots.standing import standing_figure
     from wbc.view.plots.style import DASHES, drawing, new_figure, write_figure
     from wbc.view.plots.tradeoff import tradeoff_figure
@@ -31,5 +31,6 @@ __all__ = [
     "standing_figure",
     "tradeoff_figure",
     "trend_figure",
+    "unexplained_figure",
     "write_figure",
 ]
