@@ -308,7 +308,6 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         tab.emulate_media(media="screen")
 
         tab.set_viewport_size({"width": 390, "height": 800})
-        tab.wait_for_timeout(300)
-        assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+        tab.wait_for_function("document.documentElement.scrollWidth <= 390")
         assert troubles == []
         browser.close()
