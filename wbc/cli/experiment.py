@@ -143,7 +143,7 @@ def _compare(
 
 def _said(one: Designed) -> float:
     """Return by what random motions are put in order: the least odds, or narrow intervals."""
-    narrow = -float(np.mean(np.log(np.concatenate(one.widths))))
+    narrow = -float(np.mean(np.nan_to_num(np.log(np.concatenate(one.widths)), posinf=20.0)))
     return one.worst if len(one.odds) > len(one.alike) else narrow
 
 
@@ -186,7 +186,8 @@ def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
     for name in found:
         table.add_column(name, justify="right")
     for pair in found["designed"].odds:
-        cells = [f"{one.odds[pair] / np.log(10.0):.4g}" for one in found.values()]
+        told = pair not in found["designed"].alike
+        cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
         table.add_row(str(pair[0] + 1), str(pair[1] + 1), *cells)
     console.print(table)
 
@@ -226,7 +227,8 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
             for cause in rivals.causes
         ],
         "half_widths": {
-            name: [widths.tolist() for widths in one.widths] for name, one in found.items()
+            name: [[_plain(width) for width in widths] for widths in one.widths]
+            for name, one in found.items()
         },
         "alike": [{"true": i, "over": j} for i, j in found["designed"].alike],
         "log10_odds": {
@@ -239,3 +241,8 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
         "used": found["designed"].used,
         "trajectory": str(path),
     }
+
+
+def _plain(width: float) -> float | str:
+    """Return a width that JSON can hold."""
+    return float(width) if np.isfinite(width) else "unlimited"

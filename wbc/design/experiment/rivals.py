@@ -16,6 +16,7 @@ from wbc.errors import DesignError
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
+_SHOWN = 1e-6  # of the best shown combination of parameters: finite differences give no more
 _SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
 
 Cause = tuple[Effect, ...]
@@ -218,23 +219,29 @@ class Predictions:
         return float(0.5 * np.sum(added**2))
 
     def information(self) -> float:
-        """Return log det of the information on all parameters of all rivals, D-optimality's aim."""
+        """Return log det of the information on all parameters of all rivals, D-optimality's aim.
+
+        Beside what is known before: each parameter to one typical size. So a parameter that no
+        motion shows costs a constant.
+        """
         parts = [self.sensitivity(number) for number in range(len(self.rivals.causes))]
         columns = np.concatenate(parts, axis=1)
-        sign, value = np.linalg.slogdet(columns.T @ columns)
-        return float(value) if sign > 0.0 else -np.inf
+        return float(np.linalg.slogdet(np.eye(columns.shape[1]) + columns.T @ columns)[1])
 
     def widths(self, number: int) -> FloatArray:
         """Return the half widths (p,) of the 90 % intervals of a cause, in units of its parameters.
 
-        From the information of the noise alone; infinite where the motion says nothing.
+        From the information of the noise alone; infinite for what the motion does not show.
         """
         slopes = self.sensitivity(number)
         scales = np.array([p.scale for _, p in _parameters(self.rivals.causes[number])])
-        information = slopes.T @ slopes
-        if np.linalg.matrix_rank(information, hermitian=True) < len(scales):
-            return np.full(len(scales), np.inf)
-        return np.asarray(_SIDES * scales * np.sqrt(np.diag(np.linalg.inv(information))))
+        size = np.linalg.norm(slopes, axis=0)
+        _, values, right = np.linalg.svd(slopes / np.where(size > 0.0, size, 1.0), False)
+        shown = values > _SHOWN * values[0]
+        hidden = np.any(np.abs(right[~shown]) > np.sqrt(_SHOWN), axis=0) | (size == 0.0)
+        spread = np.linalg.norm(right[shown] / values[shown, None], axis=0)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.where(hidden, np.inf, _SIDES * scales * spread / size))
 
 
 def parameter_names(cause: Cause) -> tuple[tuple[Effect, Parameter], ...]:
