@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,6 +21,16 @@ def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+def by_fields(instance: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Return how to make a frozen dataclass again from its fields, as `__reduce__` returns it.
+
+    So that what comes out of a pickle went through the constructor: its arrays are read-only and
+    its mappings cannot be changed, which a pickle itself does not keep.
+    """
+    values = (getattr(instance, f.name) for f in fields(instance) if f.init)
+    return type(instance), tuple(dict(v) if isinstance(v, Mapping) else v for v in values)
 
 
 def checked(

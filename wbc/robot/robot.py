@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.arrays import FloatArray, IntArray, by_fields, checked, frozen
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
@@ -68,9 +70,15 @@ class Robot:
     actuated_position: IntArray = field(init=False)
     unactuated: IntArray = field(init=False)
 
+    def __reduce__(self) -> Any:
+        """Return how another process makes it again."""
+        return by_fields(self)
+
     def __post_init__(self) -> None:
         """Resolve names to indices and check that everything refers to something."""
         object.__setattr__(self, "contacts", tuple(self.contacts))
+        poses = {name: frozen(pose) for name, pose in self.poses.items()}
+        object.__setattr__(self, "poses", MappingProxyType(poses))
         model = self.model
         rows, positions = [], []
         for joint in self.transmission.joints:
