@@ -88,42 +88,49 @@ def _keep(folder: Path, case: Case, result: Result) -> None:
         print(_line(case.number, result), flush=True)
 
 
+def _after(result: Result, name: str) -> Result:
+    """Return the diagnosis after a follow-up; the first one where there is nothing to run."""
+    return dict(result["after"].get(name, result["first"]))
+
+
 def _line(number: int, result: Result) -> str:
-    marks = {name: "+" if resolved(r) else "-" for name, r in result["after"].items()}
-    seen = " ".join(f"{marks.get(name, '.')} {name}" for name in ARMS)
+    marks = {name: "+" if resolved(_after(result, name)) else "-" for name in ARMS}
+    seen = " ".join(f"{marks[name]} {name}" for name in ARMS)
     found = "; ".join(
         f"{e['effect']}@{e['where']} or {'/'.join(e['alternatives'])}"
         for e in result["first"]["found"]
         if e["alternatives"]
     )
-    return f"{number:4d} {result['first']['label'][:40]:40s} {seen}  was {found}"
+    reason = f" ({result['unplanned'][:40]}...)" if result["unplanned"] else ""
+    return f"{number:4d} {result['first']['label'][:40]:40s} {seen}  was {found}{reason}"
 
 
 def report(results: Sequence[Result]) -> str:
     """Return the shares that each follow-up resolves, with 90 % intervals."""
     tied = [r for r in results if r["tied"]]
-    planned = [r for r in tied if not r["unplanned"]]
     groups = {
-        "tied": planned,
-        "tied, one cause": [r for r in planned if len(r["first"]["causes"]) == 1],
-        "tied, not right yet": [r for r in planned if not resolved(r["first"])],
+        "all": tied,
+        "one cause": [r for r in tied if len(r["first"]["causes"]) == 1],
+        "where a motion can be planned": [r for r in tied if not r["unplanned"]],
+        "names more than is right": [r for r in tied if not resolved(r["first"])],
     }
+    planned = groups["where a motion can be planned"]
     lines = [
-        f"{len(tied)} of {len(results)} cases tie with the base fixed; "
-        f"for {len(tied) - len(planned)} no motion can be planned"
+        f"{len(tied)} of {len(results)} cases tie, the base fixed; for {len(tied) - len(planned)} "
+        "no motion can be planned, and the first answer stands"
     ]
     for title, group in groups.items():
-        lines += ["", f"resolved, {title}"]
-        hits = {name: [resolved(r["after"][name]) for r in group] for name in ARMS}
+        lines += ["", f"resolved: {title}"]
+        hits = {name: [resolved(_after(r, name)) for r in group] for name in ARMS}
         for name in ARMS:
             beside = "" if name == DESIGNED else f"   {paired(hits[DESIGNED], hits[name])}"
             lines.append(f"  {name:16s} {share(hits[name])}{beside}")
-    runs = [len(r["after"][WORDS]["runs"]) - len(r["first"]["runs"]) for r in planned]
+    runs = [len(r["after"][WORDS]["runs"]) - len(r["first"]["runs"]) for r in tied]
     if runs:
         mean = sum(runs) / len(runs)
         lines += ["", f"the advice in words asks for {mean:.1f} runs of 8 s on average"]
-    lost = [r for r in planned if not judge_result(r["after"][DESIGNED]).covered]
-    lines += [f"truth lost after the designed run: {len(lost)} of {len(planned)}"]
+    lost = [r for r in tied if not judge_result(_after(r, DESIGNED)).covered]
+    lines += [f"truth lost after the designed run: {len(lost)} of {len(tied)}"]
     return "\n".join(lines)
 
 

@@ -122,6 +122,13 @@ def test_a_special_case_does_not_hide_what_a_motion_can_tell() -> None:
     assert found.worst > np.median(chance)
 
 
+def test_causes_that_no_motion_tells_apart_are_refused() -> None:
+    """A tilted base and a wrong zero of the first joint are one on a leg in a vertical plane."""
+    chosen = rivals("gravity_direction@robot:pitch=0.05,roll=0", "position_offset@hip:offset=0.05")
+    with pytest.raises(DesignError, match="no motion of this robot tells"):
+        design_experiment(chosen, LIMITS, 3.0, rounds=2)
+
+
 def test_causes_with_a_past_and_wrong_zeros_are_predicted() -> None:
     chosen = rivals("actuation_delay@knee:delay=0.01", "rotor_inertia@knee", "position_offset@knee")
     odds = expected(chosen, LIMITS, next(random_paths(chosen, LIMITS, 3.0, 1, 1))).odds

@@ -144,7 +144,7 @@ def _compare(
 def _said(one: Designed) -> float:
     """Return by what random motions are put in order: the least odds, or narrow intervals."""
     narrow = -float(np.mean(np.nan_to_num(np.log(np.concatenate(one.widths)), posinf=20.0)))
-    return one.worst if len(one.odds) > len(one.alike) else narrow
+    return one.worst if one.odds else narrow
 
 
 @contextmanager
@@ -168,7 +168,7 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
     designed = found["designed"]
     if rivals.pairs:
         _print_odds(found, console)
-    if not rivals.pairs or len(designed.alike) == len(rivals.pairs):
+    if not rivals.pairs:
         _print_widths(rivals, found, console)
     for i, j in designed.alike:
         console.print(

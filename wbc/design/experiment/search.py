@@ -96,7 +96,7 @@ Aim = Callable[[Predictions, Sequence[Pair]], float]
 def deciding(found: Predictions, pairs: Sequence[Pair]) -> float:
     """Return the aim of the experiment that decides: the smallest expected log-odds.
 
-    Where no motion tells the causes apart, or there is one alone, that of `shrinking`.
+    That of `shrinking` for one cause alone.
     """
     if not pairs:
         return shrinking(found, pairs)
@@ -155,7 +155,8 @@ def design_experiment(
         watch: called with the motions tried and their total.
 
     Raises:
-        DesignError: a duration or rate that is not positive, limits that leave no room.
+        DesignError: a duration or rate that is not positive, causes of which no motion tells one
+            from another.
     """
     if not (duration > 0.0 and rate > 0.0):
         raise DesignError("duration and rate of an experiment must be > 0.")
@@ -169,6 +170,11 @@ def design_experiment(
             watch(i + 1, total)
     alike = _alike([found for _, found in drawn])
     pairs = [pair for pair in rivals.pairs if pair not in alike]
+    if rivals.pairs and not pairs and aim is deciding:
+        raise DesignError(
+            "no motion of this robot tells these causes apart: whatever one of them does, the "
+            "others do as well. Mount the robot otherwise, or measure one of them off the robot."
+        )
     drawn += [site.fitted(start)[:2] for start in starts]
     tried = [(aim(found, pairs), path) for path, found in drawn]
     best = sorted(tried, key=lambda one: -one[0])[:_KEPT]
