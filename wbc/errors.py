@@ -38,6 +38,10 @@ class LogError(WbcError):
     """A log is unreadable, incomplete or contradicts itself."""
 
 
+class ParallelError(WbcError):
+    """No workers to share work among: no cluster at an address, or no Dask to reach one with."""
+
+
 class DesignError(WbcError):
     """A design study asks for what does not exist, or its results belong to another study."""
 
