@@ -17,6 +17,7 @@ from wbc.design.experiment import (
     design_experiment,
     expected,
     informing,
+    parameter_names,
     parse_cause,
     random_paths,
     shrinking,
@@ -154,19 +155,18 @@ def test_one_cause_alone_gets_the_motion_that_shrinks_its_intervals() -> None:
     classic = design_experiment(chosen, LIMITS, 4.0, rounds=16, aim=informing)
     ours = design_experiment(chosen, LIMITS, 4.0, rounds=16, aim=shrinking, starts=[classic.path])
     widths = np.array([one.widths[0] for one in drawn])
-    known = np.isfinite(ours.widths[0])
-    assert known.tolist() == [True, False, True, True, True]  # nothing moves along y
-    ours_, classic_, chance = (
-        np.log(one[known]) for one in (ours.widths[0], classic.widths[0], np.median(widths, axis=0))
-    )
-    assert np.mean(ours_) < np.mean(chance)
-    assert np.mean(ours_) <= np.mean(classic_) + 0.01  # compared at half the rate of the log
+    said = np.array([p.scale for _, p in parameter_names(chosen.causes[0])]) * 1.645
+    assert ours.widths[0][1] == pytest.approx(said[1])  # nothing moves along y: as known before
+    assert np.all(np.delete(ours.widths[0] / said, 1) < 0.1)
+    assert np.mean(np.log(ours.widths[0])) < np.mean(np.log(np.median(widths, axis=0)))
+    # Compared at half the rate of the log.
+    assert np.mean(np.log(ours.widths[0])) <= np.mean(np.log(classic.widths[0])) + 0.01
 
 
 def test_intervals_shrink_with_the_noise() -> None:
     path = next(random_paths(rivals("rotor_inertia@knee"), LIMITS, 3.0, 1, 1))
     loud, quiet = (
-        expected(rivals("rotor_inertia@knee", noise=n), LIMITS, path) for n in (0.02, 0.01)
+        expected(rivals("rotor_inertia@knee", noise=n), LIMITS, path) for n in (2e-4, 1e-4)
     )
-    np.testing.assert_allclose(loud.widths[0], 2.0 * quiet.widths[0], rtol=1e-6)
+    np.testing.assert_allclose(loud.widths[0], 2.0 * quiet.widths[0], rtol=1e-3)
     assert RotorInertia.name == "rotor_inertia"

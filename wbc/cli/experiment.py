@@ -143,7 +143,7 @@ def _compare(
 
 def _said(one: Designed) -> float:
     """Return by what random motions are put in order: the least odds, or narrow intervals."""
-    narrow = -float(np.mean(np.nan_to_num(np.log(np.concatenate(one.widths)), posinf=20.0)))
+    narrow = -float(np.mean(np.log(np.concatenate(one.widths))))
     return one.worst if one.odds else narrow
 
 
@@ -227,8 +227,7 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
             for cause in rivals.causes
         ],
         "half_widths": {
-            name: [[_plain(width) for width in widths] for widths in one.widths]
-            for name, one in found.items()
+            name: [widths.tolist() for widths in one.widths] for name, one in found.items()
         },
         "alike": [{"true": i, "over": j} for i, j in found["designed"].alike],
         "log10_odds": {
@@ -241,8 +240,3 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
         "used": found["designed"].used,
         "trajectory": str(path),
     }
-
-
-def _plain(width: float) -> float | str:
-    """Return a width that JSON can hold."""
-    return float(width) if np.isfinite(width) else "unlimited"

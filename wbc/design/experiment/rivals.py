@@ -12,11 +12,11 @@ from scipy.optimize import least_squares
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import effect_class
-from wbc.errors import DesignError
+from wbc.errors import DesignError, EffectError
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
-_SHOWN = 1e-6  # of the best shown combination of parameters: finite differences give no more
+_IMPOSSIBLE = 1e6  # misfit in units of the noise, far beyond any that a fit would accept
 _SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
 
 Cause = tuple[Effect, ...]
@@ -191,7 +191,10 @@ class Predictions:
         high = np.array([parameter.high for parameter in parameters]) / scales
 
         def misfit(values: FloatArray) -> FloatArray:
-            torque = self.torque(_moved(cause, values * scales))
+            try:
+                torque = self.torque(_moved(cause, values * scales))
+            except EffectError:  # a step to what no robot can have, a negative mass for one
+                return np.full(target.size, _IMPOSSIBLE)
             return np.asarray(((torque - target) / self.rivals.noise).ravel())
 
         inside = np.clip(_values(cause) / scales, low + 1e-9, high - 1e-9)
@@ -231,17 +234,13 @@ class Predictions:
     def widths(self, number: int) -> FloatArray:
         """Return the half widths (p,) of the 90 % intervals of a cause, in units of its parameters.
 
-        From the information of the noise alone; infinite for what the motion does not show.
+        From the noise and, as in `information`, what is known before. What the motion does not
+        show keeps the width that it had.
         """
         slopes = self.sensitivity(number)
         scales = np.array([p.scale for _, p in _parameters(self.rivals.causes[number])])
-        size = np.linalg.norm(slopes, axis=0)
-        _, values, right = np.linalg.svd(slopes / np.where(size > 0.0, size, 1.0), False)
-        shown = values > _SHOWN * values[0]
-        hidden = np.any(np.abs(right[~shown]) > np.sqrt(_SHOWN), axis=0) | (size == 0.0)
-        spread = np.linalg.norm(right[shown] / values[shown, None], axis=0)
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.where(hidden, np.inf, _SIDES * scales * spread / size))
+        spread = np.linalg.inv(np.eye(len(scales)) + slopes.T @ slopes)
+        return np.asarray(_SIDES * scales * np.sqrt(np.diag(spread)))
 
 
 def parameter_names(cause: Cause) -> tuple[tuple[Effect, Parameter], ...]:

@@ -22,8 +22,6 @@ _ROOM = 0.8  # share of the limits that a motion may use: room for what the riva
 _SEARCH_RATE = 50.0  # [Hz] at which motions are compared; odds are given at the rate of the log
 _MIMICKED = 1e-5  # of a cause's squared torque: what another one leaves of it when it is the same
 
-_UNKNOWN = 1e9  # width of what a motion does not show: 20 nats beyond 1 of its unit
-
 
 @dataclass(frozen=True, eq=False)
 class Designed:
@@ -109,12 +107,9 @@ def informing(found: Predictions, pairs: Sequence[Pair]) -> float:
 
 
 def shrinking(found: Predictions, pairs: Sequence[Pair]) -> float:
-    """Return the aim of narrow intervals: minus the mean logarithm of their widths.
-
-    What a motion does not show counts with a width that is far beyond any that it could have.
-    """
+    """Return the aim of narrow intervals: minus the mean logarithm of their widths."""
     widths = [found.widths(number) for number in range(len(found.rivals.causes))]
-    return -float(np.mean(np.log(np.minimum(np.concatenate(widths), _UNKNOWN))))
+    return -float(np.mean(np.log(np.concatenate(widths))))
 
 
 def random_paths(
@@ -168,9 +163,9 @@ def design_experiment(
         drawn.append((path, found))
         if watch:
             watch(i + 1, total)
-    alike = _alike([found for _, found in drawn])
+    alike = _alike([found for _, found in drawn]) if aim is deciding else ()
     pairs = [pair for pair in rivals.pairs if pair not in alike]
-    if rivals.pairs and not pairs and aim is deciding:
+    if rivals.pairs and not pairs:
         raise DesignError(
             "no motion of this robot tells these causes apart: whatever one of them does, the "
             "others do as well. Mount the robot otherwise, or measure one of them off the robot."
