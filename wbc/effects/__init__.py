@@ -7,6 +7,7 @@ from wbc.effects.center_of_mass import CenterOfMass
 from wbc.effects.coulomb_friction import CoulombFriction
 from wbc.effects.current_limit import CurrentLimit
 from wbc.effects.custom_torque import CustomTorque
+from wbc.effects.force_sensor_gain import ForceSensorGain
 from wbc.effects.gravity_direction import GravityDirection
 from wbc.effects.joint_compliance import JointCompliance
 from wbc.effects.joint_effect import JointEffect
@@ -35,6 +36,7 @@ __all__ = [
     "CoulombFriction",
     "CurrentLimit",
     "CustomTorque",
+    "ForceSensorGain",
     "GravityDirection",
     "JointCompliance",
     "JointEffect",

@@ -1,4 +1,4 @@
-"""Causes that a wrong force sensor would imitate on these logs."""
+"""Causes that a turned force sensor would imitate on these logs."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from wbc.identification.records.record import Record
 
 _SAME = 0.995  # cosine from which on two signatures are one
 _UNSEEN = 9.0  # chi-square of what is left of a signature that noise hides
-_FAULT = 0.01  # share of the force, or rad, by which sensors are tried
-_PLAUSIBLE = 0.1  # share or rad beyond which a sensor would have been noticed
+_FAULT = 0.01  # [rad] by which sensors are tried
+_PLAUSIBLE = 0.1  # [rad] beyond which a sensor would have been noticed
 
 
 def force_sensor_doubts(problem: Problem, fit: Fit) -> list[list[str]]:
     """Return for every effect a sentence per contact whose force sensor could be wrong instead.
 
-    A sensor that reads by a share too much, or is turned, adds a torque that follows the force. On
-    a robot that stands, that is what a wrong mass adds, and no fit can tell.
+    A sensor that is turned adds a torque that follows the force. On a robot that stands, that may
+    be what a wrong mass adds, and no fit can tell.
 
     Args:
         problem: the logs.
@@ -55,11 +55,8 @@ def force_sensor_doubts(problem: Problem, fit: Fit) -> list[list[str]]:
         for (name, text), column in faults.items():
             size = _imitates(signature, _beside(others, column))
             if size is not None:
-                doubts[k].append(text.format(name=name, size=abs(size), less=_LESS[size > 0.0]))
+                doubts[k].append(text.format(name=name, size=abs(size)))
     return doubts
-
-
-_LESS = {True: "much", False: "little"}
 
 
 def _turned(axis: int) -> Callable[[FloatArray], FloatArray]:
@@ -67,10 +64,6 @@ def _turned(axis: int) -> Callable[[FloatArray], FloatArray]:
 
 
 _CHANGES: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "or the force sensor of '{name}' reads {size:.1%} too {less}: here it would look the same": (
-        lambda force: force
-    ),
-} | {
     f"or the force sensor of '{{name}}' is turned by {{size:.3f}} rad about {axis}: here it would "
     "look the same": _turned(k)
     for k, axis in enumerate("xyz")
@@ -80,7 +73,7 @@ _CHANGES: dict[str, Callable[[FloatArray], FloatArray]] = {
 def _column(
     problem: Problem, fit: Fit, name: str, change: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Return (rows outputs,) what a sensor that shows one unit more of a change adds."""
+    """Return (rows outputs,) what a sensor that is turned adds per radian."""
     wrong = [_with_force(record, name, change) for record in problem.records]
     moved = condensed_residual(fit.robot, wrong) @ problem.whitening - fit.residual
     return np.asarray(moved.ravel() / _FAULT)

@@ -16,7 +16,6 @@ from wbc.identification.model.problem import ONLY_NOISE, Problem
 from wbc.robot import Effect
 
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
-_SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
@@ -87,8 +86,12 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
     trials = everything.proposer.trials
     first, yielding = trials.nothing, YieldingSearch(everything)
     fine = ONLY_NOISE + _FILTERED**2 * first.error
-    rough = ONLY_NOISE + _SIMULATED**2 * first.error
-    explained = fine if trials.problem.floor.repeats else rough
+
+    def explained(h: Hypothesis) -> bool:
+        # Repeats show a floor that a link which bounces is not simulated down to.
+        floor = fine if trials.problem.floor.repeats and not h.bounces else yielding.rough
+        return h.error < floor
+
     one, weak = len(known.effects) < _SEVERAL, first.error < _WEAK
     ends: list[Hypothesis] = []
     if weak and known.effects:
@@ -99,14 +102,17 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
     early = next((h for h in everything.path if len(h.effects) == 1), None)
     for origin in dict.fromkeys((first, known, early or first)):
         best = min([known, *ends], key=lambda h: h.error)
-        done = best.error < explained
-        if done and (origin is not first or (one and not weak)):
+        if explained(best) and (origin is not first or (one and not weak)):
             break
         swung = yielding.swung(origin)
         if swung is not origin:
             ends.append(direct.climb(swung))
     best = best_of(everything, [known, *ends])
-    if best.error > explained and (best.error > rough or best.bounces):
+    soft = best.error > yielding.rough and best.swings and not best.bounces
+    if soft and (loose := yielding.loose_beside(best)) is not None:
+        ends.append(direct.climb(loose))
+        best = best_of(everything, [best, ends[-1]])
+    if best.error > yielding.rough:
         both = yielding.pair_beside(best)
         if both is not None:
             ends.append(direct.climb(both))

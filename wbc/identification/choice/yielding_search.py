@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from wbc.identification.choice.gears.pairs import best_pairs, loudest
+from wbc.identification.choice.gears.pairs import best_pairs, loose_beside, loudest
 from wbc.identification.choice.gears.pattern_search import FAR, NEAR, pattern_search
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
+from wbc.identification.model.problem import ONLY_NOISE
 
 _ADDED = 6  # offers that are fitted for one addition
 _ROUNDS = 3  # in which numbers of gears that strike are tried one by one ...
 _CALMER = 0.8  # ... as long as so little of the error is left
+_SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 _PAIRED = 0.8  # of the error, that two gears from a coarse grid must leave at most
 
 
@@ -35,6 +37,11 @@ class YieldingSearch:
     def _gears(self) -> Proposer:
         return self._proposer.yielding
 
+    @property
+    def rough(self) -> float:
+        """Error up to which a log counts as explained as far as simulated links go."""
+        return ONLY_NOISE + _SIMULATED**2 * self._proposer.trials.nothing.error
+
     def swung(self, origin: Hypothesis) -> Hypothesis:
         """Return a hypothesis with links that swing, as many as add to the evidence."""
         current = origin
@@ -52,8 +59,16 @@ class YieldingSearch:
             # A loose gear found alone holds in its numbers what another one does.
             both = self.pair_beside(h) if len(h.effects) == 1 else None
             return self.search.best([both], h) if both is not None else None
-        longer = trials.all_of(self._gears.beside(h, _ADDED))
-        return self.search.best([self._settled(one) if one.bounces else one for one in longer], h)
+        best = self.search.best(trials.all_of(self._gears.beside(h, _ADDED)), h)
+        # Numbers of loose gears are tried one by one: for the best alone, each is a simulation.
+        return self._settled(best) if best is not None and best.bounces else best
+
+    def loose_beside(self, soft: Hypothesis) -> Hypothesis | None:
+        """Return a hypothesis with springs and a loose gear more, None if it adds no evidence."""
+        trials = self._proposer.trials
+        offers = loose_beside(trials.problem, soft.effects, self._gears.candidates)
+        best = self.search.best(trials.all_of(offers), soft)
+        return None if best is None else self._settled(best)
 
     def pair_beside(self, known: Hypothesis) -> Hypothesis | None:
         """Return two gears that yield at once, with numbers settled, if they promise more.

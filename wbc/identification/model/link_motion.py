@@ -47,7 +47,7 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
     struck = any(gear.play > 0.0 for gear in gears.values())
     rounds = _ROUNDS_STRUCK if struck else _ROUNDS
     settled = _SETTLED_STRUCK if struck else _SETTLED
-    load = record.links_of(robot) - record.contacts
+    load = record.links_of(robot) - record.contacts_of(robot)
     sides = _rubbing(robot, record, gears)
     beyond, torque = np.zeros_like(load), np.zeros_like(load)
     links = [record.response_of(robot, joint) for joint in gears]
@@ -155,4 +155,6 @@ def _moved(robot: Robot, record: Record, joints: Iterable[str], bent: Deflection
 
 def _needed(robot: Robot, record: Record, moved: Motion) -> FloatArray:
     """Return what the links need (N, nv) where they are, less what the contacts give."""
-    return link_torque(robot, moved) - contact_torque(robot, moved.position, record.forces)
+    return link_torque(robot, moved) - contact_torque(
+        robot, moved.position, record.forces_of(robot)
+    )

@@ -55,7 +55,7 @@ def _loads(
     for effect in reversed(robot.effects):
         motion = effect.true(robot, motion)
     moved = record.along(motion)
-    links, contacts = moved.links_of(robot), moved.contacts
+    links, contacts = moved.links_of(robot), moved.contacts_of(robot)
     if swinging is None and some_deflect(robot.effects):
         swinging = _swinging(robot, record, motion, links, contacts)
     if swinging is not None:

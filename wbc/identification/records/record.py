@@ -22,7 +22,7 @@ from wbc.identification.records.bandwidth import Bandwidth, SensorNoise
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.identification.records.smoothing import low_pass
 from wbc.links import LinkResponse
-from wbc.robot import Motion, Robot
+from wbc.robot import ContactForces, Motion, Robot
 
 _KEPT_MOTIONS = 3
 
@@ -118,6 +118,20 @@ class Record:
     def contacts(self) -> FloatArray:
         """J' f of the measured contact forces, (N, nv)."""
         return contact_torque(self.robot, self.motion.position, self.forces)
+
+    def forces_of(self, robot: Robot) -> ContactForces:
+        """Return the contact forces (N, 3) that a robot believes behind those measured."""
+        forces: ContactForces = self.forces
+        for effect in reversed(robot.effects):
+            forces = effect.true_forces(robot, forces)
+        return forces
+
+    def contacts_of(self, robot: Robot) -> FloatArray:
+        """Return J' f (N, nv) of the contact forces that a robot believes."""
+        forces = self.forces_of(robot)
+        if forces is self.forces:
+            return self.contacts
+        return contact_torque(self.robot, self.motion.position, forces)
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""

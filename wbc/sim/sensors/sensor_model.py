@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError, unknown_name
 from wbc.measurement import Log
-from wbc.robot import Motion, Robot
+from wbc.robot import ContactForces, Motion, Robot
 from wbc.sim.sensors.sensor import Sensor
 
 _ROTOR = ("rotor_position", "rotor_velocity")
@@ -55,7 +55,7 @@ class SensorModel:
             if name not in recording.columns:
                 raise SimulationError(unknown_name("column", name, recording.names))
         random = np.random.default_rng(seed)
-        shown = reported_motion(robot, recording)
+        shown = reported_motion(robot, recording) | reported_forces(robot, recording)
         columns = {}
         for name, values in recording.columns.items():
             if name.endswith(_ROTOR):  # an encoder on it is what `position` comes from
@@ -100,3 +100,24 @@ def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
         shown[f"{name}.position"] = motion.position[:, robot.position_index(name)]
         shown[f"{name}.velocity"] = motion.velocity[:, robot.velocity_index(name)]
     return shown
+
+
+def reported_forces(robot: Robot, recording: Log) -> dict[str, FloatArray]:
+    """Return the force columns as the sensors of the contacts report them with their effects."""
+    if not any("measured_forces" in effect.acts_by for effect in robot.effects):
+        return {}
+    axes = {
+        name: [f"{name}.force.{axis}" for axis in "xyz" if recording.has(f"{name}.force.{axis}")]
+        for name in recording.contacts
+    }
+    forces: ContactForces = {
+        name: np.stack([recording.column(column) for column in columns], axis=-1)
+        for name, columns in axes.items()
+    }
+    for effect in robot.effects:
+        forces = effect.measured_forces(robot, forces)
+    return {
+        column: forces[name][:, k]
+        for name, columns in axes.items()
+        for k, column in enumerate(columns)
+    }

@@ -1,0 +1,60 @@
+"""A force sensor that reads too much or too little."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.robot import ContactForces, Effect, Parameter, Robot
+
+# Force sensors that are mounted and wired as described are off by some per cent.
+_SPREAD = 0.1  # standard deviation of the logarithm of the gain
+
+
+@final
+@dataclass(frozen=True)
+class ForceSensorGain(Effect):
+    """The force sensor of a contact reports gain times the true force, on all axes.
+
+    Attributes:
+        gain: reported / true force.
+    """
+
+    gain: float
+
+    name: ClassVar[str] = "force_sensor_gain"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gain", "1", 1.0, 0.2, 5.0, 0.05),)
+    explanation: ClassVar[str] = (
+        "The force sensor of a contact is calibrated wrongly: it reports the same share too much "
+        "or too little of every force."
+    )
+    experiment: ClassVar[str] = (
+        "Weigh the robot on a scale while it stands on this contact alone: what the sensor "
+        "reports is off by the gain. A known mass added to the robot changes the reported force "
+        "by gain times its weight."
+    )
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Every contact."""
+        return tuple(contact.name for contact in robot.contacts)
+
+    @property
+    def implausibility(self) -> float:
+        """Half of the squared deviation of the gain's logarithm."""
+        return float(0.5 * (np.log(self.gain) / _SPREAD) ** 2)
+
+    def measured_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
+        """Return the forces with this contact's multiplied by the gain."""
+        return self._scaled(forces, self.gain)
+
+    def true_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
+        """Return the forces with this contact's divided by the gain."""
+        return self._scaled(forces, 1.0 / self.gain)
+
+    def _scaled(self, forces: ContactForces, factor: float) -> ContactForces:
+        if self.where not in forces:
+            return forces
+        return {**forces, self.where: factor * forces[self.where]}
