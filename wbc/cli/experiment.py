@@ -29,6 +29,7 @@ from wbc.design.experiment import (
     parse_cause,
     random_paths,
     tied_causes,
+    torque_misfit,
 )
 from wbc.effects import load_robot
 from wbc.errors import DesignError, WbcError
@@ -75,6 +76,7 @@ def add_to(commands: Any) -> None:
     add("--rounds", type=int, default=300, metavar="N", help="changes tried (default 300)")
     add("--seed", type=int, default=0, help="of the search (default 0)")
     add("--out", default="trajectory.csv", metavar="FILE.csv", help="the motion as set points")
+    add("--figures", nargs="?", const="out", metavar="DIR", help="write motion and torques (PNG)")
     add("--json", metavar="FILE", help="the odds for machines ('-' prints it)")
     parser.set_defaults(run=run)
 
@@ -95,7 +97,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     found = _compare(options, rivals, limits, shown)
     print_experiment(rivals, found, shown)
     path = write_set_points(options.out, robot, found["designed"].path, options.rate)
-    shown.print(f"wrote {path}")
+    shown.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
+    if options.figures:
+        shown.print(f"wrote {_draw(options, rivals, limits, found)}")
     write_json(options.json, _json(rivals, found, path), console)
     return 0
 
@@ -203,6 +207,27 @@ def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Consol
             unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
             table.add_row(f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells)
     console.print(table)
+
+
+def _draw(
+    options: argparse.Namespace, rivals: Rivals, limits: MotionLimits, found: dict[str, Designed]
+) -> Path:
+    from wbc.view.plots import write_figure
+    from wbc.view.plots.experiment import experiment_figure
+
+    designed, robot = found["designed"], rivals.robot
+    time = designed.path.times(options.rate)
+    position, velocity, _ = designed.path.at(time)
+    told = {pair: d for pair, d in designed.odds.items() if pair not in designed.alike}
+    misfits = {}
+    if told:
+        pair = min(told, key=lambda key: told[key])
+        misfits = {
+            name: torque_misfit(rivals, limits, found[key].path, pair, options.rate)
+            for name, key in (("designed", "designed"), ("random", "random, median"))
+        }
+    figure = experiment_figure(robot.transmission.joints, time, (position, velocity), misfits)
+    return write_figure(Path(options.figures) / f"{robot.name}_experiment.png", figure)
 
 
 def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:

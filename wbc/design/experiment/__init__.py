@@ -11,6 +11,7 @@ from wbc.design.experiment.search import (
     informing,
     random_paths,
     shrinking,
+    torque_misfit,
 )
 from wbc.design.experiment.tied import tied_causes
 
@@ -29,4 +30,5 @@ __all__ = [
     "random_paths",
     "shrinking",
     "tied_causes",
+    "torque_misfit",
 ]

@@ -206,11 +206,19 @@ class Predictions:
 
         It is the same where the effects are linear, and never needs an iteration.
         """
+        left = self.misfit(pair)
+        return float(0.5 * np.sum(left**2))
+
+    def misfit(self, pair: Pair) -> FloatArray:
+        """Return what the refitted other cause leaves of a true one's torque, (N, m) over noise.
+
+        The other one is taken as linear in its parameters.
+        """
         true, other = pair
-        apart = self.expected_torque(true) - self.expected_torque(other)
-        target, slopes = (apart / self.rivals.noise).ravel(), self.sensitivity(other)
-        left = target - slopes @ np.linalg.lstsq(slopes, target)[0]
-        return float(0.5 * left @ left)
+        apart = (self.expected_torque(true) - self.expected_torque(other)) / self.rivals.noise
+        slopes = self.sensitivity(other)
+        fitted = slopes @ np.linalg.lstsq(slopes, apart.ravel())[0]
+        return np.asarray(apart - fitted.reshape(apart.shape))
 
     def odds(self) -> dict[Pair, float]:
         """Return the expected log-odds of every rival, if true, over every other one."""

@@ -199,6 +199,17 @@ def _alike(drawn: Sequence[Predictions]) -> tuple[Pair, ...]:
     )
 
 
+def torque_misfit(
+    rivals: Rivals, limits: MotionLimits, path: FourierPath, pair: Pair, rate: float = 100.0
+) -> FloatArray:
+    """Return what one cause, refitted, leaves of the torque of another along a path.
+
+    (N, m) in units of the noise, at `path.times(rate)`; the odds are half its sum of squares.
+    """
+    site = _Site(rivals, limits, path.duration)
+    return rivals.predictions(site.motion(path, rate)).misfit(pair)
+
+
 def expected(
     rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float = 100.0
 ) -> Designed:
