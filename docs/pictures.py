@@ -90,6 +90,10 @@ def designs() -> None:
     wbc([*command, *(part for sweep in sweeps for part in ("--sweep", sweep))])
     keep(OUT / "planar_leg_design_map.png", "design_map")
     keep(OUT / "planar_leg_design_front.png", "design_front")
+    command = ["experiment", "planar_leg_fixed", "--lossless", "--speed", "6", "--span", "1"]
+    command += ["--rounds", "100", "--figures", str(OUT), "--between"]
+    wbc([*command, "rotor_inertia@knee", "payload_mass@shin"])
+    keep(OUT / "planar_leg_fixed_experiment.png", "experiment")
     for study in (case_study, energy_flow, wedge):
         study.report(study.main())
     for name in ("case_foot", "case_efficiency", "energy_flow", "wedge"):

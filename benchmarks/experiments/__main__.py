@@ -24,7 +24,7 @@ from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.trial import logs_of, robot_of, tried
 from benchmarks.corpus.verdicts import judge_result
 from benchmarks.experiments.follow_up import ARMS, DESIGNED, WORDS, follow_ups
-from benchmarks.experiments.judge import Result, paired, resolved, share
+from benchmarks.experiments.judge import Result, paired, resolved, share, single
 from wbc.files import write_text
 from wbc.identification import Diagnosis
 from wbc.measurement import Log
@@ -119,9 +119,11 @@ def report(results: Sequence[Result]) -> str:
         f"{len(tied)} of {len(results)} cases tie, the base fixed; for {len(tied) - len(planned)} "
         "no motion can be planned, and the first answer stands"
     ]
-    for title, group in groups.items():
-        lines += ["", f"resolved: {title}"]
-        hits = {name: [resolved(_after(r, name)) for r in group] for name in ARMS}
+    asked = [(f"resolved: {title}", group, resolved) for title, group in groups.items()]
+    asked.append(("one name left, where a motion can be planned", planned, single))
+    for title, group, question in asked:
+        lines += ["", title]
+        hits = {name: [question(_after(r, name)) for r in group] for name in ARMS}
         for name in ARMS:
             beside = "" if name == DESIGNED else f"   {paired(hits[DESIGNED], hits[name])}"
             lines.append(f"  {name:16s} {share(hits[name])}{beside}")

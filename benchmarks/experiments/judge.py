@@ -24,6 +24,11 @@ def resolved(result: Result) -> bool:
     return judge_result(result).covered and named_set(result) <= allowed
 
 
+def single(result: Result) -> bool:
+    """Whether a right diagnosis names one effect for every cause, without an alternative."""
+    return resolved(result) and not any(entry["alternatives"] for entry in result["found"])
+
+
 def share(hits: Sequence[bool]) -> str:
     """Return a share with its 90 % interval (Wilson)."""
     if not hits:
