@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,16 +22,6 @@ def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
-
-
-def by_fields(instance: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return how to make a frozen dataclass again from its fields, as `__reduce__` returns it.
-
-    So that what comes out of a pickle went through the constructor: its arrays are read-only and
-    its mappings cannot be changed, which a pickle itself does not keep.
-    """
-    values = (getattr(instance, f.name) for f in fields(instance) if f.init)
-    return type(instance), tuple(dict(v) if isinstance(v, Mapping) else v for v in values)
 
 
 def checked(
@@ -64,3 +55,12 @@ def checked(
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise error(f"{name} holds {array[where]} at index {where}; every value must be finite.")
     return array
+
+
+def remade(thing: Any) -> tuple[type, tuple[Any, ...]]:
+    """Return what makes a frozen dataclass anew, for its `__reduce__`.
+
+    Pickled as they are, its arrays would come back writable; the class makes them read-only.
+    """
+    given = (getattr(thing, part.name) for part in fields(thing) if part.init)
+    return type(thing), tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in given)

@@ -38,16 +38,20 @@ class LogError(WbcError):
     """A log is unreadable, incomplete or contradicts itself."""
 
 
-class ParallelError(WbcError):
-    """No workers to share work among: no cluster at an address, or no Dask to reach one with."""
-
-
 class DesignError(WbcError):
     """A design study asks for what does not exist, or its results belong to another study."""
 
 
 class IdentificationError(WbcError):
     """Logs and robot cannot be compared, or hold too little to identify anything."""
+
+
+class ParallelError(DesignError):
+    """Work cannot be shared out as it was asked for."""
+
+
+class MissingPackageError(WbcError, ImportError):
+    """A package that a bare installation does not have is needed."""
 
 
 class ViewError(WbcError):

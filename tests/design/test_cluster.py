@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from sims.excitation import record_run
 from wbc.design import Study, parse_sweep, run_study
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import ParallelError
@@ -17,6 +16,7 @@ from wbc.identification import compare
 from wbc.measurement import Log
 from wbc.parallel import run_jobs
 from wbc.robot import Robot
+from wbc.sim.excitation import record_run
 
 LEG = load_robot("planar_leg_fixed").lossless()
 LOGS = [

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.cli import main
 from wbc.design.experiment import (
     MotionLimits,
@@ -26,6 +25,7 @@ from wbc.design.experiment import (
 from wbc.effects import CoulombFriction, RotorInertia, effect_class, load_robot
 from wbc.errors import DesignError
 from wbc.identification import diagnose
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)

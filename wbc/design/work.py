@@ -1,8 +1,8 @@
-"""Running a study in chunks that are kept as they come."""
+"""Running a study in chunks: processes on one computer, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -11,13 +11,13 @@ from wbc.design.study import Study, describe_columns
 from wbc.design.table import DesignTable
 from wbc.errors import DesignError
 from wbc.parallel import run_jobs
+from wbc.progress import Watch
 
 ANALYTIC_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
 SIMULATED_CHUNK = 8  # designs: 1 to 30 s of work, so that little is lost when a run is killed
 
 Columns = dict[str, FloatArray]
 Chunk = tuple[int, int, int]
-Watch = Callable[[int, int], None]
 
 
 def run_study(
@@ -43,8 +43,7 @@ def run_study(
         watch: called with the designs done and their total, now and after every part.
 
     Raises:
-        DesignError: the file belongs to another study.
-        ParallelError: no cluster at the address.
+        DesignError: the file belongs to another study, no cluster at the address.
         DynamicsError, TransmissionError: a value outside its range.
     """
     size = chunk or (SIMULATED_CHUNK if study.simulations else ANALYTIC_CHUNK)
@@ -59,8 +58,9 @@ def run_study(
     left = [one for one in ends if one[0] not in done]
     if watch:
         watch(count, study.size)
-    work = partial(evaluate_chunk, study)
-    for number, columns in run_jobs(work, left, workers=workers, cluster=cluster):
+    for number, columns in run_jobs(
+        partial(evaluate_chunk, study), left, workers=workers, cluster=cluster
+    ):
         table.add(number, columns)
         count += len(columns["design"])
         if watch:

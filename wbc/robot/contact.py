@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, by_fields, checked
+from wbc.arrays import FloatArray, checked, remade
 from wbc.errors import RobotError
 
 
@@ -30,9 +30,9 @@ class ContactPoint:
     friction: float = 0.7
     radius: float = 0.0
 
-    def __reduce__(self) -> Any:
-        """Return how another process makes it again."""
-        return by_fields(self)
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Make it anew where it is copied or unpickled."""
+        return remade(self)
 
     def __post_init__(self) -> None:
         """Check and freeze."""
