@@ -10,13 +10,25 @@ from importlib.metadata import version
 from rich.console import Console
 
 from wbc.cli import completion
-from wbc.cli.logs import check, compare, diagnose, init, play, trend
+from wbc.cli.logs import check, compare, diagnose, identify, init, play, trend
 from wbc.cli.robots import design, experiment, listing, metrics
 from wbc.cli.shared.inputs import write_fix
 from wbc.errors import WbcError
 from wbc.measurement import SuspiciousLogError
 
-_COMMANDS = (init, check, compare, diagnose, trend, play, metrics, design, experiment, listing)
+_COMMANDS = (
+    init,
+    check,
+    compare,
+    diagnose,
+    identify,
+    trend,
+    play,
+    metrics,
+    design,
+    experiment,
+    listing,
+)
 
 _EPILOG = """\
 examples:

@@ -154,7 +154,7 @@ class Robot:
         """b, the number of coordinates that no gear drives."""
         return int(self.unactuated.size)
 
-    @property
+    @cached_property
     def bodies(self) -> tuple[str, ...]:
         """One name per moving joint: the link that the joint carries."""
         return tuple(self.body_of(joint) for joint in self.joints)
@@ -241,8 +241,13 @@ class Robot:
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
+        return self.with_inertias({joint_number: inertia})
+
+    def with_inertias(self, inertias: Mapping[int, pin.Inertia]) -> Robot:
+        """Return a copy whose links at these joints have these inertias."""
         model = self.model.copy()
-        model.inertias[joint_number] = inertia
+        for joint_number, inertia in inertias.items():
+            model.inertias[joint_number] = inertia
         return replace(self, model=model, source=None, before_effects=None)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:

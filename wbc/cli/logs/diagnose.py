@@ -175,9 +175,11 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
     for finding in diagnosis.findings:
         sure = f"{100.0 * finding.probability:.0f} % sure"
         table.add_row(f"{finding.effect.name} at {finding.effect.where}", "", sure)
-        for parameter, e in finding.parameters.items():
+        for number, e in finding.numbers.items():
             value, interval = with_interval(e.value, e.low, e.high)
-            table.add_row(f"  {parameter}", value, interval, "" if e.unit == "1" else e.unit)
+            unit = "" if e.unit == "1" else e.unit
+            drawn = "" if e.drawn is None else f" (drawn {plain(e.drawn)})"
+            table.add_row(f"  {number}", value, interval, f"{unit}{drawn}".strip())
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:

@@ -33,12 +33,16 @@ Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repea
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter: value with the ends of its 90 % interval, in `unit`."""
+    """A number that was found: value with the ends of its 90 % interval, in `unit`.
+
+    `drawn` is what the robot as given has in its place; None for a parameter of an effect.
+    """
 
     value: float
     unit: str
     low: float
     high: float
+    drawn: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,8 @@ class Finding:
         support: what speaks for it.
         alternatives: the effects it cannot be told from on these logs.
         warnings: at a bound, not identifiable.
+        quantities: what a person can check, by name, where the parameters are not it and logs tell
+            that it differs from the robot as given.
     """
 
     effect: Effect
@@ -70,6 +76,12 @@ class Finding:
     support: Support
     alternatives: tuple[Alternative, ...] = ()
     warnings: tuple[str, ...] = ()
+    quantities: Mapping[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Mapping[str, Estimate]:
+        """What a person reads: the quantities, or else the parameters."""
+        return self.quantities or self.parameters
 
     @property
     def probability(self) -> float:
@@ -176,7 +188,8 @@ class Diagnosis:
             numbers = ", ".join(
                 f"{name} {with_interval(e.value, e.low, e.high)[0]} "
                 f"({with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(" 1")
-                for name, e in finding.parameters.items()
+                + (f" (drawn {plain(e.drawn)})" if e.drawn is not None else "")
+                for name, e in finding.numbers.items()
             )
             rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
             lines.append(
@@ -273,6 +286,16 @@ class Diagnosis:
                     "parameters": {
                         name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
                         for name, e in f.parameters.items()
+                    },
+                    "quantities": {
+                        name: {
+                            "value": e.value,
+                            "unit": e.unit,
+                            "low": e.low,
+                            "high": e.high,
+                            "drawn": e.drawn,
+                        }
+                        for name, e in f.quantities.items()
                     },
                     "probability": f.probability,
                     "support": asdict(f.support),

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.answer.correlation import Correlation
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
+from wbc.identification.answer.quantities import quantities_of
 from wbc.identification.choice.certainty import Support
 from wbc.identification.choice.hypothesis import Key
 from wbc.identification.force_sensors import force_sensor_doubts
@@ -43,7 +44,8 @@ def describe_findings(
         alternatives: for each effect, names and places of what it cannot be told from.
         correlation: of the parameters.
     """
-    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
+    distortion = problem.distortion(fit)
+    bounds = interval_bounds(fit, problem.blocks, distortion)
     related = _moving_together(fit, correlation)
     stray = disagreements(problem.records, fit)
     sensors = force_sensor_doubts(problem, fit)
@@ -64,10 +66,14 @@ def describe_findings(
             elif high - low > 2.0 * _VAGUE * abs(value):
                 span = f"{low:.3g} to {_with_unit(high, parameter.unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
+        quantities, about = quantities_of(problem, fit, k, distortion)
+        if about:
+            warnings = []  # they are about parameters that nobody checks
+        warnings += [*about, *effect.remarks(problem.robot)]
         warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k], *sensors[k]]
         rivals = tuple(Alternative(*key) for key in alternatives[k])
         own = support[effect.key]
-        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings)))
+        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
     return tuple(findings)
 
 
@@ -86,7 +92,8 @@ def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
     for one, other in zip(*np.nonzero(np.triu(np.abs(matrix), 1) > _CORRELATED), strict=True):
         k, parameter = fit.parameters[one]
         partner, shared = fit.parameters[other]
-        if k != partner:
+        drawn = fit.effects[k].departures.size or fit.effects[partner].departures.size
+        if k != partner and not drawn:
             effect = fit.effects[partner]
             found[k].append(
                 f"{parameter.name} and {shared.name} of {effect.name} at {effect.where} move "

@@ -115,7 +115,15 @@ class Problem:
 
         def fit(sided: Sequence[Effect], steps: int) -> Fit:
             logs, floor = self.records, self.whitening
-            return refine(self.robot, sided, logs, floor, steps, kept=self._columns)
+            return refine(
+                self.robot,
+                sided,
+                logs,
+                floor,
+                steps,
+                kept=self._columns,
+                samples=self.white_samples,
+            )
 
         return best_sides(self.robot, effects, self.records[0].motion, fit)
 
@@ -132,7 +140,14 @@ class Problem:
         if not fit.parameters:
             return np.zeros(0)
         narrow = tuple(record.narrowed(0.6) for record in self.records)
-        other = refine(self.robot, fit.effects, narrow, self.whitening, iterations=2)
+        other = refine(
+            self.robot,
+            fit.effects,
+            narrow,
+            self.whitening,
+            iterations=2,
+            samples=self.white_samples,
+        )
         doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
         return np.asarray(np.hypot(other.values - fit.values, doubt * fit.values))
 
@@ -165,6 +180,15 @@ class Problem:
         chance = longest * ROWS_PER_SAMPLE / len(residual)
         lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
         return np.asarray(self._row_share / np.maximum(1.0 + 2.0 * lags, ROWS_PER_SAMPLE))
+
+    def row_noise(self, residual: FloatArray) -> FloatArray:
+        """Return (outputs,) mean squares of a residual over white noise's samples per row.
+
+        Args:
+            residual: (rows, outputs), whitened.
+        """
+        squares = np.maximum(np.mean(residual**2, axis=0), 1.0)
+        return np.asarray(squares / self.white_samples)
 
     @property
     def white_samples(self) -> FloatArray:

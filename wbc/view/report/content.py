@@ -120,9 +120,11 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     cards = []
     for finding in findings:
         parameters = []
-        for name, estimate in finding.parameters.items():
+        for name, estimate in finding.numbers.items():
             value, interval = with_interval(estimate.value, estimate.low, estimate.high)
             unit = "" if estimate.unit == "1" else estimate.unit
+            if estimate.drawn is not None:
+                unit += f" (drawn {plain(estimate.drawn)})"
             parameters.append(
                 {"name": spoken(name), "value": value, "interval": interval, "unit": unit}
             )
