@@ -31,14 +31,11 @@ _COMMANDS = (
 )
 
 _EPILOG = """\
-examples:
-  wbc init my_leg.urdf run*.csv
+example (others: wbc COMMAND --help):
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 
-exit codes: 0 done, 1 unknown or not repeatable (diagnose) or unusable (check),
-2 bad input or wrong columns, 3 above --fail-above (compare),
-4 drifts with --fail-on-drift (trend), 130 interrupted
-`wbc COMMAND --help` shows every option of a command with an example."""
+exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input or wrong columns,
+3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -25,8 +25,8 @@ def compare(robot: Robot, logs: Sequence[Log]) -> Comparison:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    sources = tuple(log.source for log in logs)
-    return compare_problem(Problem.from_logs(robot, logs), sources)
+    problem = Problem.from_logs(robot, logs)
+    return compare_problem(problem, tuple(log.source for log in logs))
 
 
 def compare_problem(problem: Problem, sources: tuple[LogSource, ...] = ()) -> Comparison:
