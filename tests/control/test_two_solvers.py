@@ -10,6 +10,7 @@ from sims.legged import feet
 from tests.control.scenes import moving
 from wbc.control import (
     AngularMomentumTask,
+    CapturePointTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
     Contact,
@@ -17,9 +18,11 @@ from wbc.control import (
     Controller,
     ControllerSettings,
     Effort,
+    FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    GazeTask,
     JointLimit,
     JouleHeatEffort,
     LinearMomentumTask,
@@ -68,11 +71,14 @@ def heat(robot):
 # kind -> what is added to centre of mass and posture on a robot
 TASKS = {
     AngularMomentumTask: lambda r: [AngularMomentumTask(weight=0.5)],
+    CapturePointTask: lambda r: [CapturePointTask(height=0.3, weight=0.5)],
     CenterOfMassTask: lambda r: [],
     CentroidalMomentumTask: lambda r: [CentroidalMomentumTask(weight=0.1)],
+    FrameDistanceTask: lambda r: [FrameDistanceTask(frame=TRUNK[r.name], other=foot(r))],
     FrameOrientationTask: lambda r: [frame(r, FrameOrientationTask)],
     FramePoseTask: lambda r: [frame(r, FramePoseTask, relative_to=foot(r))],
     FramePositionTask: lambda r: [frame(r, FramePositionTask, axes="xz")],
+    GazeTask: lambda r: [GazeTask(frame=TRUNK[r.name])],
     LinearMomentumTask: lambda r: [LinearMomentumTask(weight=0.1)],
     PostureTask: lambda r: [],
 }

@@ -3,6 +3,7 @@
 from wbc.control.command import Command, Status
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
 from wbc.control.contacts.contact_ramp import ContactRamp
+from wbc.control.contacts.contact_schedule import ContactSchedule
 from wbc.control.controller import Controller
 from wbc.control.disturbance import DisturbanceObserver
 from wbc.control.efforts import (
@@ -29,11 +30,14 @@ from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.state import State
 from wbc.control.tasks import (
     AngularMomentumTask,
+    CapturePointTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
+    FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    GazeTask,
     LinearMomentumTask,
     PointFootBalanceTask,
     PostureTask,
@@ -44,6 +48,7 @@ from wbc.control.torque.speed import SpeedBlend
 
 __all__ = [
     "AngularMomentumTask",
+    "CapturePointTask",
     "CenterOfMassTask",
     "CentroidalMomentumTask",
     "Command",
@@ -51,14 +56,17 @@ __all__ = [
     "Contact",
     "ContactForceTask",
     "ContactRamp",
+    "ContactSchedule",
     "Controller",
     "ControllerSettings",
     "Damped",
     "DisturbanceObserver",
     "Effort",
+    "FrameDistanceTask",
     "FrameOrientationTask",
     "FramePoseTask",
     "FramePositionTask",
+    "GazeTask",
     "Hold",
     "JointLimit",
     "JouleHeatEffort",

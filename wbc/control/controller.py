@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import inf
+from threading import Lock
 from time import perf_counter
 from typing import NamedTuple
 
@@ -52,6 +53,10 @@ from wbc.control.torque.torque_stage import RotorTorqueStage
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
+_BUSY: Complaint = (
+    Status.BAD_INPUT,
+    "step is called while another thread is in it; give every thread a controller of its own.",
+)
 _NO_REFERENCES: Mapping[str, Reference] = {}
 
 
@@ -81,7 +86,8 @@ class Controller:
     Each tick solves the contact-force program (accelerations and contact forces under the
     dissipative equation of motion, see `ContactForceProgram`) and realises its output torques
     through the gears, in the direction of power that the solution itself has. The user owns the
-    loop; `step` never raises.
+    loop; `step` never raises. One thread at a time may be in `step`; a second one gets the last
+    good torque and is told so.
 
     Attributes:
         robot: the robot, with the effects to compensate.
@@ -163,6 +169,7 @@ class Controller:
                 ),
             )
         )
+        self._free = Lock()
         self._level: Level | None = None
         self._gears: GearState | None = None
         self.reset()
@@ -213,6 +220,23 @@ class Controller:
             dt: time until the next tick [s]; that of the settings when left out.
         """
         start = perf_counter()
+        if not self._free.acquire(blocking=False):
+            return self._fallback.busy(_BUSY, start)
+        try:
+            return self._step(state, references, contacts, weights, activation, dt, start)
+        finally:
+            self._free.release()
+
+    def _step(
+        self,
+        state: State,
+        references: Mapping[str, Reference] | None,
+        contacts: Mapping[str, float] | None,
+        weights: Mapping[str, float] | None,
+        activation: Mapping[str, float] | None,
+        dt: float | None,
+        start: float,
+    ) -> Command:
         step = self.settings.time_step if dt is None else dt
         try:
             ready = self._prepare(state, references, contacts, weights, activation, step)
@@ -258,7 +282,8 @@ class Controller:
         dt: float,
     ) -> _Ready | _Refused:
         """Check everything and evaluate the state, tasks and contacts; remember nothing."""
-        motion = self._states.admitted(state)
+        hook = self.settings.state_hook
+        motion = self._states.admitted(state if hook is None else hook(state))
         if not isinstance(motion, Motion):
             return _Refused(None, motion)
         given = _NO_REFERENCES if references is None else references
@@ -300,7 +325,7 @@ class Controller:
             return self._safe(motion, complaint, ready.dt, start, answer.found, refused)
         self._hold_targets()
         self._remember(ready, answer)
-        return self._outcome.command(levels[0].program, answer, gears, motion, start)
+        return self._outcome.command(levels[0].program, answer, gears, motion, ready.dt, start)
 
     def _descend(self, ready: _Ready) -> Answer | Refusal:
         """Solve one level after the other; one that finds nothing leaves it at those above."""

@@ -3,6 +3,7 @@
 from wbc.robot.contact import ContactPoint
 from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
 from wbc.robot.effect import ContactForces, Effect, Hook, Parameter
+from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
@@ -10,11 +11,13 @@ from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, Screen
 
 __all__ = [
+    "BaseState",
     "ContactForces",
     "ContactPoint",
     "Effect",
     "Evidence",
     "Hook",
+    "JointMap",
     "Memory",
     "Motion",
     "Parameter",

@@ -64,6 +64,7 @@ class ContactForceProgram:
         locked: int = 0,
         task_rows: int = 0,
         slack: float = 0.0,
+        hardens: bool = False,
     ) -> None:
         """Lay out the rows.
 
@@ -78,7 +79,9 @@ class ContactForceProgram:
             locked: greatest number of equality rows that a more important level hands down.
             task_rows: rows of the tasks.
             slack: how far every inequality's bound lies beyond what it stands for.
+            hardens: whether a task has an infinite weight.
         """
+        self._hardens = hardens
         robot = plant.robot
         self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
         self.nv, self.forces = robot.model.nv, contacts.rows
@@ -215,6 +218,7 @@ class ContactForceProgram:
             C=rows.C,
             lower=rows.lower,
             upper=rows.upper,
+            hardens=self._hardens,
         )
         free = slice(rows.torque.stop, None)
         self.unbound = self.blocks._replace(
@@ -273,7 +277,9 @@ class ContactForceProgram:
         for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
-        return "what the more important tasks have decided", "m/s^2"
+        if row < len(self.b):
+            return "what the more important tasks have decided", "m/s^2"
+        return "a task of infinite weight", "m/s^2"
 
     def inequality_label(self, row: int) -> tuple[str, float, str]:
         """Return what an inequality is called, the scale of a violation, and its unit."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from math import inf
 
+import numpy as np
+
 from wbc.arrays import BoolArray
 from wbc.control.contacts import BoundContact
 from wbc.control.contacts.contact_ranks import ContactRanks
@@ -98,7 +100,7 @@ class ProgramLibrary:
     def _level(self, contacts: ContactSet, rank: int) -> Level:
         recipe, settings = self._recipe, self._recipe.settings
         last = rank == len(recipe.stacks) - 1
-        tasks, above = recipe.stacks[rank], recipe.stacks[rank - 1] if rank else None
+        tasks, above = recipe.stacks[rank], recipe.stacks[:rank]
         program = ContactForceProgram(
             recipe.plant,
             contacts,
@@ -107,9 +109,10 @@ class ProgramLibrary:
             (settings.acceleration_weight, settings.force_weight),
             recipe.efforts if last else (),
             recipe.force_tasks if last else (),
-            0 if above is None else greatest_lock(above),
+            greatest_lock(above),
             len(tasks.wanted),
-            _SLACK * settings.tolerance if rank else 0.0,
+            rank * _SLACK * settings.tolerance,
+            any(bool(np.isinf(task.weight).any()) for task in tasks.tasks),
         )
         own_first = settings.warm_start is WarmStart.ACTIVE_SET
         whole, gears = len(program.rows.labels), len(program.gears)
@@ -120,7 +123,7 @@ class ProgramLibrary:
             settings.max_rounds,
         )
         guess = _own_solver(program, settings, whole - gears) if own_first else None
-        lock = None if above is None else LevelLock(program, above)
+        lock = LevelLock(program, above) if above else None
         return Level(
             tasks,
             program,
