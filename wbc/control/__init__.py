@@ -14,7 +14,7 @@ from wbc.control.efforts import (
     OutputTorqueEffort,
     RotorTorqueEffort,
 )
-from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
+from wbc.control.limits import CollisionLimit, JointLimit, MotorBraking, RotorTorqueLimit, Shape
 from wbc.control.reference import Reference
 from wbc.control.safety.explain import explain
 from wbc.control.safety.policies import (
@@ -51,6 +51,7 @@ __all__ = [
     "CapturePointTask",
     "CenterOfMassTask",
     "CentroidalMomentumTask",
+    "CollisionLimit",
     "Command",
     "ConeApproximation",
     "Contact",
@@ -84,6 +85,7 @@ __all__ = [
     "RotorTorqueEffort",
     "RotorTorqueLimit",
     "SafetyPolicy",
+    "Shape",
     "Situation",
     "SpeedBlend",
     "State",

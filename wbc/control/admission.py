@@ -9,13 +9,13 @@ import pinocchio as pin
 
 from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.limits import CollisionLimit, JointLimit, RotorTorqueLimit
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.tasks import Task
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Robot
 
-_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit)
+_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)
 
 
 def checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:

@@ -24,7 +24,7 @@ from wbc.control.disturbance import DisturbanceEstimate
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.limits import CollisionLimit, CollisionRows, JointLimit, RotorTorqueLimit
 from wbc.control.outcome import Outcome
 from wbc.control.plant import Plant
 from wbc.control.program.level import Answer, GearState, Level, Refusal
@@ -100,7 +100,7 @@ class Controller:
         robot: Robot,
         tasks: Sequence[Task | Effort | ContactForceTask],
         contacts: Sequence[Contact] = (),
-        limits: Sequence[RotorTorqueLimit | JointLimit] | None = None,
+        limits: Sequence[RotorTorqueLimit | JointLimit | CollisionLimit] | None = None,
         settings: ControllerSettings | None = None,
     ) -> None:
         """Set the controller up.
@@ -147,6 +147,8 @@ class Controller:
         )
         self._force_tasks = checked_force_tasks(self.tasks, self._contacts)
         joint_limit = single_limit(JointLimit, limits)
+        apart = single_limit(CollisionLimit, limits)
+        self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
         self._brakes = joint_limit is not None and joint_limit.braking is not None
         self._programs = ProgramLibrary(
             Recipe(
@@ -155,6 +157,7 @@ class Controller:
                 contacts=self._contacts,
                 limited=self._motors.limited,
                 joint_limit=joint_limit,
+                collision=self._collision,
                 settings=self.settings,
                 efforts=checked_efforts(robot, self.tasks),
                 force_tasks=self._force_tasks,
@@ -298,6 +301,8 @@ class Controller:
             return _Refused(motion, complaint)
         motion = self._effects.true_motion(motion)
         self._kinematics.update(motion.position, motion.velocity)
+        if self._collision is not None:
+            self._collision.fill(self._kinematics)
         try:
             for stack in self._stacks:
                 stack.weigh(weights, activation)

@@ -119,6 +119,10 @@ class Kinematics:
             self._frames[name] = number
         return number
 
+    def joint_place(self, joint: int) -> pin.SE3:
+        """Return the placement of a joint in the world."""
+        return self._data.oMi[joint]
+
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""
         return pin.updateFramePlacement(self.model, self._data, frame)

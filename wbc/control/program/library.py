@@ -15,7 +15,7 @@ from wbc.control.contacts.contact_ranks import ContactRanks
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit
+from wbc.control.limits import CollisionRows, JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level import Level
@@ -44,6 +44,7 @@ class Recipe:
         contacts: every contact there may be, by name.
         limited: (m,) bool, gears that have a torque limit.
         joint_limit: limits of joints, or None.
+        collision: distances to keep, or None.
         settings: of the controller.
         efforts: costs on torques, which the least important level bears.
         force_tasks: costs on contact forces, likewise.
@@ -57,6 +58,7 @@ class Recipe:
     contacts: Mapping[str, BoundContact]
     limited: BoolArray
     joint_limit: JointLimit | None
+    collision: CollisionRows | None
     settings: ControllerSettings
     efforts: Sequence[Effort]
     force_tasks: Sequence[ContactForceTask]
@@ -113,6 +115,7 @@ class ProgramLibrary:
             len(tasks.wanted),
             rank * _SLACK * settings.tolerance,
             any(bool(np.isinf(task.weight).any()) for task in tasks.tasks),
+            recipe.collision,
         )
         own_first = settings.warm_start is WarmStart.ACTIVE_SET
         whole, gears = len(program.rows.labels), len(program.gears)
