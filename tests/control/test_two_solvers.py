@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc.control
@@ -13,6 +15,7 @@ from wbc.control import (
     CapturePointTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
+    CollisionLimit,
     Contact,
     ContactForceTask,
     Controller,
@@ -35,6 +38,7 @@ from wbc.control import (
     Reference,
     RotorTorqueEffort,
     RotorTorqueLimit,
+    Shape,
     SpeedBlend,
     SurfaceContact,
     Task,
@@ -68,6 +72,19 @@ def heat(robot):
     return robot.with_transmission(given)
 
 
+def apart(robot):
+    """Return a limit of the trunk's distance from a ball in the world that is too near."""
+    ball = coal.Sphere(0.05)
+    trunk = Shape(name="trunk", geometry=ball, frame=TRUNK[robot.name])
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pose())
+    place = data.oMf[robot.model.getFrameId(TRUNK[robot.name])].translation
+    post = Shape(
+        name="post", geometry=ball, placement=pin.SE3(np.eye(3), place + np.array([0.12, 0.0, 0.0]))
+    )
+    return [CollisionLimit([trunk, post], [("trunk", "post")], margin=0.025)]
+
+
 # kind -> what is added to centre of mass and posture on a robot
 TASKS = {
     AngularMomentumTask: lambda r: [AngularMomentumTask(weight=0.5)],
@@ -92,6 +109,7 @@ EFFORTS = {
     RotorTorqueEffort: lambda r: [RotorTorqueEffort(weight=1e-2)],
 }
 LIMITS = {
+    CollisionLimit: apart,
     JointLimit: lambda r: [JointLimit.of(r, acceleration=5.0)],
     MotorBraking: lambda r: [JointLimit.of(r, acceleration=20.0, braking=MotorBraking())],
     RotorTorqueLimit: lambda r: [RotorTorqueLimit(fraction=0.5, knee=0.1)],
@@ -188,6 +206,7 @@ def test_every_exported_kind_goes_through_both_solvers():
     assert of(Task) == {*TASKS, PointFootBalanceTask}
     assert of(Effort) | {ContactForceTask} == set(EFFORTS)
     assert of(Contact) == set(CONTACTS)
-    assert {k for k in kinds if k.__module__.startswith("wbc.control.limits")} == set(LIMITS)
+    limits = {k for k in kinds if k.__module__.startswith("wbc.control.limits")}
+    assert limits - {Shape} == set(LIMITS)
     for kind, names in CONTACTS.items():
         assert all(type(foot) is kind for name in names for foot in feet(load_robot(name)))
