@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf
 from threading import Lock
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,9 +32,6 @@ from wbc.control.safety.fallback import Fallback
 from wbc.control.safety.inputs import (
     Complaint,
     StateCheck,
-    force_complaint,
-    name_complaint,
-    share_complaint,
     size_complaint,
     step_complaint,
 )
@@ -45,6 +40,7 @@ from wbc.control.settings import ControllerSettings
 from wbc.control.solvers import QPProblem, check_solver
 from wbc.control.state import State
 from wbc.control.tasks import Task
+from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
 from wbc.control.torque.direction_search import Found
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.motors import Motors
@@ -58,26 +54,6 @@ _BUSY: Complaint = (
     "step is called while another thread is in it; give every thread a controller of its own.",
 )
 _NO_REFERENCES: Mapping[str, Reference] = {}
-
-
-class _Ready(NamedTuple):
-    """A tick that passed all checks, evaluated and ready to be solved."""
-
-    motion: Motion
-    references: Mapping[str, Reference]
-    contacts: Mapping[str, float] | None
-    dt: float
-    levels: tuple[Level, ...]
-    gears: GearState
-    expected: FloatArray
-    disturbance: FloatArray
-
-
-class _Refused(NamedTuple):
-    """A tick that did not pass them; the motion is None where it is what is wrong."""
-
-    motion: Motion | None
-    complaint: Complaint
 
 
 class Controller:
@@ -119,12 +95,11 @@ class Controller:
         """
         self.robot, self.tasks = robot, tuple(tasks)
         self.settings = ControllerSettings() if settings is None else settings
-        self._task_names = checked_names("task", [task.name for task in self.tasks])
+        names = checked_names("task", [task.name for task in self.tasks])
         checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
         self._states = StateCheck(robot)
-        self._weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
@@ -145,7 +120,9 @@ class Controller:
             self.settings.safety,
             tuple(self._contacts.values()),
         )
-        self._force_tasks = checked_force_tasks(self.tasks, self._contacts)
+        force_tasks = checked_force_tasks(self.tasks, self._contacts)
+        weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
+        self._inputs = InputCheck(names, weighed, self._contacts, force_tasks)
         joint_limit = single_limit(JointLimit, limits)
         apart = single_limit(CollisionLimit, limits)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
@@ -160,7 +137,7 @@ class Controller:
                 collision=self._collision,
                 settings=self.settings,
                 efforts=checked_efforts(robot, self.tasks),
-                force_tasks=self._force_tasks,
+                force_tasks=force_tasks,
                 stacks=self._stacks,
                 law=self._law,
                 stage=RotorTorqueStage(
@@ -226,11 +203,12 @@ class Controller:
         if not self._free.acquire(blocking=False):
             return self._fallback.busy(_BUSY, start)
         try:
-            return self._step(state, references, contacts, weights, activation, dt, start)
+            given = self._given(state, references, contacts, weights, activation, dt)
+            return self._step(given, start)
         finally:
             self._free.release()
 
-    def _step(
+    def _given(
         self,
         state: State,
         references: Mapping[str, Reference] | None,
@@ -238,17 +216,21 @@ class Controller:
         weights: Mapping[str, float] | None,
         activation: Mapping[str, float] | None,
         dt: float | None,
-        start: float,
-    ) -> Command:
+    ) -> TickInputs:
+        """Return the arguments of a tick with the settings for those left out."""
+        wanted = _NO_REFERENCES if references is None else references
         step = self.settings.time_step if dt is None else dt
+        return TickInputs(state, wanted, contacts, weights, activation, step)
+
+    def _step(self, given: TickInputs, start: float) -> Command:
         try:
-            ready = self._prepare(state, references, contacts, weights, activation, step)
-            if isinstance(ready, _Refused):
-                return self._safe(ready.motion, ready.complaint, dt, start)
+            ready = self._prepare(given)
+            if isinstance(ready, RefusedTick):
+                return self._safe(ready.motion, ready.complaint, given.dt, start)
             return self._solve(ready, start)
         except Exception as cause:  # what a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-            return self._safe(None, complaint, dt, start)
+            return self._safe(None, complaint, given.dt, start)
 
     def build(
         self,
@@ -267,56 +249,43 @@ class Controller:
         Raises:
             ControlError: `step` would not solve a program for these arguments.
         """
-        step = self.settings.time_step if dt is None else dt
-        ready = self._prepare(state, references, contacts, weights, activation, step)
-        if isinstance(ready, _Refused):
+        ready = self._prepare(self._given(state, references, contacts, weights, activation, dt))
+        if isinstance(ready, RefusedTick):
             raise ControlError(ready.complaint[1])
         first = ready.levels[0]
         first.assemble(ready.motion, ready.references, ready.contacts, ready.dt, None)
         return first.built(ready.gears, self._output)
 
-    def _prepare(
-        self,
-        state: State,
-        references: Mapping[str, Reference] | None,
-        contacts: Mapping[str, float] | None,
-        weights: Mapping[str, float] | None,
-        activation: Mapping[str, float] | None,
-        dt: float,
-    ) -> _Ready | _Refused:
+    def _prepare(self, given: TickInputs) -> ReadyTick | RefusedTick:
         """Check everything and evaluate the state, tasks and contacts; remember nothing."""
         hook = self.settings.state_hook
-        motion = self._states.admitted(state if hook is None else hook(state))
+        motion = self._states.admitted(given.state if hook is None else hook(given.state))
         if not isinstance(motion, Motion):
-            return _Refused(None, motion)
-        given = _NO_REFERENCES if references is None else references
-        complaint = (
-            name_complaint(given, self._task_names, contacts, self._contacts)
-            or share_complaint("weights", weights, self._weighed, inf)
-            or share_complaint("activation", activation, self._weighed, 1.0)
-            or step_complaint(dt)
-            or force_complaint(self._force_tasks, self._contacts, given)
-        )
+            return RefusedTick(None, motion)
+        complaint = self._inputs.complaint(given)
         if complaint is not None:
-            return _Refused(motion, complaint)
+            return RefusedTick(motion, complaint)
         motion = self._effects.true_motion(motion)
         self._kinematics.update(motion.position, motion.velocity)
         if self._collision is not None:
             self._collision.fill(self._kinematics)
         try:
             for stack in self._stacks:
-                stack.weigh(weights, activation)
-                stack.fill(self._kinematics, given)
+                stack.weigh(given.weights, given.activation)
+                stack.fill(self._kinematics, given.references)
         except ControlError as cause:
-            return _Refused(motion, (Status.BAD_INPUT, str(cause)))
-        levels = self._programs.levels(contacts)
+            return RefusedTick(motion, (Status.BAD_INPUT, str(cause)))
+        levels = self._programs.levels(given.contacts)
         levels[0].program.contacts.fill(self._kinematics, self._anchors)
         active, mass = levels[0].program.contacts.contacts, self._kinematics.mass_matrix
         disturbance = self._disturbance.updated(motion.velocity, mass, active)
-        gears, expected = self._judge_speeds(motion, dt, disturbance)
-        return _Ready(motion, given, contacts, dt, levels, gears, expected, disturbance)
+        gears, expected = self._judge_speeds(motion, given.dt, disturbance)
+        return ReadyTick(
+            *(motion, given.references, given.contacts, given.dt),
+            *(levels, gears, expected, disturbance),
+        )
 
-    def _solve(self, ready: _Ready, start: float) -> Command:
+    def _solve(self, ready: ReadyTick, start: float) -> Command:
         motion, levels, gears = ready.motion, ready.levels, ready.gears
         self._expected = ready.expected
         answer = self._descend(ready)
@@ -332,7 +301,7 @@ class Controller:
         self._remember(ready, answer)
         return self._outcome.command(levels[0].program, answer, gears, motion, ready.dt, start)
 
-    def _descend(self, ready: _Ready) -> Answer | Refusal:
+    def _descend(self, ready: ReadyTick) -> Answer | Refusal:
         """Solve one level after the other; one that finds nothing leaves it at those above."""
         first, *lower = ready.levels
         gears, tick = ready.gears, (ready.motion, ready.references, ready.contacts, ready.dt)
@@ -371,7 +340,7 @@ class Controller:
         for stack in self._stacks:
             stack.remember()
 
-    def _remember(self, ready: _Ready, answer: Answer) -> None:
+    def _remember(self, ready: ReadyTick, answer: Answer) -> None:
         self._output = answer.found.output
         self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
         active = ready.levels[0].program.contacts.contacts
@@ -389,13 +358,11 @@ class Controller:
         self,
         motion: Motion | None,
         complaint: Complaint,
-        dt: float | None,
+        dt: float,
         start: float,
         found: Found | None = None,
         refused: Refused | None = None,
     ) -> Command:
         self._disturbance.interrupt()
-        step = self.settings.time_step
-        if dt is not None and step_complaint(dt) is None:
-            step = dt
+        step = dt if step_complaint(dt) is None else self.settings.time_step
         return self._fallback.command(motion, complaint, step, start, found, refused)
