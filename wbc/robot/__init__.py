@@ -2,7 +2,14 @@
 
 from wbc.robot.contact import ContactPoint
 from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
-from wbc.robot.effect import ContactForces, Effect, Hook, Parameter
+from wbc.robot.effect import (
+    ContactForces,
+    Effect,
+    Hook,
+    Parameter,
+    Quantity,
+    small_steps,
+)
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
@@ -21,6 +28,7 @@ __all__ = [
     "Memory",
     "Motion",
     "Parameter",
+    "Quantity",
     "Robot",
     "RobotDescription",
     "RobotSource",
@@ -32,4 +40,5 @@ __all__ = [
     "read_description",
     "robot_names",
     "robots_directory",
+    "small_steps",
 ]

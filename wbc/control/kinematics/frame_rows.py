@@ -19,8 +19,8 @@ from wbc.compiled import (
     OutDense,
     OutMatrix,
     OutVector,
-    PlaceRows,
     Places,
+    Table,
     Vector,
     compiled,
 )
@@ -130,7 +130,7 @@ def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
 
 @compiled(
     Nothing,
-    *(PlaceRows, Dense, Places, Places, Places, Matrix, Dense, Dense, Dense),
+    *(Table, Dense, Places, Places, Places, Matrix, Dense, Dense, Dense),
     *(Vector, Matrix, Number, Vector),
     *(OutMatrix, OutVector, OutDense),
 )

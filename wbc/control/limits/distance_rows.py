@@ -5,22 +5,22 @@ from __future__ import annotations
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Dense,
-    Line,
     Matrix,
     Nothing,
     Number,
     OutDense,
-    OutLine,
-    PlaceRows,
+    OutRow,
     Places,
+    Row,
+    Table,
     compiled,
 )
 
 
 @compiled(
     Nothing,
-    *(PlaceRows, Places, Places, Matrix, Dense, Dense, Dense, Line, *[Number] * 3),
-    *(OutDense, OutLine),
+    *(Table, Places, Places, Matrix, Dense, Dense, Dense, Row, *[Number] * 3),
+    *(OutDense, OutRow),
 )
 def place_distance_rows(
     joints: IntArray,

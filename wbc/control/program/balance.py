@@ -5,19 +5,19 @@ from __future__ import annotations
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Dense,
-    Line,
     Matrix,
     Nothing,
     Number,
-    OutLine,
     OutMatrix,
+    OutRow,
     OutVector,
     Places,
+    Row,
     compiled,
 )
 
 
-@compiled(Nothing, Dense, Line, Matrix, Number, Places, OutMatrix, OutVector)
+@compiled(Nothing, Dense, Row, Matrix, Number, Places, OutMatrix, OutVector)
 def place_balance(
     mass: FloatArray,
     bias: FloatArray,
@@ -46,7 +46,7 @@ def place_balance(
             rows[i, nv + k] = -scale * jacobian[k, row]
 
 
-@compiled(Nothing, Dense, Line, Line, OutLine)
+@compiled(Nothing, Dense, Row, Row, OutRow)
 def place_share(
     rotor: FloatArray, rotor_bias: FloatArray, acceleration: FloatArray, share: FloatArray
 ) -> None:
@@ -60,8 +60,8 @@ def place_share(
 
 @compiled(
     Nothing,
-    *(Dense, Line, Matrix, Number, Line, Places, Dense, Dense, Line),
-    *[OutLine] * 3,
+    *(Dense, Row, Matrix, Number, Row, Places, Dense, Dense, Row),
+    *[OutRow] * 3,
 )
 def place_output(
     mass: FloatArray,

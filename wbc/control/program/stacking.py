@@ -11,8 +11,8 @@ from wbc.compiled import (
     Nothing,
     OutDense,
     OutVector,
-    PlaceRows,
     Places,
+    Table,
     Vector,
     compiled,
 )
@@ -36,7 +36,7 @@ def place_rates(
 
 @compiled(
     Nothing,
-    *(PlaceRows, Places, Dense, Dense, Matrix, Vector, Places, Vector, Places, Vector),
+    *(Table, Places, Dense, Dense, Matrix, Vector, Places, Vector, Places, Vector),
     *(OutDense, Dense, Vector, OutVector, OutVector),
 )
 def place_wanted(
