@@ -41,7 +41,13 @@ def stand(console: Console, duration: float) -> list[Path]:
     return [
         save_log(ours.squat.log, OUT / "squat.parquet"),
         save_log(ours.landing.log, OUT / "landing.parquet"),
-        write_playback(OUT / "landing.html", robot, ours.landing.log, title="Landing from 10 cm"),
+        write_playback(
+            OUT / "landing.html",
+            robot,
+            ours.landing.log,
+            marks=ours.landing.marks,
+            title="Landing from 10 cm",
+        ),
         *write_figures(OUT, standing.draw(loops)),
     ]
 

@@ -111,10 +111,12 @@ def report(loops: dict[str, Loop]) -> list[Path]:
     """Print the table; return the plots and the playback of our landing written."""
     print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
     robot = load_robot("planar_leg_strong")
-    page, ours = OUT / "standing.html", loops["dissipative"].landing.log
+    page, landing = OUT / "standing.html", loops["dissipative"].landing
     return [
         *write_figures(OUT, draw(loops)),
-        write_playback(page, robot, ours, title="Landing from 10 cm on lossy gears"),
+        write_playback(
+            page, robot, landing.log, marks=landing.marks, title="Landing from 10 cm on lossy gears"
+        ),
     ]
 
 

@@ -106,3 +106,18 @@ def test_the_residual_shrinks_with_the_step(name: str, height: float) -> None:
     assert fine.flow.lost > 0.1
     assert abs(fine.residual) < 0.35 * abs(coarse.residual) + 1e-5
     assert abs(fine.residual) < 0.02 * fine.flow.lost
+
+
+def test_a_pinned_foot_does_no_work() -> None:
+    """A lossless push-off gained 0.24 % at 1 ms, a hop 3.8 %: the foot worked as its row turned."""
+    leg = LEG.lossless().with_transmission(
+        LEG.lossless().transmission.replace(torque_limit=np.full(2, 5.0))
+    )
+    plant, residuals = Plant(leg), []
+    q = leg.configuration(hip=-0.6, knee=1.2)
+    q[1] -= plant.gaps(plant.state(q))[0]
+    for dt in (1e-3, 5e-4):
+        audit, _ = _audit(plant, plant.state(q), lambda t: np.array([0.5, -5.0]), dt, 0.1)
+        residuals.append(abs(audit.residual) / abs(audit.flow.motor))
+    assert residuals[0] < 1e-3
+    assert residuals[1] < 0.6 * residuals[0]

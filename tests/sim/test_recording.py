@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +11,18 @@ import pytest
 from wbc import load_robot
 from wbc.effects import JointCompliance, JointEffect, JointSpring, TorqueConstant
 from wbc.errors import SimulationError
-from wbc.sim import Plane, Plant, Sensor, SensorModel, SimState, Simulation, Stairs, simulate
+from wbc.sim import (
+    Plane,
+    Plant,
+    Sensor,
+    SensorModel,
+    SimState,
+    Simulation,
+    Stairs,
+    StepEvent,
+    simulate,
+)
+from wbc.view.playback import playback_page
 
 
 def _run(robot=None, duration: float = 0.2) -> Simulation:
@@ -20,6 +31,25 @@ def _run(robot=None, duration: float = 0.2) -> Simulation:
     q = robot.configuration(hip=0.5, knee=-1.0)
     q[1] = 0.8 * np.cos(0.5) + 0.01
     return simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), duration)
+
+
+def test_the_playback_shows_what_steps_had_to_say() -> None:
+    """Events of one kind in a row are one mark, where they begin."""
+    run = _run()
+    kinds = ("overlap", "overlap", "overlap", "energy")
+    times = (0.02, 0.021, 0.1, 0.05)
+    events = tuple(
+        StepEvent(kind, time, 1.0, f"{kind} of {time}")
+        for kind, time in zip(kinds, times, strict=True)
+    )
+    marks = replace(run, events=events).marks
+    assert marks == {
+        "overlap: overlap of 0.02": 0.02,
+        "overlap: overlap of 0.1": 0.1,
+        "energy: energy of 0.05": 0.05,
+    }
+    page = playback_page(load_robot("planar_leg"), run.log, marks=marks)
+    assert all(label in page for label in marks)
 
 
 def test_a_recording_is_a_log_of_true_values() -> None:

@@ -47,6 +47,21 @@ class Simulation:
     fallbacks: int
     events: tuple[StepEvent, ...]
 
+    @property
+    def marks(self) -> dict[str, float]:
+        """Label -> time [s] where events of a kind begin, for `wbc.view.write_playback`.
+
+        Events of one kind that follow each other within two rows of the recording are one mark.
+        """
+        row = float(self.log.time[1] - self.log.time[0])
+        found: dict[str, float] = {}
+        last: dict[str, float] = {}
+        for event in self.events:
+            if event.time - last.get(event.kind, -np.inf) > 2.0 * row:
+                found[f"{event.kind}: {event.text}"] = event.time
+            last[event.kind] = event.time
+        return found
+
 
 def simulate(
     plant: Plant,

@@ -67,6 +67,53 @@ def gaps_at(
             gap[2 * j + s * k + i] = along - solids[s, 3] - contacts[i, 3]
 
 
+@compiled(Nothing, Flags, Count, Table, Table, Dense, Dense, Dense, Row, Dense, Row, OutRow)
+def rates_at(
+    closed: BoolArray,
+    limits: int,
+    rows: IntArray,
+    contact_at: IntArray,
+    contacts: FloatArray,
+    solids: FloatArray,
+    columns: FloatArray,
+    about: FloatArray,
+    poses: FloatArray,
+    v: FloatArray,
+    rate: FloatArray,
+) -> None:
+    """Write how fast the closed contacts open (2 j + c,) at v (nv,); zero for all else.
+
+    Args:
+        closed: (2 j + c,).
+        limits: 2 j.
+        rows: of the `Tree`.
+        contact_at, contacts, solids: see `gaps_at`.
+        columns: (nv, 6) about the point `about` (3,).
+        poses: (n, 12).
+        v: (nv,).
+        rate: to write.
+    """
+    k, point, motion = len(contact_at), np.empty(3), np.empty(6)
+    for b in range(len(closed)):
+        rate[b] = 0.0
+        if b < limits or not closed[b]:
+            continue
+        contact, normal = (b - limits) % k, solids[(b - limits) // k]
+        place_of(contact_at, contacts, poses, contact, point)
+        x = point[0] - about[0] - contacts[contact, 3] * normal[0]
+        y = point[1] - about[1] - contacts[contact, 3] * normal[1]
+        z = point[2] - about[2] - contacts[contact, 3] * normal[2]
+        motion[:] = 0.0
+        i = contact_at[contact, 1]
+        while i >= 0:
+            for a in range(6):
+                motion[a] += columns[i, a] * v[i]
+            i = rows[i, 1]
+        rate[b] = normal[0] * (motion[0] + motion[4] * z - motion[5] * y)
+        rate[b] += normal[1] * (motion[1] + motion[5] * x - motion[3] * z)
+        rate[b] += normal[2] * (motion[2] + motion[3] * y - motion[4] * x)
+
+
 @compiled(Nothing, Row, Flag, OutDense)
 def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
     """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3)."""

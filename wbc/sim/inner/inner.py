@@ -112,12 +112,14 @@ class Inner:
         n, nv, k = len(tree.joints), len(tree.rows), barriers.points
         gears = (drive.ratio, drive.inertia, drive.viscous, drive.coulomb, 1.0 / drive.forward)
         table = np.ascontiguousarray(np.column_stack((*gears, drive.backward)))
+        tables = barriers.tables(tree)
+        self._ground = barriers.limits, *tables[2:], solids
         self._tree: tuple[Any, ...] = tree.joints, tree.shapes, tree.rows
         self._fixed: tuple[Any, ...] = (
             *self._tree,
             tree.gravity,
             bases,
-            *barriers.tables(tree),
+            *tables,
             solids,
             barriers.planar,
             table,
@@ -134,21 +136,25 @@ class Inner:
         self._ends = tuple(self._places.tolist())
         self._size = self._ends[-1] + 1
 
-    def to_middle(self, state: SimState, half: float) -> tuple[FloatArray, FloatArray]:
-        """Return q (nq,) and v (nv,) after `half` a step [s]; the memory then stands there."""
+    def to_middle(self, state: SimState, half: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return q (nq,), v (nv,) after `half` a step [s] and how fast contacts opened (2 j + c,).
+
+        The memory then stands there. The last is for closed contacts, at the start.
+        """
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        middle, speed = np.empty(len(q)), np.empty(len(v))
-        given = self._bases, q, v, half
-        written = self._carried, middle, speed
+        middle, speed, rate = np.empty(len(q)), np.empty(len(v)), np.empty(len(state.closed))
+        given = self._bases, q, v, half, state.closed, *self._ground
+        written = self._carried, middle, speed, rate
         arguments: tuple[Any, ...] = (*self._tree, *given, *self._memory, *written)
         to_middle(*arguments)
-        return middle, speed
+        return middle, speed, rate
 
     def from_middle(
         self,
         state: SimState,
         position: FloatArray,
         velocity: FloatArray,
+        rate: FloatArray,
         forces: EffectForces,
         external: FloatArray | None,
         kept: BoolArray,
@@ -160,6 +166,7 @@ class Inner:
             state: at its start.
             position: q (nq,) in the middle.
             velocity: v (nv,) there.
+            rate: (2 j + c,) speed at which closed contacts opened at the start.
             forces: of the effects there.
             external: (nv,), None for none.
             kept: (2 j + c,) barriers that may close within the part.
@@ -174,7 +181,7 @@ class Inner:
         out, closed = np.empty(self._size), np.empty(len(kept), dtype=np.bool_)
         before = state.closed, kept, state.impulse, np.ascontiguousarray(state.velocity)
         acting = forces.rotor, force, dry, step, *self._limits
-        written = self._carried, position, velocity, out, self._places, closed
+        written = self._carried, position, velocity, rate, out, self._places, closed
         arguments: tuple[Any, ...] = (*self._fixed, *before, *acting, *self._memory, *written)
         result = from_middle(*arguments)
         if result == FAILED:

@@ -7,8 +7,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flags,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    Row,
+    Table,
+    compiled,
+)
+from wbc.sim.inner.barriers import rates_at
 from wbc.sim.step.momentum import momentum_at, velocity_at
 from wbc.sim.tree.inertia import bodies_at, inertia_at
 from wbc.sim.tree.kinematics import columns_at, moved_along, place
@@ -128,7 +140,8 @@ def advance(
 
 @compiled(
     Nothing, Table, Dense, Table, Table, Row, Row, Number,
-    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow,
+    Flags, Count, Table, Dense, Dense,
+    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow, OutRow,
 )  # fmt: skip
 def to_middle(
     joints: IntArray,
@@ -138,6 +151,11 @@ def to_middle(
     q: FloatArray,
     v: FloatArray,
     half: float,
+    closed: BoolArray,
+    limits: int,
+    contact_at: IntArray,
+    contacts: FloatArray,
+    solids: FloatArray,
     poses: FloatArray,
     columns: FloatArray,
     bodies: FloatArray,
@@ -146,19 +164,28 @@ def to_middle(
     carried: FloatArray,
     middle: FloatArray,
     speed: FloatArray,
+    rate: FloatArray,
 ) -> None:
     """Write q (nq,) and v (nv,) half a step later with the momentum that the robot has.
 
     The attitude goes by the velocity of the middle (one correction), which makes free rotation of
-    second order. The memory then stands at the middle, with all of H_l.
+    second order. The memory then stands at the middle, with all of H_l. How fast the closed
+    contacts open at the start is written beside it, see `rates_at`.
     """
     speed[:] = v
     upto, turn, lever = 0, np.empty((3, 3)), np.empty(3)
     for i in range(len(bases)):
         upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
-    if len(bases):
+    touching = False
+    for i in range(limits, len(closed)):
+        touching = touching or closed[i]
+    rate[:] = 0.0
+    if len(bases) or touching:
+        about = np.empty(3)
         place(joints, shapes, q, poses)
         look(joints, shapes, rows, bases, upto, poses, columns, bodies, composite, inertia)
+        point_of_reference(bases, poses, about)
+        rates_at(closed, limits, rows, contact_at, contacts, solids, columns, about, poses, v, rate)
         for i in range(len(bases)):
             base_frame(bases, i, poses, composite, turn, lever)
             planar, frame = bases[i, PLANAR] == 1, bases[i, FRAME]
@@ -166,6 +193,7 @@ def to_middle(
             for k in range(3):
                 carried[i, 6 + k] = poses[frame, 9 + k] + lever[k]
             carried[i, 9] = composite[bases[i, JOINT], 0]
+    if len(bases):
         moved_along(joints, q, v, half, middle)
         place(joints, shapes, middle, poses)
         look(joints, shapes, rows, bases, upto, poses, columns, bodies, composite, inertia)

@@ -153,7 +153,7 @@ def row_places(
     Table, Dense, Table, Dense, Dense, Flag,
     Dense, Dense,
     Flags, Flags, Row, Row, Row, Row, Row, Number, Number, Number, Number, Number,
-    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow,
+    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow, Row,
     OutRow, Places, OutFlags,
 )  # fmt: skip
 def from_middle(
@@ -190,6 +190,7 @@ def from_middle(
     carried: FloatArray,
     middle: FloatArray,
     speed: FloatArray,
+    rate: FloatArray,
     out: FloatArray,
     ends: IntArray,
     closed: BoolArray,
@@ -219,6 +220,7 @@ def from_middle(
         carried: (b, 10) momentum of the start, centres of mass at the middle.
         middle: q (nq,) at the middle.
         speed: v (nv,) there, with the momentum of the start.
+        rate: (2 j + c,) speed at which closed contacts opened at the start.
         out: what `Ended` holds, one after the other, to write.
         ends: where each of these ends.
         closed: (2 j + c,) barriers that stay closed, to write.
@@ -260,9 +262,16 @@ def from_middle(
     row = 0
     for i in range(size):
         if closed[i]:
-            # A barrier that was kept ahead of its closing may close, over the half step left.
             if kept[i]:
+                # It was kept ahead of its closing and may close, over the half step left.
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
+            elif i >= 2 * j:
+                # What it opened over the first half it closes over the second: `flow._add_drift`.
+                drifted = -rate[i]
+                at = m + row
+                for c in range(n):
+                    drifted += matrix[at, c] * speed[c]
+                targets[row] = -max(drifted, 0.0)
             row += 1
     for c in range(touching):
         frictions[c] = contacts[which[c] % k, 4]

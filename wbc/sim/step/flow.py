@@ -160,10 +160,10 @@ def _compiled(
     kept: BoolArray,
 ) -> Flow | None:
     """Return the part as the compiled loops find it; None where they do not."""
-    position, velocity = inner.to_middle(state, 0.5 * step)
+    position, velocity, rate = inner.to_middle(state, 0.5 * step)
     at = position, velocity, state.time + 0.5 * step
     forces = effect_forces(setup.robot, at, command, state.memory, step)
-    found = inner.from_middle(state, position, velocity, forces, external, kept, step)
+    found = inner.from_middle(state, position, velocity, rate, forces, external, kept, step)
     if found is None:
         return None
     following = SimState(
@@ -176,9 +176,8 @@ def _compiled(
         found.motor_speed,
         forces.memory,
     )
-    details = partial(
-        _rebuilt, setup, state, position, velocity, forces, external, kept, step, found
-    )
+    given = state, position, velocity, rate, forces, external, kept, step
+    details = partial(_rebuilt, setup, *given, found)
     return Flow(following, found.landed, found, forces, step, details)
 
 
@@ -187,6 +186,7 @@ def _rebuilt(
     state: SimState,
     position: FloatArray,
     velocity: FloatArray,
+    rate: FloatArray,
     forces: EffectForces,
     external: FloatArray | None,
     kept: BoolArray,
@@ -199,7 +199,7 @@ def _rebuilt(
     energy of the part, are then checks of the loops.
     """
     middle = standing_at(setup.bases, setup.space, position, velocity)
-    problem = _problem(setup, state, middle, forces, external, kept, step, None)
+    problem = _problem(setup, state, middle, rate, forces, external, kept, step, None)
     gears, places, program = _program(problem, np.zeros(setup.drive.size, dtype=bool), None, None)
     reduced, impulse = reduce_program(program), found.impulse[places]
     solution = StepSolution(
@@ -222,13 +222,14 @@ def _plain(
 ) -> Flow:
     """Return the part by arrays and every solver: loose gears, coupled rotors, any ground."""
     space, half = setup.space, 0.5 * step
+    rate = _rate_at_start(setup, state)
     middle = to_middle(setup.bases, space, state.position, state.velocity, half)
     at = middle.position, middle.velocity, state.time + half
     forces = effect_forces(setup.robot, at, command, state.memory, step)
     coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
     if coupling is not None:
         pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
-    problem = _problem(setup, state, middle, forces, external, kept, step, coupling)
+    problem = _problem(setup, state, middle, rate, forces, external, kept, step, coupling)
     held, motor, closed = problem.held, problem.motor, state.closed | kept
     gears, places, solution = _solve_released(problem)
     if not isfinite(solution.velocity.sum()):
@@ -326,6 +327,38 @@ def _opening(gap: FloatArray, kept: BoolArray, step: float) -> FloatArray:
     return np.asarray(-2.0 / step * np.maximum(gap, 0.0) * kept)
 
 
+def _rate_at_start(setup: Setup, state: SimState) -> FloatArray:
+    """Return how fast closed contacts open at the start (2 j + c,), zero for all other barriers."""
+    barriers, rate = setup.barriers, np.zeros(setup.barriers.size)
+    touching = state.closed.copy()
+    touching[: barriers.limits] = False
+    if touching.any():
+        pin.crba(setup.space.model, setup.space.data, state.position, pin.Convention.WORLD)
+        clearance = barriers.clearance(state.position)
+        rate[touching] = barriers.rows(touching, clearance, rate).approach(state.velocity)
+    return rate
+
+
+def _add_drift(held: ClosedRows, velocity: FloatArray, rate: FloatArray, kept: BoolArray) -> None:
+    """Let closed contacts close over the second half by what they opened over the first.
+
+    A point that rests at the start of a part moves in the middle, by the turning of its row; were
+    it held at rest there, its force would do work at the mean of both speeds. Held at minus that
+    speed it does none, and comes to rest where the part ends. It is never pushed out: with targets
+    at or below zero contacts make no energy, whatever else happens in the part.
+
+    Args:
+        held: rows of the closed barriers, whose targets are changed.
+        velocity: v (nv,) in the middle.
+        rate: (l + c,) speed at which contacts opened at the start.
+        kept: (l + c,) barriers that have a target of their own.
+    """
+    drift, first = held.approach(velocity) - rate, len(held.limits)
+    free = ~kept
+    free[:first] = False
+    held.unilateral.target[free] = -np.maximum(drift[free], 0.0)
+
+
 def _still_closed(closed: BoolArray, gap: FloatArray, pressed: FloatArray) -> BoolArray:
     """Return which barriers (2 j + c,) stay closed: those that are pressed, and those in touch."""
     if min(pressed.tolist(), default=1.0) > 0.0:
@@ -358,6 +391,7 @@ def _problem(
     setup: Setup,
     state: SimState,
     middle: Middle,
+    rate: FloatArray,
     forces: EffectForces,
     external: FloatArray | None,
     kept: BoolArray,
@@ -369,8 +403,9 @@ def _problem(
     if external is not None:
         force += external
     clearance = setup.barriers.clearance(middle.position)
-    opening = _opening(clearance.gap, kept, step)
-    held = setup.barriers.rows(state.closed | kept, clearance, opening)
+    closed = state.closed | kept
+    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, kept, step))
+    _add_drift(held, middle.velocity, rate[closed], kept[closed])
     motor = MotorMotion.of(setup.drive, state)
     return _Problem(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
 
