@@ -23,6 +23,7 @@ _PROMISING = 0.5  # of the present error, that a swinging link must be screened 
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
+_DRAWN = 2  # wrong drawings, of one link or of all, that are fitted whatever else explains more
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
 _AMONG = 100  # pairs of causes that are screened on held-out data
@@ -81,7 +82,9 @@ class Proposer:
         doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
         worst = max(least, enough) + doubt
         # Beside the best group of places stands the best single one.
-        single = next((s for s in found if len(s.atoms) == 1), None)
+        always = [next((s for s in found if len(s.atoms) == 1), None)]
+        # A wrong drawing is imitated by many that explain a part each: it is tried before them.
+        always += [s for s in found if len(s.atoms) == 1 and atoms[s.atoms[0]].usual.any()][:_DRAWN]
         seen: set[tuple[Key, ...]] = set()
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
@@ -90,8 +93,11 @@ class Proposer:
             swings = any(deflects(atom.effect) for atom in added)
             rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
             rough = max(rough, worst) if enough else rough
-            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
-            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
+            enters = subset.error <= (rough if swings else worst) or (
+                not swings and subset in always
+            )
+            full = len(seen) >= count and subset not in always
+            if key in seen or full or not enters or subset.error > start.error:
                 continue
             seen.add(key)
             offers.append((*h.effects, *search.effects(subset)))

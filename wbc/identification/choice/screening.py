@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 from wbc.identification.choice.candidate_columns import Atom, Shelf, evidence, make_atoms
 from wbc.identification.choice.linear_screen import BeamSearch
 from wbc.identification.model.fit import Fit
@@ -51,5 +53,5 @@ def screen(
     atoms += [atom for c in offered if deflects(c) for atom in simulated[c]]
     order = {c: rank for rank, c in enumerate(offered)}
     kept = sorted((a for a in atoms if a.key not in taken), key=lambda a: order[a.effect])
-    noise = problem.row_noise(fit.residual)
+    noise = float(np.mean(problem.row_noise(fit.residual)))
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
