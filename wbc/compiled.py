@@ -19,14 +19,24 @@ from numba import types
 Number, Count, Flag, Nothing = types.float64, types.int64, types.boolean, types.void
 Vector = types.Array(types.float64, 1, "A", readonly=True)
 """To read, with any stride."""
+Row = types.Array(types.float64, 1, "C", readonly=True)
+"""To read, without gaps."""
 Matrix = types.Array(types.float64, 2, "A", readonly=True)
 """To read, in any order."""
 Dense = types.Array(types.float64, 2, "C", readonly=True)
 """To read, row by row."""
 Places = types.Array(types.int64, 1, "C", readonly=True)
 """Row numbers to read."""
+Table = types.Array(types.int64, 2, "C", readonly=True)
+"""Whole numbers to read, row by row."""
+Flags = types.Array(types.boolean, 1, "A", readonly=True)
+"""To read."""
+OutFlags = types.Array(types.boolean, 1, "A")
+"""To write."""
 OutVector = types.Array(types.float64, 1, "A")
 """To write."""
+OutRow = types.Array(types.float64, 1, "C")
+"""To write, without gaps."""
 OutMatrix = types.Array(types.float64, 2, "A")
 """To write."""
 OutDense = types.Array(types.float64, 2, "C")

@@ -39,7 +39,7 @@ def test_an_overlap_throws_nothing_up_however_short_the_step(dt: float) -> None:
     leg = load_robot("planar_leg_strong")
     plant = Plant(leg)
     state = plant.state(balanced_pose(leg, lift=-0.5 * TOUCH))
-    state = replace(state, closed=np.ones_like(plant.step(state, [0.0, 0.0], 1e-3).state.closed))
+    state = replace(state, closed=plant.step(state, [0.0, 0.0], 1e-3).state.closed)
     assert plant.gaps(state).min() == pytest.approx(-0.5 * TOUCH, rel=1e-6)
     after = plant.step(state, [0.0, 0.0], dt).state
     assert plant.mechanical_energy(after) < plant.mechanical_energy(state) + 1e-4

@@ -193,6 +193,18 @@ class Effect(ABC):
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
+    @property
+    def said(self) -> str:
+        """What it is and how large, as a person would say it: a noun with its place."""
+        name, listed = self.name.replace("_", " "), []
+        for p in self.parameters:
+            unit = "" if p.unit == "1" else f" {p.unit}"
+            listed.append((p.name.replace("_", " "), f"{self.values[p.name]:.2g}{unit}"))
+        if len(listed) == 1 and self.parameters[0].unit != "1":
+            return f"{name} of {listed[0][1]} at {self.where}"
+        numbers = ", ".join(f"{what} {size}" for what, size in listed)
+        return f"{name} at {self.where}" + (f" ({numbers})" if numbers else "")
+
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the same effect with some parameters changed."""
         known = {f.name for f in fields(self)}

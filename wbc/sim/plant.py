@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, checked
+from wbc.compiled import Flag, OutVector, Vector, compiled
 from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.energy.kinetic_energy import mechanical_energy
@@ -100,7 +100,7 @@ class Plant:
         v = np.zeros(model.nv) if velocity is None else velocity
         q = checked(position, (model.nq,), "position q", SimulationError)
         if lifted:
-            q = lifted_out(self._setup, q)
+            q = lifted_out(self._setup.space, self._setup.barriers, q)
         return SimState(q, checked(v, (model.nv,), "velocity v", SimulationError))
 
     def step(
@@ -140,8 +140,8 @@ class Plant:
                 impacts, struck = [impact], fresh
         while True:
             part = flow(setup, state, command, left, external, kept)
-            landing = ~state.closed & ~kept & (part.gap < -TOUCH)
-            if landing.any():
+            if part.landed:
+                landing = ~state.closed & ~kept & (part.gap < -TOUCH)
                 found = self._until_landing(state, command, part, left, external, kept)
                 if found is None:
                     kept = kept | landing
@@ -208,13 +208,18 @@ class Plant:
                 f"rotor_torque has shape {torque.shape}; '{self.robot.name}' has {gears.size} "
                 f"rotors: {', '.join(gears.joints)}."
             )
-        if not all(map(isfinite, torque.tolist())):
-            raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
         if self.motor_bounds is None:
-            return np.minimum(np.maximum(torque, -gears.torque_limit), gears.torque_limit)
-        speed = gears.gear_ratio * MotorMotion.of(self._setup.drive, state).speed
-        low, high = self.motor_bounds(self.robot, speed)
-        return np.minimum(np.maximum(torque, low), high)
+            low, high = self._setup.least, gears.torque_limit
+        else:
+            speed = gears.gear_ratio * MotorMotion.of(self._setup.drive, state).speed
+            bounds = self.motor_bounds(self.robot, speed)
+            low, high = (
+                np.broadcast_to(np.asarray(bound, float), torque.shape) for bound in bounds
+            )
+        given = np.empty(len(torque))
+        if not within(torque, low, high, given):
+            raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
+        return given
 
     def _until_landing(
         self,
@@ -249,6 +254,16 @@ class Plant:
             else:
                 late, gap_late = trial, gap
         return None
+
+
+@compiled(Flag, Vector, Vector, Vector, OutVector)
+def within(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
+    """Write torques (m,) within bounds; False where one is no number."""
+    good = True
+    for i in range(len(torque)):
+        good = good and bool(np.isfinite(torque[i]))
+        given[i] = min(max(torque[i], low[i]), high[i])
+    return good
 
 
 def _first_crossing(early: FloatArray, late: FloatArray) -> float:

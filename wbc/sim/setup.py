@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import pinocchio as pin
 from scipy.linalg import lapack
 
+from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.ground.barriers import Barriers
 from wbc.sim.ground.terrain import Terrain
+from wbc.sim.inner.inner import Inner, inner_of
 from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
 from wbc.sim.solve.reduced import NOT_POSITIVE
 from wbc.sim.state import EffectMemory
@@ -34,6 +36,9 @@ class Setup:
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
         layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
+        least: (m,) [N m] least rotor torque, by the robot's torque limits.
+        inner: compiled loops for the common case; None for robots and grounds that they do not
+            know.
     """
 
     robot: Robot
@@ -45,6 +50,8 @@ class Setup:
     return_speed: float
     layout: ImpulseLayout
     memory: EffectMemory
+    least: FloatArray
+    inner: Inner | None
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
@@ -59,15 +66,18 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
     barriers = Barriers(robot, terrain, space)
     drive = drivetrain(robot)
+    bases = free_bases(robot)
     layout = ImpulseLayout.of(drive.size, space.model.nv, barriers)
     return Setup(
         robot,
         space,
         drive,
         barriers,
-        free_bases(robot),
+        bases,
         restitution,
         return_speed,
         layout,
         first_memory(robot),
+        -robot.transmission.torque_limit,
+        inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
     )

@@ -23,7 +23,6 @@ _PROMISING = 0.5  # of the present error, that a swinging link must be screened 
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
-_DRAWN = 2  # wrong drawings, of one link or of all, that are fitted whatever else explains more
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
 _AMONG = 100  # pairs of causes that are screened on held-out data
@@ -82,9 +81,7 @@ class Proposer:
         doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
         worst = max(least, enough) + doubt
         # Beside the best group of places stands the best single one.
-        always = [next((s for s in found if len(s.atoms) == 1), None)]
-        # A wrong drawing is imitated by many that explain a part each: it is tried before them.
-        always += [s for s in found if len(s.atoms) == 1 and atoms[s.atoms[0]].usual.any()][:_DRAWN]
+        single = next((s for s in found if len(s.atoms) == 1), None)
         seen: set[tuple[Key, ...]] = set()
         for subset in found:
             added = [atoms[k] for k in subset.atoms]
@@ -93,14 +90,15 @@ class Proposer:
             swings = any(deflects(atom.effect) for atom in added)
             rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
             rough = max(rough, worst) if enough else rough
-            enters = subset.error <= (rough if swings else worst) or (
-                not swings and subset in always
-            )
-            full = len(seen) >= count and subset not in always
-            if key in seen or full or not enters or subset.error > start.error:
+            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
+            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
             seen.add(key)
             offers.append((*h.effects, *search.effects(subset)))
+        # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
+        for subset in _drawn(search, atoms) if not enough and not h.swings else ():
+            if tuple(atoms[k].key for k in subset.atoms) not in seen:
+                offers.append((*h.effects, *search.effects(subset)))
         if h.swings:
             robot = self.trials.fit(h).robot
             offers += [(*h.effects, e) for e in _swinging_too(robot, atoms, seen)]
@@ -152,6 +150,19 @@ class Proposer:
         judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
         order = np.argsort(-h.outputs[: len(judged)])
         return [joints[judged[k]] for k in order[_SIMULATED:]]
+
+
+def _drawn(search: BeamSearch, atoms: Sequence[Atom]) -> list[Subset]:
+    """Return the best of every effect that is drawn to what is usual."""
+    best: dict[type[Effect], Subset] = {}
+    for k, atom in enumerate(atoms):
+        if not atom.usual.any():
+            continue
+        subset = Subset((k,), search.error((k,)))
+        known = best.get(atom.effect)
+        if np.isfinite(subset.error) and (known is None or subset.error < known.error):
+            best[atom.effect] = subset
+    return list(best.values())
 
 
 def _swinging_too(robot: Robot, atoms: Sequence[Atom], seen: set[tuple[Key, ...]]) -> list[Effect]:

@@ -61,21 +61,27 @@ class Problem:
 
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> Problem:
-        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors."""
+        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors.
+
+        Band, weights and noise floor are those of the robot's links alone, without its losses and
+        effects: so any two models of one machine are measured by the same floor.
+        """
         require_robot_and_logs(robot, logs)
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
-        prepared = prepare(robot, pieces, reversal)
+        prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
-        parts = [condensed_residual(robot, [record]) for record in records]
+        links = records[0].robot
+        parts = [condensed_residual(links, [record]) for record in records]
         floor = noise_floor(records, parts, drawn)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
         floor = replace(floor, aside=aside)
+        believed = tuple(record.believing(robot) for record in records)
         return cls(
             robot=robot,
-            records=records,
-            residual=np.concatenate(parts),
+            records=believed,
+            residual=condensed_residual(robot, believed),
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
             blocks=bootstrap_blocks(records),

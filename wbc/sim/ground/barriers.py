@@ -12,6 +12,7 @@ from wbc.robot import Robot
 from wbc.sim.ground.contact_rows import ContactRows, contact_points, contact_rows, moves_in_plane
 from wbc.sim.ground.terrain import Terrain
 from wbc.sim.step.program import Unilateral
+from wbc.sim.tree.tree import Tree
 
 TOUCH = 1e-6
 """Gap [m, rad] up to which a barrier counts as closed."""
@@ -95,6 +96,22 @@ class Barriers:
     def size(self) -> int:
         """2 j + c."""
         return self.limits + self.contacts
+
+    def tables(self, tree: Tree) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
+        """Return limits and contact points as tables for compiled loops, see `gaps_at`."""
+        frames = [self._space.model.frames[number] for number in self._space.frames]
+        joints = [frame.parentJoint - 1 for frame in frames]
+        last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
+        at = [(joint, last.get(joint, -1)) for joint in joints]
+        places = [tuple(frame.placement.translation) for frame in frames]
+        friction = self._friction[: self.points]
+        own = np.column_stack((np.reshape(places, (-1, 3)), self._radius, friction))
+        return (
+            np.column_stack((self._position, self._velocity)),
+            np.column_stack((self._lower, self._upper)),
+            np.array(at, dtype=np.int64).reshape(-1, 2),
+            np.ascontiguousarray(own),
+        )
 
     def within_limits(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) with every joint within its limits."""

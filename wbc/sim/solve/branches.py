@@ -1,174 +1,182 @@
 """The linear piece of every row's law that a point lies on, and the system of those pieces.
 
-The rows are few: plain floats beat arrays of so few entries several times.
+A piece is on_speed dw + on_impulse dp = missing, with the row's natural residual beside it: the
+line of slope `slope` through (speed, impulse) meets a monotone law in one point, and the residual
+is how far away that is, as a speed; zero exactly at a solution. For contacts it is Alart and
+Curnier's map, the normal projected onto the half line, the tangents onto the disc of radius mu p_n.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray
-from wbc.sim.solve.reduced import Reduced
+from wbc.compiled import Count, Dense, Flag, Nothing, Number, OutDense, OutRow, Row, compiled
+from wbc.sim.solve.linear import factor, solve_factored
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Sliding:
-    """A closed contact that slides.
+@compiled(Nothing, Row, Number, Number, Number, OutRow)
+def element_piece(
+    law: FloatArray, slope: float, impulse: float, speed: float, piece: FloatArray
+) -> None:
+    """Write on_speed, on_impulse, missing and residual of the piece of an element's law.
 
-    Attributes:
-        contact: its index.
-        direction: (d,) in which its friction pushes.
-        turning: mu p_n / |p_t - slope u_t| <= 1, how far the direction may turn (d = 2).
+    Args:
+        law: (7,) up, down, inertia, 1/eta_f, eta_b, friction, damping of its `Elements`.
+        slope: of the line.
+        impulse: T of the point.
+        speed: w of the point.
+        piece: (4,) to write.
     """
-
-    contact: int
-    direction: FloatArray
-    turning: float
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Branches:
-    """One linear piece, on_speed dw + on_impulse dp = missing, of every row's law about a point.
-
-    Attributes:
-        pieces: (on_speed, on_impulse, missing, distance) of every row. on_impulse is zero where
-            the row is rigid. The distance is the natural residual of the point as a speed, zero
-            exactly at a solution: the line of slope `reduced.slope` through (speed, impulse) meets
-            a monotone law in one point, and this is how far away it is; for contacts it is Alart
-            and Curnier's map, the normal projected onto the half line, the tangents onto the disc
-            of radius mu p_n.
-        worst: the largest distance.
-        sliding: the contacts that slide; their rows lack the coupling to normal and slip.
-    """
-
-    pieces: list[tuple[float, float, float, float]]
-    worst: float
-    sliding: list[Sliding]
-
-    @property
-    def on_impulse(self) -> FloatArray:
-        """(r,), zero where a row is rigid."""
-        return np.array([piece[1] for piece in self.pieces])
-
-    @property
-    def distance(self) -> FloatArray:
-        """Natural residual (r,) of every row, as a speed."""
-        return np.array([piece[3] for piece in self.pieces])
-
-    @property
-    def merit(self) -> float:
-        """Sum of the squared distances."""
-        return sum([piece[3] * piece[3] for piece in self.pieces])
-
-
-def branches_at(reduced: Reduced, impulse: FloatArray, speed: FloatArray) -> Branches:
-    """Return the pieces met by the lines of slope `reduced.slope` through (speed, impulse)."""
-    pieces: list[tuple[float, float, float, float]] = []
-    impulses, speeds = impulse.tolist(), speed.tolist()
-    for law, T, w in zip(reduced.laws, impulses, speeds, strict=False):
-        pieces.append(_element_piece(law, T, w))
-    m, count = reduced.elements, reduced.limits + reduced.contacts
-    slopes, targets = reduced.slopes, reduced.targets
-    pressed = []
-    for i in range(count):
-        row = m + i
-        push = impulses[row] - slopes[row] * (speeds[row] - targets[i])
-        if push > 0.0:
-            short = targets[i] - speeds[row]
-            pieces.append((1.0, 0.0, short, short))
-        else:
-            pieces.append((0.0, 1.0, -impulses[row], -impulses[row] / slopes[row]))
-        pressed.append(push)
-    sliding = []
-    d, friction = reduced.tangents, reduced.frictions
-    for contact in range(reduced.contacts if d else 0):
-        first = m + count + contact * d
-        bound = friction[contact] * max(pressed[reduced.limits + contact], 0.0)
-        closed = pressed[reduced.limits + contact] > 0.0
-        wish = [impulses[j] - slopes[j] * speeds[j] for j in range(first, first + d)]
-        # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
-        size = math.hypot(*wish)
-        if closed and size < bound:
-            pieces += [(1.0, 0.0, -speeds[j], -speeds[j]) for j in range(first, first + d)]
-            continue
-        share = bound / size if size > 0.0 else 1.0
-        for j, part in zip(range(first, first + d), wish, strict=True):
-            short = share * part - impulses[j]
-            pieces.append((0.0, 1.0, short, short / slopes[j]))
-        if closed:
-            direction = np.array(wish) / (size or 1.0)
-            sliding.append(Sliding(contact, direction, share))
-    worst = max([abs(piece[3]) for piece in pieces], default=0.0)
-    return Branches(pieces, worst, sliding)
-
-
-def _element_piece(law: tuple[float, ...], T: float, w: float) -> tuple[float, float, float, float]:
-    """Return on_speed, on_impulse, missing and distance of the piece of an element's law."""
-    up, down, inertia, inverse, backward, friction, damping, slope = law
-    point = T - slope * w
+    up, down, inertia, inverse, backward, friction = law[0], law[1], law[2], law[3], law[4], law[5]
+    resisting = law[6] + slope
+    point = impulse - slope * speed
     load = point + friction
     if up > max(load * inverse, load * backward):
-        driving = inertia * load + (damping + slope) * up > 0.0
+        driving = inertia * load + resisting * up > 0.0
         sign, bring = 1.0, up
     else:
         load = point - friction
         if not down < min(load * inverse, load * backward):
-            return 1.0, 0.0, -w, -w
-        driving = -inertia * load - (damping + slope) * down > 0.0
+            piece[0], piece[1], piece[2], piece[3] = 1.0, 0.0, -speed, -speed
+            return
+        driving = -inertia * load - resisting * down > 0.0
         sign, bring = -1.0, down
     gain = inverse if driving else backward
-    on_speed = inertia + gain * damping
-    missing = bring - gain * (T + sign * friction) - on_speed * w
-    return on_speed, gain, missing, missing / (on_speed + gain * slope)
+    on_speed = inertia + gain * law[6]
+    missing = bring - gain * (impulse + sign * friction) - on_speed * speed
+    piece[0], piece[1], piece[2] = on_speed, gain, missing
+    piece[3] = missing / (on_speed + gain * slope)
 
 
-def solve_branches(reduced: Reduced, branches: Branches, impulse: FloatArray) -> FloatArray | None:
-    """Return the row impulses (r,) that solve the linear pieces of `branches`.
+@compiled(Number, Dense, Row, Row, Count, Row, Row, Row, OutDense, OutDense)
+def pieces_at(
+    laws: FloatArray,
+    targets: FloatArray,
+    frictions: FloatArray,
+    tangents: int,
+    slope: FloatArray,
+    impulse: FloatArray,
+    speed: FloatArray,
+    pieces: FloatArray,
+    sliding: FloatArray,
+) -> float:
+    """Write the pieces met by the lines of `slope` through (speed, impulse).
+
+    Args:
+        laws: (m, 7) of the elements.
+        targets: (l + k,) lowest normal speeds.
+        frictions: (k,) mu.
+        tangents: d per contact.
+        slope: (r,).
+        impulse: (r,).
+        speed: (r,).
+        pieces: (r, 4) to write.
+        sliding: (k, 3) to write: direction (2) in which a contact's friction pushes, and
+            mu p_n / |p_t - slope u_t| <= 1, how far that may turn; the last is -1 where the contact
+            does not slide. The rows of one that does lack the coupling to normal and slip.
+
+    Returns:
+        the largest residual, infinite where one is no number.
+    """
+    m, count, contacts = len(laws), len(targets), len(frictions)
+    for i in range(m):
+        element_piece(laws[i], slope[i], impulse[i], speed[i], pieces[i])
+    for i in range(count):
+        row, piece = m + i, pieces[m + i]
+        short = targets[i] - speed[row]
+        push = impulse[row] + slope[row] * short
+        if push > 0.0:
+            piece[0], piece[1], piece[2], piece[3] = 1.0, 0.0, short, short
+        else:
+            piece[0], piece[1], piece[2] = 0.0, 1.0, -impulse[row]
+            piece[3] = -impulse[row] / slope[row]
+        if i < count - contacts:
+            continue
+        contact, bound = i - count + contacts, 0.0
+        sliding[contact, 2] = -1.0
+        first = m + count + contact * tangents
+        if push > 0.0:
+            bound = frictions[contact] * push
+        wish = np.zeros(2)
+        for j in range(tangents):
+            wish[j] = impulse[first + j] - slope[first + j] * speed[first + j]
+        # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
+        size = math.hypot(wish[0], wish[1])
+        if push > 0.0 and size < bound:
+            for j in range(first, first + tangents):
+                pieces[j, 0], pieces[j, 1], pieces[j, 2] = 1.0, 0.0, -speed[j]
+                pieces[j, 3] = -speed[j]
+            continue
+        share = bound / size if size > 0.0 else 1.0
+        for j in range(tangents):
+            short = share * wish[j] - impulse[first + j]
+            pieces[first + j, 0], pieces[first + j, 1], pieces[first + j, 2] = 0.0, 1.0, short
+            pieces[first + j, 3] = short / slope[first + j]
+        if push > 0.0 and tangents > 0:
+            for j in range(2):
+                sliding[contact, j] = wish[j] / size if size > 0.0 else wish[j]
+            sliding[contact, 2] = share
+    worst = 0.0
+    for i in range(len(pieces)):
+        if not abs(pieces[i, 3]) <= worst:
+            worst = abs(pieces[i, 3]) if pieces[i, 3] == pieces[i, 3] else np.inf
+    return worst
+
+
+@compiled(Flag, Dense, Row, Row, Row, Count, Dense, Dense, Row, OutRow)
+def solve_pieces(
+    delassus: FloatArray,
+    spring: FloatArray,
+    slope: FloatArray,
+    frictions: FloatArray,
+    tangents: int,
+    pieces: FloatArray,
+    sliding: FloatArray,
+    impulse: FloatArray,
+    solved: FloatArray,
+) -> bool:
+    """Write the row impulses (r,) that solve the pieces; False where they contradict each other.
 
     Rows that depend on each other (more stuck gears and sticking contacts than the robot has
     freedoms) leave their split open; what is left open stays near `impulse` (r,), the point of the
-    branches, by a proximal term whose effect on the rest a second solve with the same factors
-    removes. None where the pieces contradict each other.
+    pieces, by a proximal term whose effect on the rest a second solve with the same factors
+    removes.
     """
-    on_speed, on_impulse, missing, _ = np.array(branches.pieces).T
-    spring = reduced.spring * on_speed
-    total = reduced.delassus * on_speed[:, None]
-    total.ravel()[:: len(total) + 1] += on_impulse + spring
-    if branches.sliding:
-        _add_sliding(reduced, branches, total, missing, impulse)
-    factor, pivots, info = lapack.dgetrf(total)
-    if info != 0:
-        return None
-    change, _ = lapack.dgetrs(factor, pivots, missing)
-    correction, _ = lapack.dgetrs(factor, pivots, spring * change)
-    return np.asarray(impulse + change + correction)
-
-
-def _add_sliding(
-    reduced: Reduced,
-    branches: Branches,
-    total: FloatArray,
-    missing: FloatArray,
-    impulse: FloatArray,
-) -> None:
-    """Add p_t = mu p_n direction, and how the direction turns with the slip, in place.
-
-    What the rows miss was taken at the bound mu times the *projected* normal impulse; the piece is
-    linear in the present one.
-    """
-    d, first = reduced.tangents, reduced.tangent_rows.start
-    normals = reduced.elements + reduced.limits
-    for slide in branches.sliding:
-        rows = slice(first + slide.contact * d, first + (slide.contact + 1) * d)
-        normal, direction = normals + slide.contact, slide.direction
-        along = reduced.frictions[slide.contact] * direction
-        total[rows, normal] -= along
-        missing[rows] = along * impulse[normal] - impulse[rows]
-        if d == 2:
-            turn = slide.turning * (np.eye(2) - direction[:, None] * direction)
-            total[rows, rows] -= turn
-            total[rows] += (reduced.slopes[rows.start] * turn) @ reduced.delassus[rows]
+    size, contacts = len(impulse), len(frictions)
+    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
+    change, correction = np.empty(size), np.empty(size)
+    for i in range(size):
+        for j in range(size):
+            total[i, j] = pieces[i, 0] * delassus[i, j]
+        total[i, i] += pieces[i, 1] + spring[i] * pieces[i, 0]
+        change[i] = pieces[i, 2]
+    for contact in range(contacts):
+        turning = sliding[contact, 2]
+        if turning < 0.0:
+            continue
+        # p_t = mu p_n direction, and how the direction turns with the slip. What the rows miss was
+        # taken at the bound mu times the projected normal impulse; the piece is linear in p_n.
+        first = size - (contacts - contact) * tangents
+        normal = size - contacts * (tangents + 1) + contact
+        for a in range(tangents):
+            row, along = first + a, frictions[contact] * sliding[contact, a]
+            total[row, normal] -= along
+            change[row] = along * impulse[normal] - impulse[row]
+            for b in range(tangents if tangents == 2 else 0):
+                turn = -sliding[contact, a] * sliding[contact, b] + (1.0 if a == b else 0.0)
+                turn *= turning
+                total[row, first + b] -= turn
+                for j in range(size):
+                    total[row, j] += slope[first] * turn * delassus[first + b, j]
+    if not factor(total, pivots):
+        return False
+    solve_factored(total, pivots, change)
+    for i in range(size):
+        correction[i] = spring[i] * pieces[i, 0] * change[i]
+    solve_factored(total, pivots, correction)
+    for i in range(size):
+        solved[i] = impulse[i] + change[i] + correction[i]
+    return True

@@ -2,12 +2,114 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wbc.arrays import FloatArray
-from wbc.sim.solve.branches import branches_at, solve_branches
+from wbc.compiled import Count, Dense, Nothing, Number, OutRow, Row, compiled
+from wbc.sim.solve.branches import pieces_at, solve_pieces
 from wbc.sim.solve.reduced import Reduced
 
 _FULL_STEPS = 4
 _SHORTEST = 1e-2
+
+
+@compiled(Nothing, Dense, Row, Row, OutRow)
+def speeds_at(
+    delassus: FloatArray, free: FloatArray, impulse: FloatArray, speed: FloatArray
+) -> None:
+    """Write free + delassus @ impulse (r,)."""
+    for i in range(len(free)):
+        total = 0.0
+        for j in range(len(free)):
+            total += delassus[i, j] * impulse[j]
+        speed[i] = free[i] + total
+
+
+@compiled(
+    Count,
+    Dense,
+    Row,
+    Row,
+    Row,
+    Dense,
+    Row,
+    Row,
+    Count,
+    Row,
+    Number,
+    Count,
+    OutRow,
+)
+def newton_loop(
+    delassus: FloatArray,
+    free: FloatArray,
+    spring: FloatArray,
+    slope: FloatArray,
+    laws: FloatArray,
+    targets: FloatArray,
+    frictions: FloatArray,
+    tangents: int,
+    start: FloatArray,
+    tolerance: float,
+    limit: int,
+    impulse: FloatArray,
+) -> int:
+    """Write the row impulses (r,) at which every row is on its law; see `newton`.
+
+    Returns:
+        the number of linear systems solved, as a negative number where it did not converge (less
+        one, so that it is never zero).
+    """
+    size = len(free)
+    pieces, sliding = np.empty((size, 4)), np.empty((len(frictions), 3))
+    speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
+    impulse[:] = start
+    speeds_at(delassus, free, impulse, speed)
+    pieces_at(laws, targets, frictions, tangents, slope, impulse, speed, pieces, sliding)
+    for iteration in range(1, _FULL_STEPS + 1):
+        if not solve_pieces(
+            delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, aim
+        ):
+            impulse[:] = start
+            return -iteration - 1
+        impulse[:] = aim
+        speeds_at(delassus, free, impulse, speed)
+        worst = pieces_at(
+            laws, targets, frictions, tangents, slope, impulse, speed, pieces, sliding
+        )
+        if worst <= tolerance:
+            return iteration
+    # Full steps did not settle: shorten them until the residual falls.
+    impulse[:] = start
+    speeds_at(delassus, free, impulse, speed)
+    pieces_at(laws, targets, frictions, tangents, slope, impulse, speed, pieces, sliding)
+    merit = 0.0
+    for i in range(size):
+        merit += pieces[i, 3] * pieces[i, 3]
+    for iteration in range(1, limit + 1):
+        if not solve_pieces(
+            delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, aim
+        ):
+            return -iteration - _FULL_STEPS - 1
+        share = 1.0
+        while True:
+            for i in range(size):
+                trial[i] = impulse[i] + share * (aim[i] - impulse[i])
+            speeds_at(delassus, free, trial, speed)
+            worst = pieces_at(
+                laws, targets, frictions, tangents, slope, trial, speed, pieces, sliding
+            )
+            lower = 0.0
+            for i in range(size):
+                lower += pieces[i, 3] * pieces[i, 3]
+            if lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
+                break
+            share *= 0.5
+        impulse[:] = trial
+        merit = lower
+        if worst <= tolerance:
+            return iteration + _FULL_STEPS
+    return -limit - _FULL_STEPS - 1
 
 
 def newton(
@@ -16,45 +118,27 @@ def newton(
     """Iterate from row impulses `start` (r,) until every row is on its law.
 
     Full steps first: with the right branches, which warm starting usually has, one step is exact.
-    Where they do not settle, steps are shortened until the residual falls.
+    Where they do not settle, at most `limit` steps follow that are shortened until the residual
+    falls.
 
     Returns:
         the row impulses, the number of linear systems solved, and whether it converged.
     """
     if len(start) == 0:
         return start, 0, True
-    impulse = start
-    branches = branches_at(reduced, impulse, reduced.speeds(impulse))
-    for iteration in range(1, _FULL_STEPS + 1):
-        following = solve_branches(reduced, branches, impulse)
-        if following is None:
-            return start, iteration, False
-        impulse = following
-        branches = branches_at(reduced, impulse, reduced.speeds(impulse))
-        if branches.worst <= tolerance:
-            return impulse, iteration, True
-    return _damped(reduced, start, tolerance, limit)
-
-
-def _damped(
-    reduced: Reduced, start: FloatArray, tolerance: float, limit: int
-) -> tuple[FloatArray, int, bool]:
-    impulse = start
-    branches = branches_at(reduced, impulse, reduced.speeds(impulse))
-    merit = branches.merit
-    for iteration in range(1, limit + 1):
-        aim = solve_branches(reduced, branches, impulse)
-        if aim is None:
-            return impulse, iteration + _FULL_STEPS, False
-        share = 1.0
-        while True:
-            trial = impulse + share * (aim - impulse)
-            branches = branches_at(reduced, trial, reduced.speeds(trial))
-            lower = branches.merit
-            if lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
-                break
-            share *= 0.5
-        impulse, merit = trial, lower
-        if branches.worst <= tolerance:
-            return impulse, iteration + _FULL_STEPS, True
-    return impulse, limit + _FULL_STEPS, False
+    impulse = np.empty(len(start))
+    used = newton_loop(
+        reduced.delassus,
+        reduced.free,
+        reduced.spring,
+        reduced.slope,
+        reduced.laws,
+        reduced.targets,
+        reduced.frictions,
+        reduced.tangents,
+        start,
+        tolerance,
+        limit,
+        impulse,
+    )
+    return impulse, used if used > 0 else -used - 1, used > 0

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wbc.arrays import FloatArray
-from wbc.sim.solve.branches import branches_at
 from wbc.sim.solve.newton import newton
-from wbc.sim.solve.reduced import Reduced, with_slope
+from wbc.sim.solve.reduced import Reduced
 
 _FIRST, _SMALLEST, _LARGEST = 1e-6, 1e-9, 1.0
 _HARDER, _SOFTER = 0.3, 30.0
@@ -36,7 +35,7 @@ def proximal(reduced: Reduced, start: FloatArray, tolerance: float) -> tuple[Flo
             _softened(reduced, compliance, impulse), impulse, tolerance, _INNER
         )
         used += count
-        if branches_at(reduced, following, reduced.speeds(following)).worst <= tolerance:
+        if reduced.distance(following) <= tolerance:
             return following, used, True
         if inner:
             impulse, compliance = following, max(_HARDER * compliance, _SMALLEST)
@@ -52,11 +51,11 @@ def _softened(reduced: Reduced, compliance: float, about: FloatArray) -> Reduced
     own = compliance * reduced.diagonal
     delassus = reduced.delassus.copy()
     delassus.ravel()[:: len(own) + 1] += own
-    softened = replace(
+    return replace(
         reduced,
         delassus=delassus,
         free=reduced.free - own * about,
         diagonal=(1.0 + compliance) * reduced.diagonal,
         spring=(1.0 + compliance) * reduced.spring,
+        slope=reduced.slope / (1.0 + compliance),
     )
-    return with_slope(softened, reduced.slope / (1.0 + compliance))

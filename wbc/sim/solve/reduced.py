@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lapack
@@ -10,6 +10,7 @@ from scipy.linalg import lapack
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.sim.laws.elements import Elements
+from wbc.sim.solve.branches import pieces_at
 from wbc.sim.step.program import StepProgram
 
 NOT_POSITIVE = (
@@ -48,10 +49,9 @@ class Reduced:
         diagonal: (r,) of `delassus`, made positive where a row moves nothing.
         spring: (r,) compliance with which rows hold on to a split of forces that is left open.
         slope: (r,) [impulse/speed] of the line on which each row meets its law.
-        slopes: the same as plain floats, for the loops over rows.
-        laws: per element up, down, inertia, 1/eta_f, eta_b, friction, damping, slope.
-        targets: of limits and normals.
-        frictions: mu of the contacts.
+        laws: (m, 7) per element up, down, inertia, 1/eta_f, eta_b, friction, damping.
+        targets: (l + k,) of limits and normals.
+        frictions: mu (k,) of the contacts.
         elements: m, number of dissipative rows.
         limits: l; rows m .. m + l.
         contacts: k; normals are rows m + l .. m + l + k.
@@ -65,10 +65,9 @@ class Reduced:
     diagonal: FloatArray
     spring: FloatArray
     slope: FloatArray
-    slopes: list[float]
-    laws: list[tuple[float, ...]]
-    targets: list[float]
-    frictions: list[float]
+    laws: FloatArray
+    targets: FloatArray
+    frictions: FloatArray
     elements: int
     limits: int
     contacts: int
@@ -87,6 +86,18 @@ class Reduced:
     def velocity(self, impulse: FloatArray) -> FloatArray:
         """Return v (n,) after row impulses (r,)."""
         return np.asarray(self.program.free_velocity + self.response @ impulse)
+
+    def residual(self, impulse: FloatArray, speed: FloatArray) -> FloatArray:
+        """Return how far rows (r,) at impulses and speeds are from their laws, as speeds."""
+        pieces, sliding = np.empty((len(impulse), 4)), np.empty((self.contacts, 3))
+        sizes = (self.laws, self.targets, self.frictions, self.tangents)
+        pieces_at(*sizes, self.slope, impulse, speed, pieces, sliding)
+        return pieces[:, 3]
+
+    def distance(self, impulse: FloatArray) -> float:
+        """Return how far the row farthest from its law is at row impulses (r,), as a speed."""
+        distance = np.abs(self.residual(impulse, self.speeds(impulse)))
+        return float(distance.max(initial=0.0)) if not np.isnan(distance).any() else np.inf
 
     def speeds(self, impulse: FloatArray) -> FloatArray:
         """Return the row speeds (r,) after row impulses (r,)."""
@@ -132,10 +143,9 @@ def reduce_program(program: StepProgram) -> Reduced:
         diagonal,
         1e-9 * diagonal,
         np.array(slopes),
-        slopes,
-        row_laws(elements, slopes[:m]),
-        unilateral.target.tolist(),
-        unilateral.friction.tolist(),
+        row_laws(elements),
+        unilateral.target,
+        unilateral.friction,
         m,
         len(unilateral.limits),
         k,
@@ -143,25 +153,9 @@ def reduce_program(program: StepProgram) -> Reduced:
     )
 
 
-def with_slope(reduced: Reduced, slope: FloatArray) -> Reduced:
-    """Return the same step looked at along lines of another slope (r,)."""
-    slopes = slope.tolist()
-    laws = row_laws(reduced.program.elements, slopes[: reduced.elements])
-    return replace(reduced, slope=slope, slopes=slopes, laws=laws)
-
-
-def row_laws(elements: Elements, slopes: list[float]) -> list[tuple[float, ...]]:
-    """Return `Reduced.laws` of some elements on lines of some slopes."""
-    return list(
-        zip(
-            elements.up.tolist(),
-            elements.down.tolist(),
-            elements.inertia.tolist(),
-            (1.0 / elements.forward).tolist(),
-            elements.backward.tolist(),
-            elements.friction.tolist(),
-            elements.damping.tolist(),
-            slopes,
-            strict=True,
-        )
+def row_laws(elements: Elements) -> FloatArray:
+    """Return `Reduced.laws` of some elements."""
+    e = elements
+    return np.column_stack(
+        (e.up, e.down, e.inertia, 1.0 / e.forward, e.backward, e.friction, e.damping)
     )

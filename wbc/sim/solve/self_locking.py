@@ -24,7 +24,6 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import SimulationError
 from wbc.sim.laws.elements import Elements, falling_rows
-from wbc.sim.solve.branches import branches_at
 from wbc.sim.solve.newton import newton
 from wbc.sim.solve.proximal import proximal
 from wbc.sim.solve.reduced import Reduced, row_laws
@@ -88,7 +87,7 @@ def solve_in_ranges(
     for ranges in product((_HIGH, _FALL, _LOW), repeat=len(rows)):
         for impulse, count in _candidates(reduced, rows, np.array(ranges), start, tolerance):
             used += count
-            if branches_at(reduced, impulse, reduced.speeds(impulse)).worst > tolerance:
+            if reduced.distance(impulse) > tolerance:
                 continue
             velocity = reduced.velocity(impulse)
             if all(np.abs(velocity - reduced.velocity(p)).max() > apart for p in found):
@@ -179,8 +178,7 @@ def _held_to(
         diagonal=reduced.diagonal[kept],
         spring=reduced.spring[kept],
         slope=slope[kept],
-        slopes=slope[kept].tolist(),
-        laws=row_laws(elements, slope[own].tolist()),
+        laws=row_laws(elements),
         elements=len(own),
     )
     return inner, fixed, kept

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.sim.solve.branches import branches_at
 from wbc.sim.solve.reduced import Reduced
 from wbc.sim.solve.residuals import Residuals
 
@@ -61,7 +60,7 @@ class StepSolution:
         program, reduced = self.reduced.program, self.reduced
         dynamics = program.inertia @ (self.velocity - program.free_velocity)
         dynamics -= program.rows().T @ self.impulse
-        rows = np.abs(branches_at(reduced, self.impulse, self.speed).distance)
+        rows = np.abs(reduced.residual(self.impulse, self.speed))
         pushed = self.normal_impulse[reduced.limits :] * program.unilateral.friction
         outside = np.linalg.norm(self.tangent_impulse, axis=1) - pushed
         return Residuals(

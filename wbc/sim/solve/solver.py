@@ -9,7 +9,6 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.sim.solve.branches import branches_at
 from wbc.sim.solve.newton import newton
 from wbc.sim.solve.proximal import proximal
 from wbc.sim.solve.qp import qp_candidates
@@ -42,10 +41,9 @@ def solve_program(
     """
     reduced = reduce_program(program)
     start = np.zeros(len(reduced.free)) if guess is None else guess
-    tolerance = TOLERANCE * (
-        1.0 + max(map(abs, reduced.free.tolist() + reduced.targets), default=0)
-    )
-    if any(law[4] < 0.0 for law in reduced.laws):
+    fastest = max(np.abs(reduced.free).max(initial=0.0), np.abs(reduced.targets).max(initial=0.0))
+    tolerance = TOLERANCE * (1.0 + float(fastest))
+    if program.elements.backward.min(initial=0.0) < 0.0:
         rows = undecided_rows(reduced)
         if rows.size:
             impulse, used = solve_in_ranges(reduced, rows, start, tolerance, names)
@@ -84,9 +82,9 @@ def _fall_back(
             used += count
             if done:
                 return impulse, used, "qp"
-        if _distance(reduced, candidate) < _distance(reduced, nearest):
+        if reduced.distance(candidate) < reduced.distance(nearest):
             nearest = candidate
-    if _distance(reduced, nearest) <= 1e3 * tolerance:
+    if reduced.distance(nearest) <= 1e3 * tolerance:
         return nearest, used, "qp"
     impulse = np.zeros_like(start)
     for sweeps in (5, 10, 20, 40, 80, 160):
@@ -97,12 +95,8 @@ def _fall_back(
             return better, used, "sweeps"
     raise SimulationError(
         f"a step with {reduced.elements} gears and joints and {reduced.contacts} contacts has no "
-        f"solution within {tolerance:.1e} (nearest: {_distance(reduced, impulse):.1e}). Usual "
+        f"solution within {tolerance:.1e} (nearest: {reduced.distance(impulse):.1e}). Usual "
         "causes: a contact target that the joints cannot reach (a limit and the ground in "
         "conflict), or a self-locking gear whose falling branch leaves no solution; shorten the "
         "step or change the state."
     )
-
-
-def _distance(reduced: Reduced, impulse: FloatArray) -> float:
-    return branches_at(reduced, impulse, reduced.speeds(impulse)).worst

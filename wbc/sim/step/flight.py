@@ -144,6 +144,14 @@ def to_middle(
     return Middle(middle, _with_momentum(bases, data, start, velocity), centers, frames)
 
 
+def standing_at(
+    bases: tuple[FreeBase, ...], space: Workspace, position: FloatArray, velocity: FloatArray
+) -> Middle:
+    """Return the robot at a known middle, without centres of mass; `space` then stands there."""
+    pin.crba(space.model, space.data, position, _WORLD)
+    return Middle(position, velocity, [], [_frame(base, space.data) for base in bases])
+
+
 def joint_bias(bases: tuple[FreeBase, ...], space: Workspace, middle: Middle) -> FloatArray:
     """Return gravity and the velocity terms (nv,) at the middle, less those of the momentum.
 

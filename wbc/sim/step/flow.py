@@ -7,8 +7,9 @@ On a free base v is the momentum's at each of the three places (`flight`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import isfinite
 from typing import TypeAlias
 
@@ -22,6 +23,7 @@ from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.energy.flow_energy import Transit, flow_energy
 from wbc.sim.ground.barriers import TOUCH, ClosedRows
 from wbc.sim.ground.contact_rows import world_impulse
+from wbc.sim.inner.inner import Ended, Inner
 from wbc.sim.laws.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
@@ -32,56 +34,84 @@ from wbc.sim.laws.coupling import (
 from wbc.sim.laws.gear_rows import GearRows, gear_rows
 from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
-from wbc.sim.solve.reduced import blown_up
+from wbc.sim.solve.reduced import blown_up, reduce_program
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
-from wbc.sim.step.flight import Middle, arrived_velocity, from_middle, joint_bias, to_middle
+from wbc.sim.step.flight import (
+    Middle,
+    arrived_velocity,
+    from_middle,
+    joint_bias,
+    standing_at,
+    to_middle,
+)
 from wbc.sim.step.forces import EffectForces, effect_forces
-from wbc.sim.step.overlap import inertia_with_rotors, shift_out
+from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
 from wbc.sim.step.program import StepProgram
-
-_DRIFT = 1e-8
-"""Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
 
 _NO_SHIFT = np.zeros(0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
+class PlainEnd:
+    """What `Ended` holds too, of a part that compiled loops do not know."""
+
+    gap: FloatArray
+    overlap: FloatArray
+    contact_impulse: FloatArray
+    mesh_impulse: FloatArray
+
+
+@dataclass(eq=False)
 class Flow:
     """What happened in one smooth part.
 
     Attributes:
         state: at its end.
-        gap: (2 j + c,) at its end.
-        held: rows of the barriers that were closed.
-        overlap: (2 j + c,) depth [m, rad] that was left to take back, beyond what the plant's
-            return speed allows; empty where nothing was.
-        points: k, number of the robot's contacts.
-        transit: how the gears passed.
+        landed: whether a barrier that is not closed is passed at its end.
+        end: gaps, overlaps and impulses.
+        forces: of the effects.
+        step: h [s].
+        details: returns how the gears passed; called when asked for.
     """
 
     state: SimState
-    gap: FloatArray
-    held: ClosedRows
-    overlap: FloatArray
-    points: int
-    transit: Transit
+    landed: bool
+    end: Ended | PlainEnd
+    forces: EffectForces
+    step: float
+    details: Callable[[], Transit]
 
-    @cached_property
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,) at its end."""
+        return self.end.gap
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
+        return self.end.overlap
+
+    @property
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot, world axes."""
-        return world_impulse(self.held.contacts, self.points, self.solution)
+        return self.end.contact_impulse
 
     @property
     def mesh_impulse(self) -> FloatArray:
         """T (m,) [N m s]."""
-        return self.transit.mesh
+        return self.end.mesh_impulse
 
     @property
     def rotor_impulse(self) -> FloatArray:
         """Impulse (m,) [N m s] delivered on the rotors."""
-        return self.transit.step * self.transit.forces.rotor
+        return self.step * self.forces.rotor
+
+    @cached_property
+    def transit(self) -> Transit:
+        """How the gears passed."""
+        return self.details()
 
     @property
     def solution(self) -> StepSolution:
@@ -100,7 +130,7 @@ def flow(
     command: FloatArray,
     step: float,
     external: FloatArray | None,
-    kept: BoolArray | None = None,
+    kept: BoolArray,
 ) -> Flow:
     """Advance by `step` [s] with the barriers that are closed at its start.
 
@@ -112,6 +142,85 @@ def flow(
         external: generalised force (nv,), None for none.
         kept: (2 j + c,) barriers that may close within the part, without a bounce.
     """
+    found = (
+        None
+        if setup.inner is None
+        else _compiled(setup, setup.inner, state, command, step, external, kept)
+    )
+    return _plain(setup, state, command, step, external, kept) if found is None else found
+
+
+def _compiled(
+    setup: Setup,
+    inner: Inner,
+    state: SimState,
+    command: FloatArray,
+    step: float,
+    external: FloatArray | None,
+    kept: BoolArray,
+) -> Flow | None:
+    """Return the part as the compiled loops find it; None where they do not."""
+    position, velocity = inner.to_middle(state, 0.5 * step)
+    at = position, velocity, state.time + 0.5 * step
+    forces = effect_forces(setup.robot, at, command, state.memory, step)
+    found = inner.from_middle(state, position, velocity, forces, external, kept, step)
+    if found is None:
+        return None
+    following = SimState(
+        found.position,
+        found.velocity,
+        state.time + step,
+        found.closed,
+        found.impulse,
+        setup.drive.zero,
+        found.motor_speed,
+        forces.memory,
+    )
+    details = partial(
+        _rebuilt, setup, state, position, velocity, forces, external, kept, step, found
+    )
+    return Flow(following, found.landed, found, forces, step, details)
+
+
+def _rebuilt(
+    setup: Setup,
+    state: SimState,
+    position: FloatArray,
+    velocity: FloatArray,
+    forces: EffectForces,
+    external: FloatArray | None,
+    kept: BoolArray,
+    step: float,
+    found: Ended,
+) -> Transit:
+    """Return how the gears passed a part that compiled loops solved.
+
+    Its program is put together anew, without them: what the solution misses of its laws, and the
+    energy of the part, are then checks of the loops.
+    """
+    middle = standing_at(setup.bases, setup.space, position, velocity)
+    problem = _problem(setup, state, middle, forces, external, kept, step, None)
+    gears, places, program = _program(problem, np.zeros(setup.drive.size, dtype=bool), None, None)
+    reduced, impulse = reduce_program(program), found.impulse[places]
+    solution = StepSolution(
+        found.after, impulse, reduced.speeds(impulse), found.iterations, "newton", reduced
+    )
+    mesh, speed = gears.passed(solution)
+    after = problem.motor.after(setup.drive, solution.velocity, speed, step)
+    return Transit(
+        setup.drive, velocity, problem.motor, after, mesh, solution, gears, forces, external, step
+    )
+
+
+def _plain(
+    setup: Setup,
+    state: SimState,
+    command: FloatArray,
+    step: float,
+    external: FloatArray | None,
+    kept: BoolArray,
+) -> Flow:
+    """Return the part by arrays and every solver: loose gears, coupled rotors, any ground."""
     space, half = setup.space, 0.5 * step
     middle = to_middle(setup.bases, space, state.position, state.velocity, half)
     at = middle.position, middle.velocity, state.time + half
@@ -119,15 +228,9 @@ def flow(
     coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
     if coupling is not None:
         pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
-    force = forces.joint - joint_bias(setup.bases, space, middle)
-    if external is not None:
-        force += external
-    closed = state.closed if kept is None else state.closed | kept
-    clearance = setup.barriers.clearance(middle.position)
-    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, kept, step))
-    motor = MotorMotion.of(setup.drive, state)
-    problem = _Problem(setup, state, middle.velocity, motor, step, forces, force, held)
-    gears, places, solution = _solve_released(problem, coupling)
+    problem = _problem(setup, state, middle, forces, external, kept, step, coupling)
+    held, motor, closed = problem.held, problem.motor, state.closed | kept
+    gears, places, solution = _solve_released(problem)
     if not isfinite(solution.velocity.sum()):
         raise blown_up(setup.space.data.M, state.velocity)
     mesh, speed = gears.passed(solution)
@@ -158,7 +261,10 @@ def flow(
         external,
         step,
     )
-    return Flow(following, end.gap, held, end.overlap, setup.barriers.points, transit)
+    landed = bool(np.any(~closed & (end.gap < -TOUCH)))
+    push = world_impulse(held.contacts, setup.barriers.points, solution)
+    ended = PlainEnd(end.gap, end.overlap, push, mesh)
+    return Flow(following, landed, ended, forces, step, lambda: transit)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -187,7 +293,7 @@ def _arrive(
     gap = _gap_at(setup, position)
     shift, overlap = _NO_SHIFT, _NO_SHIFT
     drift, pressed = gap[closed], solution.normal_impulse > 0.0
-    if np.any(np.where(pressed, np.abs(drift), -drift) > _DRIFT):
+    if np.any(np.where(pressed, np.abs(drift), -drift) > DRIFT):
         furthest = setup.return_speed * step
         metric = inertia_with_rotors(setup.drive, inertia)
         shift = shift_out(metric, held, drift, furthest, pressed)
@@ -209,13 +315,13 @@ def _gap_at(setup: Setup, position: FloatArray) -> FloatArray:
     return setup.barriers.clearance(position).gap
 
 
-def _opening(gap: FloatArray, kept: BoolArray | None, step: float) -> FloatArray:
+def _opening(gap: FloatArray, kept: BoolArray, step: float) -> FloatArray:
     """Return the lowest speed (2 j + c,) at which gaps (2 j + c,) may open over a step.
 
     A barrier that was kept ahead of its closing may close, over the half step that is left. One
     that is closed may not: the drift of its gap is a matter of place, not of speed.
     """
-    if kept is None or not kept.any():
+    if not kept.any():
         return np.zeros(len(gap))
     return np.asarray(-2.0 / step * np.maximum(gap, 0.0) * kept)
 
@@ -245,17 +351,39 @@ class _Problem:
     forces: EffectForces
     force: FloatArray
     held: ClosedRows
+    coupling: StepCoupling | None
 
 
-def _solve_released(problem: _Problem, coupling: StepCoupling | None) -> _Solved:
+def _problem(
+    setup: Setup,
+    state: SimState,
+    middle: Middle,
+    forces: EffectForces,
+    external: FloatArray | None,
+    kept: BoolArray,
+    step: float,
+    coupling: StepCoupling | None,
+) -> _Problem:
+    """Return the forces and barriers of a part, for the workspace that stands at its middle."""
+    force = forces.joint - joint_bias(setup.bases, setup.space, middle)
+    if external is not None:
+        force += external
+    clearance = setup.barriers.clearance(middle.position)
+    opening = _opening(clearance.gap, kept, step)
+    held = setup.barriers.rows(state.closed | kept, clearance, opening)
+    motor = MotorMotion.of(setup.drive, state)
+    return _Problem(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
+
+
+def _solve_released(problem: _Problem) -> _Solved:
     """Solve the step, letting go of gears that would pull on a flank of their play."""
     drive = problem.setup.drive
     released = np.zeros(drive.size, dtype=bool)
     for _ in range(drive.size + 1):
-        if coupling is None:
+        if problem.coupling is None:
             solved = _solve(problem, released, None, None)
         else:
-            solved = _solve_coupled(problem, released, coupling)
+            solved = _solve_coupled(problem, released, problem.coupling)
         if not drive.any_loose:
             break
         gears, _, solution = solved
@@ -290,7 +418,23 @@ def _solve(
     on_rotors: FloatArray | None,
 ) -> _Solved:
     """Solve the step once, less the impulses (nv,) and (m,) that the rotor coupling takes."""
-    setup, state, step, motor = problem.setup, problem.state, problem.step, problem.motor
+    setup = problem.setup
+    gears, places, program = _program(problem, released, on_links, on_rotors)
+    guess = setup.layout.recall(problem.state.impulse, places)
+    names = setup.robot.transmission.joints
+    if len(gears.engaged) < len(names):
+        names = tuple(names[i] for i in gears.engaged.tolist())
+    return gears, places, solve_program(program, guess, names)
+
+
+def _program(
+    problem: _Problem,
+    released: BoolArray,
+    on_links: FloatArray | None,
+    on_rotors: FloatArray | None,
+) -> tuple[GearRows, IntArray, StepProgram]:
+    """Return the gears' rows, the places of all rows in `SimState.impulse`, and the program."""
+    setup, step, motor = problem.setup, problem.step, problem.motor
     inertia = setup.space.data.M.copy()
     push = step * problem.force
     driven = step * (setup.drive.ratio * problem.forces.rotor)
@@ -299,13 +443,9 @@ def _solve(
         driven = driven - on_rotors
     _, change, info = lapack.dposv(inertia, push)
     if info != 0:
-        raise blown_up(setup.space.data.M, state.velocity)
+        raise blown_up(setup.space.data.M, problem.state.velocity)
     gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, released)
     places = setup.layout.places(gears, problem.held)
-    guess = setup.layout.recall(state.impulse, places)
     free = problem.velocity + change
     program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
-    names = setup.robot.transmission.joints
-    if len(gears.engaged) < len(names):
-        names = tuple(names[i] for i in gears.engaged.tolist())
-    return gears, places, solve_program(program, guess, names)
+    return gears, places, program

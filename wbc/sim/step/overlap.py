@@ -11,15 +11,64 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import Dense, Nothing, OutVector, Vector, compiled
+from wbc.compiled import Dense, Nothing, OutRow, OutVector, Vector, compiled
+from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
-from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.barriers import TOUCH, Barriers, ClosedRows
 from wbc.sim.laws.drivetrain import Drivetrain
-from wbc.sim.setup import Setup
+from wbc.sim.solve.linear import factor, solve_factored
+
+DRIFT = 1e-8
+"""Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
 
 _TRIES = 100
 _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
 _STIFF = 1e6
+
+
+@compiled(Nothing, Dense, Vector, Vector, OutVector)
+def project(
+    delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray
+) -> None:
+    """Sweep towards lowest <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
+    most = 0.0
+    for i in range(len(missing)):
+        most = max(most, abs(missing[i]))
+    for _ in range(100):
+        worst = 0.0
+        for i in range(len(missing)):
+            if delassus[i, i] <= 0.0:
+                continue
+            rest = missing[i]
+            for j in range(len(missing)):
+                rest -= delassus[i, j] * push[j]
+            aim = max(push[i] + rest / delassus[i, i], lowest[i])
+            worst = max(worst, abs(aim - push[i]) * delassus[i, i])
+            push[i] = aim
+        if worst <= 1e-6 * most:
+            return
+
+
+@compiled(Nothing, Dense, Vector, Vector, OutRow)
+def least(delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray) -> None:
+    """Write the pushes (b,) with lowest <= push, delassus @ push >= missing, complementary.
+
+    Where none is bounded, one linear solve; a hair of compliance chooses among equal ones.
+    """
+    size = len(missing)
+    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
+    bounded = False
+    for i in range(size):
+        bounded = bounded or lowest[i] == 0.0
+        push[i] = missing[i]
+        for j in range(size):
+            total[i, j] = delassus[i, j]
+        total[i, i] *= 1.0 + 1e-9
+    if not bounded and factor(total, pivots):
+        solve_factored(total, pivots, push)
+        return
+    push[:] = 0.0
+    project(delassus, missing, lowest, push)
 
 
 def shift_out(
@@ -46,7 +95,7 @@ def shift_out(
     push = np.zeros(len(rows))
     missing = np.maximum(np.minimum(-gap, furthest), np.where(pressed, -furthest, -np.inf))
     lowest = np.where(pressed, -np.inf, 0.0)
-    _project(np.ascontiguousarray(rows @ response), missing, lowest, push)
+    least(np.ascontiguousarray(rows @ response), missing, lowest, push)
     return np.asarray(response @ push)
 
 
@@ -57,15 +106,20 @@ def inertia_with_rotors(drive: Drivetrain, inertia: FloatArray) -> FloatArray:
     return np.asarray(inertia + turning.T @ (drive.inertia[rigid, None] * turning))
 
 
-def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
+def lifted_out(space: Workspace, barriers: Barriers, position: FloatArray) -> FloatArray:
     """Return q (nq,) moved out of the ground and back to the joint limits.
 
     Driven joints keep their angles where a free base can do it.
 
+    Args:
+        space: workspace of the robot.
+        barriers: its limits and contacts.
+        position: q (nq,).
+
     Raises:
         SimulationError: a point that no motion brings out.
     """
-    space, barriers = setup.space, setup.barriers
+    robot = space.robot
     q = barriers.within_limits(position)
     stiff = np.zeros(space.model.nv)
     gap = worst = np.zeros(0)
@@ -77,35 +131,12 @@ def lifted_out(setup: Setup, position: FloatArray) -> FloatArray:
             return q
         worst = gap if not worst.size else worst
         near = barriers.rows(gap < _NEAR, clearance, np.zeros(barriers.size))
-        stiff[setup.robot.actuated] = _STIFF * space.data.M.diagonal().max()
+        stiff[robot.actuated] = _STIFF * space.data.M.diagonal().max()
         metric = space.data.M + np.diag(stiff)
         held = np.zeros(len(near.which) + len(near.limits), dtype=bool)
         q = pin.integrate(space.model, q, shift_out(metric, near, gap[gap < _NEAR], _NEAR, held))
     place = int(np.argmin(worst))
     raise SimulationError(
-        f"'{setup.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
+        f"'{robot.name}' cannot be lifted out of the ground: {barriers.names[place]} starts "
         f"{-worst[place]:.3g} m (rad) inside, and no motion of its free joints brings it out."
     )
-
-
-@compiled(Nothing, Dense, Vector, Vector, OutVector)
-def _project(
-    delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray
-) -> None:
-    """Sweep towards lowest <= push, delassus @ push >= missing, complementary (Gauss-Seidel)."""
-    most = 0.0
-    for i in range(len(missing)):
-        most = max(most, abs(missing[i]))
-    for _ in range(100):
-        worst = 0.0
-        for i in range(len(missing)):
-            if delassus[i, i] <= 0.0:
-                continue
-            rest = missing[i]
-            for j in range(len(missing)):
-                rest -= delassus[i, j] * push[j]
-            aim = max(push[i] + rest / delassus[i, i], lowest[i])
-            worst = max(worst, abs(aim - push[i]) * delassus[i, i])
-            push[i] = aim
-        if worst <= 1e-6 * most:
-            return

@@ -1,0 +1,159 @@
+"""Gaps of limits and contact points on plane ground, and the rows of those that are closed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Flags,
+    Nothing,
+    OutDense,
+    OutPlaces,
+    OutRow,
+    Row,
+    Table,
+    compiled,
+)
+
+
+@compiled(Nothing, Table, Dense, Dense, Count, OutRow)
+def place_of(
+    contact_at: IntArray, contacts: FloatArray, poses: FloatArray, which: int, point: FloatArray
+) -> None:
+    """Write the place (3,) of a contact point, world."""
+    pose, own = poses[contact_at[which, 0]], contacts[which]
+    for k in range(3):
+        point[k] = (
+            pose[9 + k] + pose[3 * k] * own[0] + pose[3 * k + 1] * own[1] + pose[3 * k + 2] * own[2]
+        )
+
+
+@compiled(Nothing, Table, Dense, Table, Dense, Dense, Row, Dense, OutRow)
+def gaps_at(
+    limit_at: IntArray,
+    limit_range: FloatArray,
+    contact_at: IntArray,
+    contacts: FloatArray,
+    solids: FloatArray,
+    q: FloatArray,
+    poses: FloatArray,
+    gap: FloatArray,
+) -> None:
+    """Write all gaps (2 j + k s,): lower limits, upper limits, contact points solid by solid.
+
+    Args:
+        limit_at: (j, 2) entry of q and row of v.
+        limit_range: (j, 2) least and greatest value.
+        contact_at: (k, 2) joint, and its last row of v.
+        contacts: (k, 5) place on the joint (3), radius, friction.
+        solids: (s, 4) unit normal and distance of planes from the world's origin.
+        q: (nq,).
+        poses: (n, 12).
+        gap: to write.
+    """
+    j, k = len(limit_at), len(contact_at)
+    for i in range(j):
+        gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
+        gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
+    point = np.empty(3)
+    for i in range(k):
+        place_of(contact_at, contacts, poses, i, point)
+        for s in range(len(solids)):
+            along = point[0] * solids[s, 0] + point[1] * solids[s, 1] + point[2] * solids[s, 2]
+            gap[2 * j + s * k + i] = along - solids[s, 3] - contacts[i, 3]
+
+
+@compiled(Nothing, Row, Flag, OutDense)
+def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
+    """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3)."""
+    x, y, z = normal[0], normal[1], normal[2]
+    axes[0, 0], axes[0, 1], axes[0, 2] = x, y, z
+    if planar:
+        axes[1, 0], axes[1, 1], axes[1, 2] = z, 0.0, -x
+        return
+    # The world axis less its normal part: x, or y where x is nearly along the normal.
+    if abs(x) < 0.9:
+        a, b, c = 1.0 - x * x, -x * y, -x * z
+    else:
+        a, b, c = -y * x, 1.0 - y * y, -y * z
+    size = np.sqrt(a * a + b * b + c * c)
+    a, b, c = a / size, b / size, c / size
+    axes[1, 0], axes[1, 1], axes[1, 2] = a, b, c
+    axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+
+
+@compiled(
+    Nothing, Flags, Table, Table, Dense, Dense, Flag, Table, Dense, Row, Dense, Count,
+    OutDense, OutDense, OutPlaces,
+)  # fmt: skip
+def barrier_rows(
+    closed: BoolArray,
+    limit_at: IntArray,
+    contact_at: IntArray,
+    contacts: FloatArray,
+    solids: FloatArray,
+    planar: bool,
+    rows: IntArray,
+    columns: FloatArray,
+    about: FloatArray,
+    poses: FloatArray,
+    first: int,
+    matrix: FloatArray,
+    axes: FloatArray,
+    which: IntArray,
+) -> None:
+    """Write the rows of the closed barriers: limits, contact normals, contact tangents.
+
+    Args:
+        closed: (2 j + c,).
+        limit_at, contact_at, contacts, solids: see `gaps_at`.
+        planar: whether points move in x-z only.
+        rows: of the `Tree`.
+        columns: (nv, 6) about the point `about` (3,).
+        poses: (n, 12).
+        first: row of `matrix` at which they start.
+        matrix: (r, nv) to write.
+        axes: (closed contacts (1 + d), 3) to write.
+        which: numbers of the closed contact barriers to write.
+    """
+    j, k, row, count = len(limit_at), len(contact_at), first, 0
+    for i in range(2 * j):
+        if closed[i]:
+            matrix[row] = 0.0
+            matrix[row, limit_at[i % j, 1]] = 1.0 if i < j else -1.0
+            row += 1
+    for i in range(2 * j, len(closed)):
+        if closed[i]:
+            which[count] = i - 2 * j
+            count += 1
+    size, point = 2 if planar else 3, np.empty(3)
+    for c in range(count):
+        contact, own = which[c] % k, axes[size * c : size * (c + 1)]
+        normal = solids[which[c] // k, :3]
+        contact_axes(normal, planar, own)
+        place_of(contact_at, contacts, poses, contact, point)
+        # A ball touches a radius below its centre.
+        x = point[0] - about[0] - contacts[contact, 3] * normal[0]
+        y = point[1] - about[1] - contacts[contact, 3] * normal[1]
+        z = point[2] - about[2] - contacts[contact, 3] * normal[2]
+        for a in range(size):
+            at = row + c if a == 0 else row + count + c * (size - 1) + a - 1
+            matrix[at] = 0.0
+            u, v, w = own[a, 0], own[a, 1], own[a, 2]
+            p, q, r = y * w - z * v, z * u - x * w, x * v - y * u
+            i = contact_at[contact, 1]
+            while i >= 0:
+                column = columns[i]
+                matrix[at, i] = (
+                    u * column[0]
+                    + v * column[1]
+                    + w * column[2]
+                    + p * column[3]
+                    + q * column[4]
+                    + r * column[5]
+                )
+                i = rows[i, 1]

@@ -1,0 +1,233 @@
+"""A plant's constant numbers and memory as plain arrays, and one part of a step on them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.robot import Robot
+from wbc.sim.ground.barriers import TOUCH, Barriers
+from wbc.sim.ground.plane import Plane
+from wbc.sim.ground.terrain import Terrain
+from wbc.sim.inner.motion import to_middle
+from wbc.sim.inner.part import FAILED, LANDED, from_middle
+from wbc.sim.laws.drivetrain import Drivetrain
+from wbc.sim.solve.solver import TOLERANCE
+from wbc.sim.state import SimState
+from wbc.sim.step.flight import FreeBase
+from wbc.sim.step.forces import EffectForces
+from wbc.sim.step.overlap import DRIFT
+from wbc.sim.step.warm_start import ImpulseLayout
+from wbc.sim.tree.tree import Tree, tree_of
+
+_NOTHING = np.zeros(0)
+
+
+class Ended:
+    """Where a part ended: slices of one array, cut when asked for.
+
+    Attributes:
+        closed: (2 j + c,) barriers that stay closed.
+        landed: whether a barrier that is not closed is passed.
+        left: whether some overlap is left to take back.
+    """
+
+    __slots__ = ("_ends", "_out", "closed", "landed", "left")
+
+    def __init__(
+        self, out: FloatArray, ends: tuple[int, ...], closed: BoolArray, landed: bool, left: bool
+    ) -> None:
+        """Keep what `from_middle` wrote."""
+        self._out, self._ends, self.closed = out, ends, closed
+        self.landed, self.left = landed, left
+
+    @property
+    def position(self) -> FloatArray:
+        """q (nq,)."""
+        return self._out[: self._ends[0]]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """v (nv,)."""
+        return self._out[self._ends[0] : self._ends[1]]
+
+    @property
+    def motor_speed(self) -> FloatArray:
+        """(m,) of the motor outputs."""
+        return self._out[self._ends[1] : self._ends[2]]
+
+    @property
+    def impulse(self) -> FloatArray:
+        """Of the rows, in the plant's layout."""
+        return self._out[self._ends[2] : self._ends[3]]
+
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,)."""
+        return self._out[self._ends[3] : self._ends[4]]
+
+    @property
+    def after(self) -> FloatArray:
+        """v (nv,) at the middle, after forces and impulses."""
+        return self._out[self._ends[4] : self._ends[5]]
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self._out[self._ends[5] : self._ends[6]]
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth that is left to take back; empty where nothing is."""
+        return self._out[self._ends[6] : self._ends[7]] if self.left else _NOTHING
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return self._out[self._ends[7] : self._ends[8]].reshape(-1, 3)
+
+    @property
+    def iterations(self) -> int:
+        """Linear systems solved."""
+        return int(self._out[self._ends[8]])
+
+
+class Inner:
+    """The compiled inner work of one plant, with the memory that it works in."""
+
+    def __init__(
+        self,
+        tree: Tree,
+        bases: IntArray,
+        drive: Drivetrain,
+        barriers: Barriers,
+        solids: FloatArray,
+        return_speed: float,
+        nq: int,
+        stored: int,
+    ) -> None:
+        """Keep what does not change and make room for the rest; see `inner_of`."""
+        n, nv, k = len(tree.joints), len(tree.rows), barriers.points
+        gears = (drive.ratio, drive.inertia, drive.viscous, drive.coulomb, 1.0 / drive.forward)
+        table = np.ascontiguousarray(np.column_stack((*gears, drive.backward)))
+        self._tree: tuple[Any, ...] = tree.joints, tree.shapes, tree.rows
+        self._fixed: tuple[Any, ...] = (
+            *self._tree,
+            tree.gravity,
+            bases,
+            *barriers.tables(tree),
+            solids,
+            barriers.planar,
+            table,
+            drive.rows,
+        )
+        self._limits: tuple[Any, ...] = return_speed, TOLERANCE, DRIFT, TOUCH
+        self._bases, self._actuated, self._direct = bases, drive.actuated, drive.direct
+        # Poses, columns, bodies, bodies with all behind them, H_l.
+        widths = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+        self._memory: tuple[Any, ...] = tuple(np.zeros(shape) for shape in widths)
+        self._carried = np.zeros((len(bases), 10))
+        self._dry, m, size = drive.zero, drive.size, barriers.size
+        self._places = np.cumsum((nq, nv, m, stored, size, nv, m, size, 3 * k))
+        self._ends = tuple(self._places.tolist())
+        self._size = self._ends[-1] + 1
+
+    def to_middle(self, state: SimState, half: float) -> tuple[FloatArray, FloatArray]:
+        """Return q (nq,) and v (nv,) after `half` a step [s]; the memory then stands there."""
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        middle, speed = np.empty(len(q)), np.empty(len(v))
+        given = self._bases, q, v, half
+        written = self._carried, middle, speed
+        arguments: tuple[Any, ...] = (*self._tree, *given, *self._memory, *written)
+        to_middle(*arguments)
+        return middle, speed
+
+    def from_middle(
+        self,
+        state: SimState,
+        position: FloatArray,
+        velocity: FloatArray,
+        forces: EffectForces,
+        external: FloatArray | None,
+        kept: BoolArray,
+        step: float,
+    ) -> Ended | None:
+        """Return the end of the part whose middle `to_middle` found; None where Newton fails.
+
+        Args:
+            state: at its start.
+            position: q (nq,) in the middle.
+            velocity: v (nv,) there.
+            forces: of the effects there.
+            external: (nv,), None for none.
+            kept: (2 j + c,) barriers that may close within the part.
+            step: h [s].
+        """
+        dry = self._dry
+        if forces.friction is not None:
+            dry = forces.friction[self._actuated]
+            if not self._direct or np.count_nonzero(forces.friction) != np.count_nonzero(dry):
+                return None
+        force = forces.joint if external is None else forces.joint + external
+        out, closed = np.empty(self._size), np.empty(len(kept), dtype=np.bool_)
+        before = state.closed, kept, state.impulse, np.ascontiguousarray(state.velocity)
+        acting = forces.rotor, force, dry, step, *self._limits
+        written = self._carried, position, velocity, out, self._places, closed
+        arguments: tuple[Any, ...] = (*self._fixed, *before, *acting, *self._memory, *written)
+        result = from_middle(*arguments)
+        if result == FAILED:
+            return None
+        return Ended(out, self._ends, closed, abs(result) == LANDED, result < 0)
+
+
+def inner_of(
+    robot: Robot,
+    terrain: Terrain,
+    bases: tuple[FreeBase, ...],
+    drive: Drivetrain,
+    barriers: Barriers,
+    layout: ImpulseLayout,
+    return_speed: float,
+) -> Inner | None:
+    """Return the compiled inner work of a plant, None where the loops do not know its case.
+
+    They know trees of revolute, prismatic and free joints, rigid gears that are not self-locking,
+    rotors that feel their own spin alone, and ground of planes.
+
+    Args:
+        robot: what moves.
+        terrain: what it stands on.
+        bases: its free bases.
+        drive: its gears.
+        barriers: its limits and contacts.
+        layout: of the row impulses between steps.
+        return_speed: at which an overlap is taken back at most.
+    """
+    tree = tree_of(robot.model)
+    flat = [solid for solid in terrain.solids if isinstance(solid, Plane)]
+    if (
+        tree is None
+        or len(flat) != len(terrain.solids)
+        or drive.any_loose
+        or robot.rotors_turn_with_links
+        or drive.backward.min(initial=0.0) < 0.0
+        or (barriers.points and barriers.tables(tree)[2].min() < 0)
+    ):
+        return None
+    table = [
+        (
+            base.joint - 1,
+            base.frame - 1,
+            base.first,
+            int(base.planar),
+            int(base.places[0]),
+        )
+        for base in bases
+    ]
+    solids = np.array([(*plane.normal, plane.height * plane.normal[2]) for plane in flat])
+    numbers = np.array(table, dtype=np.int64).reshape(-1, 5)
+    flat_ground = solids.reshape(-1, 4)
+    nq, stored = robot.model.nq, layout.size
+    return Inner(tree, numbers, drive, barriers, flat_ground, return_speed, nq, stored)

@@ -1,0 +1,117 @@
+"""Small dense linear systems in compiled loops over rows, which use the processor's vectors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Dense, Flag, Nothing, OutDense, OutPlaces, OutRow, Places, compiled
+
+
+@compiled(Flag, OutDense, OutPlaces)
+def factor(matrix: FloatArray, pivots: IntArray) -> bool:
+    """Replace a matrix (n, n) by its triangular factors with row pivots; False where singular."""
+    size = len(matrix)
+    for k in range(size):
+        best = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        pivots[k] = best
+        if best != k:
+            for j in range(size):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+        if matrix[k, k] == 0.0:
+            return False
+        for i in range(k + 1, size):
+            matrix[i, k] /= matrix[k, k]
+        # Two rows at a time: the overhead of a loop is as long as its work.
+        for i in range(k + 1, size - 1, 2):
+            one, two = matrix[i, k], matrix[i + 1, k]
+            for j in range(k + 1, size):
+                matrix[i, j] -= one * matrix[k, j]
+                matrix[i + 1, j] -= two * matrix[k, j]
+        if (size - k) % 2 == 0:
+            for j in range(k + 1, size):
+                matrix[size - 1, j] -= matrix[size - 1, k] * matrix[k, j]
+    return True
+
+
+@compiled(Nothing, Dense, Places, OutRow)
+def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> None:
+    """Replace the right side (n,) by the solution, with what `factor` left."""
+    size = len(right)
+    for k in range(size):
+        if pivots[k] != k:
+            right[k], right[pivots[k]] = right[pivots[k]], right[k]
+    for i in range(size):
+        total = 0.0
+        for j in range(i):
+            total += matrix[i, j] * right[j]
+        right[i] -= total
+    for i in range(size - 1, -1, -1):
+        total = 0.0
+        for j in range(i + 1, size):
+            total += matrix[i, j] * right[j]
+        right[i] = (right[i] - total) / matrix[i, i]
+
+
+@compiled(Flag, Dense, OutDense)
+def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
+    """Write L, lower triangular, with L' L = inertia (n, n); False where that is not positive.
+
+    From the leaves to the root, where the zeros between branches of a tree stay zeros
+    (Featherstone).
+    """
+    size = len(inertia)
+    for i in range(size):
+        for j in range(size):
+            lower[i, j] = inertia[i, j] if j <= i else 0.0
+    for k in range(size - 1, -1, -1):
+        if not lower[k, k] > 0.0:
+            return False
+        lower[k, k] = np.sqrt(lower[k, k])
+        for j in range(k):
+            lower[k, j] /= lower[k, k]
+        for i in range(k):
+            share = lower[k, i]
+            if share != 0.0:
+                for j in range(i + 1):
+                    lower[i, j] -= share * lower[k, j]
+    return True
+
+
+@compiled(Nothing, Dense, OutDense)
+def halfway(lower: FloatArray, columns: FloatArray) -> None:
+    """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
+    for i in range(len(lower) - 1, -1, -1):
+        for c in range(columns.shape[1]):
+            columns[i, c] /= lower[i, i]
+        for j in range(i):
+            share = lower[i, j]
+            if share != 0.0:
+                for c in range(columns.shape[1]):
+                    columns[j, c] -= share * columns[i, c]
+
+
+@compiled(Nothing, Dense, OutRow)
+def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
+    """Replace the right side (n,) by L^-1 of it."""
+    for i in range(len(lower)):
+        total = 0.0
+        for j in range(i):
+            total += lower[i, j] * right[j]
+        right[i] = (right[i] - total) / lower[i, i]
+
+
+@compiled(Nothing, Dense, OutDense)
+def products(columns: FloatArray, gram: FloatArray) -> None:
+    """Write columns' columns (r, r)."""
+    size = columns.shape[1]
+    gram[:] = 0.0
+    for k in range(len(columns)):
+        for i in range(size):
+            share = columns[k, i]
+            if share != 0.0:
+                for j in range(size):
+                    gram[i, j] += share * columns[k, j]

@@ -1,0 +1,171 @@
+"""Inertia and velocity terms of a tree (Featherstone's composite bodies and Newton-Euler)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Count, Dense, Nothing, OutDense, OutRow, Row, Table, compiled
+
+
+@compiled(Nothing, Row, Row, OutRow)
+def _momentum(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> None:
+    """Write the momentum (6,) of a body (10,) with a spatial velocity (6,)."""
+    m, x, y, z = body[0], body[1], body[2], body[3]
+    a, b, c, p, q, r = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
+    momentum[0] = m * a + q * z - r * y
+    momentum[1] = m * b + r * x - p * z
+    momentum[2] = m * c + p * y - q * x
+    momentum[3] = y * c - z * b + body[4] * p + body[5] * q + body[6] * r
+    momentum[4] = z * a - x * c + body[5] * p + body[7] * q + body[8] * r
+    momentum[5] = x * b - y * a + body[6] * p + body[8] * q + body[9] * r
+
+
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense, OutDense)
+def bodies_at(
+    joints: IntArray,
+    shapes: FloatArray,
+    poses: FloatArray,
+    about: FloatArray,
+    bodies: FloatArray,
+    composite: FloatArray,
+) -> None:
+    """Write mass, first moment and inertia about a point, of each body and of all behind it.
+
+    Args:
+        joints, shapes: of the `Tree`.
+        poses: (n, 12).
+        about: (3,) the point, world.
+        bodies: (n, 10) to write: mass, first moment (3), inertia (xx, xy, xz, yy, yz, zz), world.
+        composite: (n, 10) to write, the same of the tree behind each joint.
+    """
+    part = np.empty(9)
+    for i in range(len(joints)):
+        pose, shape, body = poses[i], shapes[i], bodies[i]
+        m, lx, ly, lz = shape[15], shape[16], shape[17], shape[18]
+        x = pose[9] - about[0] + pose[0] * lx + pose[1] * ly + pose[2] * lz
+        y = pose[10] - about[1] + pose[3] * lx + pose[4] * ly + pose[5] * lz
+        z = pose[11] - about[2] + pose[6] * lx + pose[7] * ly + pose[8] * lz
+        for k in range(3):
+            a, b, c = pose[3 * k], pose[3 * k + 1], pose[3 * k + 2]
+            part[3 * k] = a * shape[19] + b * shape[20] + c * shape[21]
+            part[3 * k + 1] = a * shape[20] + b * shape[22] + c * shape[23]
+            part[3 * k + 2] = a * shape[21] + b * shape[23] + c * shape[24]
+        body[0], body[1], body[2], body[3] = m, m * x, m * y, m * z
+        body[4] = part[0] * pose[0] + part[1] * pose[1] + part[2] * pose[2] + m * (y * y + z * z)
+        body[5] = part[0] * pose[3] + part[1] * pose[4] + part[2] * pose[5] - m * x * y
+        body[6] = part[0] * pose[6] + part[1] * pose[7] + part[2] * pose[8] - m * x * z
+        body[7] = part[3] * pose[3] + part[4] * pose[4] + part[5] * pose[5] + m * (x * x + z * z)
+        body[8] = part[3] * pose[6] + part[4] * pose[7] + part[5] * pose[8] - m * y * z
+        body[9] = part[6] * pose[6] + part[7] * pose[7] + part[8] * pose[8] + m * (x * x + y * y)
+        composite[i] = body
+    for i in range(len(joints) - 1, -1, -1):
+        if joints[i, 0] >= 0:
+            composite[joints[i, 0]] += composite[i]
+
+
+@compiled(Nothing, Table, Dense, Dense, Count, OutDense)
+def inertia_at(
+    rows: IntArray, composite: FloatArray, columns: FloatArray, upto: int, inertia: FloatArray
+) -> None:
+    """Write H_l, of which both halves are filled.
+
+    Args:
+        rows: of the `Tree`.
+        composite: (n, 10).
+        columns: (nv, 6).
+        upto: rows (and columns) of H that are needed: all that come before this one.
+        inertia: (nv, nv) to write.
+    """
+    force = np.empty(6)
+    inertia[:] = 0.0
+    for j in range(len(rows)):
+        _momentum(composite[rows[j, 0]], columns[j], force)
+        i = j
+        while i >= 0:
+            if i < upto:
+                total = 0.0
+                for k in range(6):
+                    total += columns[i, k] * force[k]
+                inertia[i, j] = inertia[j, i] = total
+            i = rows[i, 1]
+
+
+@compiled(Nothing, Row, Row, OutRow)
+def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) -> None:
+    """Add how fast a spatial velocity (6,) that moves along with `motion` (6,) changes."""
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        total[k] += (
+            motion[3 + i] * other[j]
+            - motion[3 + j] * other[i]
+            + motion[i] * other[3 + j]
+            - motion[j] * other[3 + i]
+        )
+        total[3 + k] += motion[3 + i] * other[3 + j] - motion[3 + j] * other[3 + i]
+
+
+@compiled(Nothing, Row, Row, OutRow)
+def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray) -> None:
+    """Add how fast a momentum (6,) that moves along with `motion` (6,) changes."""
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        total[k] += motion[3 + i] * momentum[j] - motion[3 + j] * momentum[i]
+        total[3 + k] += (
+            motion[3 + i] * momentum[3 + j]
+            - motion[3 + j] * momentum[3 + i]
+            + motion[i] * momentum[j]
+            - motion[j] * momentum[i]
+        )
+
+
+@compiled(Nothing, Table, Table, Row, Dense, Dense, Row, OutRow)
+def bias_at(
+    joints: IntArray,
+    rows: IntArray,
+    gravity: FloatArray,
+    columns: FloatArray,
+    bodies: FloatArray,
+    v: FloatArray,
+    bias: FloatArray,
+) -> None:
+    """Write gravity and the velocity terms (nv,): the forces that hold the tree at v' = 0.
+
+    Args:
+        joints, rows: of the `Tree`.
+        gravity: (3,).
+        columns: (nv, 6).
+        bodies: (n, 10), of each body alone.
+        v: (nv,).
+        bias: (nv,) to write.
+    """
+    count = len(joints)
+    motion, rate, force = np.zeros((count, 6)), np.zeros((count, 6)), np.empty((count, 6))
+    own, part = np.empty(6), np.empty(6)
+    for i in range(count):
+        parent, first = joints[i, 0], joints[i, 3]
+        last = joints[i + 1, 3] if i + 1 < count else len(rows)
+        if parent >= 0:
+            motion[i], rate[i] = motion[parent], rate[parent]
+        else:
+            for k in range(3):
+                rate[i, k] = -gravity[k]
+        own[:] = 0.0
+        for row in range(first, last):
+            for k in range(6):
+                own[k] += columns[row, k] * v[row]
+        for k in range(6):
+            motion[i, k] += own[k]
+        _add_cross_motion(motion[i], own, rate[i])
+        _momentum(bodies[i], rate[i], force[i])
+        _momentum(bodies[i], motion[i], part)
+        _add_cross_force(motion[i], part, force[i])
+    for i in range(count - 1, -1, -1):
+        first = joints[i, 3]
+        last = joints[i + 1, 3] if i + 1 < count else len(rows)
+        for row in range(first, last):
+            bias[row] = 0.0
+            for k in range(6):
+                bias[row] += columns[row, k] * force[i, k]
+        if joints[i, 0] >= 0:
+            force[joints[i, 0]] += force[i]

@@ -1,0 +1,77 @@
+"""A robot's tree of bodies as plain arrays, for compiled loops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, IntArray
+
+REVOLUTE, UNBOUNDED, PRISMATIC, FREE_FLYER = range(4)
+"""Joints that the loops know: about an axis, the same with q as cos and sin, along one, free."""
+
+_KINDS = {
+    **{f"JointModelR{axis}": REVOLUTE for axis in "XYZ"},
+    **{f"JointModelRUB{axis}": UNBOUNDED for axis in "XYZ"},
+    **{f"JointModelP{axis}": PRISMATIC for axis in "XYZ"},
+    "JointModelRevoluteUnaligned": REVOLUTE,
+    "JointModelPrismaticUnaligned": PRISMATIC,
+    "JointModelFreeFlyer": FREE_FLYER,
+}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Tree:
+    """The bodies and joints of a robot; joint i here is joint i + 1 of pinocchio's.
+
+    Attributes:
+        joints: (n, 5) parent (-1 for the world), kind, first entry of q, first row of v, and the
+            joint at the root of its tree.
+        shapes: (n, 25) placement on the parent (rotation by rows, then place), axis, mass, centre
+            of mass, inertia about it (xx, xy, xz, yy, yz, zz); all in the axes of parent or joint.
+        rows: (nv, 2) joint of each row of v, and the row before it on the way to the root (-1).
+        gravity: (3,) [m/s^2].
+    """
+
+    joints: IntArray
+    shapes: FloatArray
+    rows: IntArray
+    gravity: FloatArray
+
+
+def tree_of(model: Any) -> Tree | None:
+    """Return the tree of a pinocchio model; None where it has a joint that the loops do not know.
+
+    Args:
+        model: pinocchio's.
+    """
+    count = model.njoints - 1
+    joints, shapes = np.zeros((count, 5), dtype=np.int64), np.zeros((count, 25))
+    rows, data = np.full((model.nv, 2), -1, dtype=np.int64), model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for i in range(count):
+        joint, place, body = (
+            model.joints[i + 1],
+            model.jointPlacements[i + 1],
+            model.inertias[i + 1],
+        )
+        kind, parent = _KINDS.get(joint.shortname()), int(model.parents[i + 1]) - 1
+        if kind is None:
+            return None
+        root = i if parent < 0 else joints[parent, 4]
+        joints[i] = parent, kind, joint.idx_q, joint.idx_v, root
+        shapes[i, :9], shapes[i, 9:12] = place.rotation.ravel(), place.translation
+        if kind != FREE_FLYER:
+            own = pin.getJointJacobian(model, data, i + 1, pin.ReferenceFrame.LOCAL)
+            motion = own.reshape(6, -1)[:, joint.idx_v]
+            shapes[i, 12:15] = motion[:3] if kind == PRISMATIC else motion[3:]
+        shapes[i, 15], shapes[i, 16:19] = body.mass, body.lever
+        shapes[i, 19:] = body.inertia[np.triu_indices(3)]
+        before = -1 if parent < 0 else int(joints[parent, 3]) + model.joints[parent + 1].nv - 1
+        for row in range(joint.idx_v, joint.idx_v + joint.nv):
+            rows[row] = i, before
+            before = row
+    return Tree(joints, shapes, rows, np.array(model.gravity.linear))
