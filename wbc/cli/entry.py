@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from functools import partial
 from importlib.metadata import version
 
 from rich.console import Console
@@ -32,13 +31,11 @@ _COMMANDS = (
 )
 
 _EPILOG = """\
-examples:
-  wbc init my_leg.urdf run*.csv
+example (others: wbc COMMAND --help):
   wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 
 exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input or wrong columns,
-3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted
-`wbc COMMAND --help` shows every option of a command with an example."""
+3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -47,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="wbc",
         description="Compare a robot model with logs, learn which physics is missing, see it.",
         epilog=_EPILOG,
-        formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=18),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
