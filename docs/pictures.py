@@ -122,6 +122,10 @@ def designs() -> None:
         ending = "" if theme == "light" else "_dark"
         keep(OUT / theme / "planar_leg_design_map.png", "design_map" + ending)
         keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
+    command = ["experiment", "planar_leg_fixed", "--lossless", "--speed", "6", "--span", "1"]
+    command += ["--rounds", "100", "--figures", str(OUT), "--between"]
+    wbc([*command, "rotor_inertia@knee", "payload_mass@shin"])
+    keep(OUT / "planar_leg_fixed_experiment.png", "experiment")
     for study in (case_study, energy_flow, wedge):
         study.report(study.main())
     for name in ("case_foot", "case_efficiency", "energy_flow", "wedge"):

@@ -1,4 +1,4 @@
-"""The main job of the library in one run: stand a leg on lossy gears, then explain a log."""
+"""The main job of the library in one run: stand a leg, explain a log, plan what to record next."""
 
 from __future__ import annotations
 
@@ -12,9 +12,18 @@ from sims.tables import print_columns
 from wbc import load_robot, save_robot
 from wbc.cli.logs.compare import error_table
 from wbc.cli.logs.diagnose import print_diagnosis
+from wbc.cli.robots.experiment import print_experiment, write_set_points
+from wbc.design.experiment import (
+    MotionLimits,
+    Rivals,
+    design_experiment,
+    expected,
+    random_paths,
+    tied_causes,
+)
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
-from wbc.measurement import save_log
+from wbc.measurement import load_log, save_log
 from wbc.sim.excitation import record_with
 from wbc.view import write_playback
 from wbc.view.report import write_report
@@ -62,16 +71,37 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     return diagnosis, written
 
 
-def main(duration: float = 4.0, excitation: float = 6.0) -> Diagnosis:
-    """Run both parts, print their tables and say where the files are."""
+def plan(console: Console, diagnosis: Diagnosis, duration: float, rounds: int) -> list[Path]:
+    """Plan the motion that would tell what was found from its closest rival; return its files."""
+    console.rule("3. The motion that would tell the two closest rivals apart")
+    leg = load_robot("planar_leg_fixed").lossless()
+    causes = tied_causes(diagnosis.to_json(), leg)[:2]
+    rivals = Rivals(leg, causes, noise=0.01 * leg.transmission.torque_limit)
+    limits = MotionLimits.of(leg, span=1.0, speed=6.0)
+    designed = design_experiment(rivals, limits, duration, rounds=rounds)
+    chance = expected(rivals, limits, next(random_paths(rivals, limits, duration, 1, 1)))
+    print_experiment(rivals, {"random": chance, "designed": designed}, console)
+    path = write_set_points(OUT / "trajectory.csv", leg, designed.path, rate=100.0)
+    return [
+        path,
+        write_playback(
+            OUT / "trajectory.html", leg, load_log(path), title="The motion that decides"
+        ),
+    ]
+
+
+def main(duration: float = 4.0, excitation: float = 6.0, rounds: int = 60) -> Diagnosis:
+    """Run the three parts, print their tables and say where the files are."""
     console = Console(markup=False, highlight=False)
     OUT.mkdir(exist_ok=True)
     files = stand(console, duration)
     diagnosis, more = explain(console, excitation)
-    console.rule("3. Files")
-    for path in [*files, *more]:
+    planned = plan(console, diagnosis, 10.0, rounds)
+    console.rule("4. Files")
+    for path in [*files, *more, *planned]:
         console.print(f"  {path}")
     console.print("open out/landing.html (playback) and out/report.html in a browser, offline")
+    console.print("record out/trajectory.csv (set points) to tell the two closest rivals apart")
     return diagnosis
 
 

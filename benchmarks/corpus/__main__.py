@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from pathlib import Path
 
 from benchmarks.corpus.calibration import draw_diagram
@@ -22,6 +22,7 @@ from benchmarks.corpus.report import line, report
 from benchmarks.corpus.scorecard import score
 from benchmarks.corpus.trial import Result, try_cases
 from wbc.files import write_text
+from wbc.parallel import run_jobs
 
 _AT_ONCE = 26  # cases simulated side by side
 
@@ -32,7 +33,8 @@ def main() -> None:
     parser.add_argument("--cases", default=f"0:{COUNT}", help="first:end")
     parser.add_argument("--half", choices=["even", "odd"], help="only these numbers")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="processes on this computer")
+    parser.add_argument("--cluster", help="address of a Dask scheduler instead; a shared folder")
     parser.add_argument("--json", type=Path, help="write the scorecard here")
     parser.add_argument("--diagram", type=Path, help="draw stated and true probabilities here")
     options = parser.parse_args()
@@ -40,7 +42,7 @@ def main() -> None:
     numbers = [n for n in range(first, end) if options.half in (None, ("even", "odd")[n % 2])]
     folder = options.folder / f"seed{options.seed}"
     missing = [n for n in numbers if not (folder / f"{n:04d}.json").exists()]
-    for done, result in enumerate(_run(missing, folder, options.seed, options.jobs), start=1):
+    for done, result in enumerate(_run(missing, folder, options), start=1):
         print(f"{done}/{len(missing)} {line(result)}", flush=True)
     results = [json.loads((folder / f"{n:04d}.json").read_text()) for n in numbers]
     print(report(results))
@@ -51,15 +53,11 @@ def main() -> None:
         write_text(options.json, json.dumps(rows, indent=1))
 
 
-def _run(missing: list[int], folder: Path, seed: int, jobs: int) -> Iterable[Result]:
+def _run(missing: list[int], folder: Path, options: argparse.Namespace) -> Iterable[Result]:
     chunks = [missing[k : k + _AT_ONCE] for k in range(0, len(missing), _AT_ONCE)]
-    if jobs == 1:
-        for chunk in chunks:
-            yield from try_cases(chunk, folder, seed)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        for future in as_completed([pool.submit(try_cases, c, folder, seed) for c in chunks]):
-            yield from future.result()
+    work = partial(try_cases, folder=folder.resolve(), seed=options.seed)
+    for results in run_jobs(work, chunks, workers=options.jobs, cluster=options.cluster):
+        yield from results
 
 
 if __name__ == "__main__":

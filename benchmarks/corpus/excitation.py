@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -33,11 +33,30 @@ class Excitation:
     lead: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class PlannedExcitation(Excitation):
+    """A run along a motion that was planned, in place of a drawn one.
+
+    Attributes:
+        positions: (T, m) of the driven joints [rad], 100 a second from 0.5 s before the start
+            to 0.5 s after the end.
+    """
+
+    positions: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @staticmethod
+    def times(duration: float) -> np.ndarray:
+        """Return the times (T,) [s] of the positions."""
+        return np.arange(-0.5, duration + 0.5, 1.0 / _KNOTS)
+
+
 def reference(machine: Machine, excitation: Excitation) -> BSpline:
     """Return the joints' motion as a spline (m,) of the time, four times differentiable."""
+    time = PlannedExcitation.times(excitation.duration)
+    if isinstance(excitation, PlannedExcitation):
+        return make_interp_spline(time - excitation.lead, excitation.positions, k=5)
     random = np.random.default_rng([77, excitation.seed])
     count = len(machine.driven)
-    time = np.arange(-0.5, excitation.duration + 0.5, 1.0 / _KNOTS)
     reach = 0.5 if machine.family == "biped" else 1.0
     wave = np.stack([_wave(random, excitation.kind, time) for _ in range(count)], axis=1)
     if excitation.kind == "one_joint":

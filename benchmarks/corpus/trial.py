@@ -35,7 +35,7 @@ def try_cases(numbers: Sequence[int], folder: Path, seed: int) -> list[Result]:
     results, open_ends = [], []
     for case, recorded in zip(cases, tables, strict=True):
         logs = logs_of(recorded)
-        result, diagnosis = _tried(case, logs)
+        result, diagnosis = tried(case, logs)
         result["simulation_seconds"] = spent
         results.append(result)
         if diagnosis is not None and diagnosis.verdict == "ambiguous":
@@ -45,7 +45,7 @@ def try_cases(numbers: Sequence[int], folder: Path, seed: int) -> list[Result]:
     jobs = [(case, runs) for case, _, _, runs in open_ends]
     for (case, logs, result, runs), more in zip(open_ends, record_cases(jobs), strict=True):
         longer = replace(case, excitations=(*case.excitations, *runs))
-        result["followed"] = _tried(longer, [*logs, *logs_of(more)])[0]
+        result["followed"] = tried(longer, [*logs, *logs_of(more)])[0]
         _write(result, folder)
     return results
 
@@ -61,7 +61,8 @@ def robot_of(case: Case) -> Robot:
         return load_robot(str(write_folder(case.machine, Path(folder))))
 
 
-def _tried(case: Case, logs: Sequence[Log]) -> tuple[Result, Diagnosis | None]:
+def tried(case: Case, logs: Sequence[Log]) -> tuple[Result, Diagnosis | None]:
+    """Diagnose a case; return the result held against its truth, and the diagnosis if any."""
     result = described(case)
     start = time.process_time()
     try:

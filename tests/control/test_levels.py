@@ -85,7 +85,7 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     state = next(moving_fast(robot, 1))
     one, two = alone.step(state), both.step(state)
     assert two.status is Status.INACCURATE
-    assert two.message == "the tasks of level 1 are left out: the solver gave up."
+    assert two.message == "the tasks of a lower level are left out: the solver gave up."
     np.testing.assert_array_equal(two.rotor_torque, one.rotor_torque)
     assert two.solution.primal_residual(both.problem) < 1e-5
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc.control
@@ -10,16 +12,20 @@ from sims.legged import feet
 from tests.control.scenes import moving
 from wbc.control import (
     AngularMomentumTask,
+    CapturePointTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
+    CollisionLimit,
     Contact,
     ContactForceTask,
     Controller,
     ControllerSettings,
     Effort,
+    FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    GazeTask,
     JointLimit,
     JouleHeatEffort,
     LinearMomentumTask,
@@ -32,6 +38,7 @@ from wbc.control import (
     Reference,
     RotorTorqueEffort,
     RotorTorqueLimit,
+    Shape,
     SpeedBlend,
     SurfaceContact,
     Task,
@@ -65,14 +72,30 @@ def heat(robot):
     return robot.with_transmission(given)
 
 
+def apart(robot):
+    """Return a limit of the trunk's distance from a ball in the world that is too near."""
+    ball = coal.Sphere(0.05)
+    trunk = Shape(name="trunk", geometry=ball, frame=TRUNK[robot.name])
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pose())
+    place = data.oMf[robot.model.getFrameId(TRUNK[robot.name])].translation
+    post = Shape(
+        name="post", geometry=ball, placement=pin.SE3(np.eye(3), place + np.array([0.12, 0.0, 0.0]))
+    )
+    return [CollisionLimit([trunk, post], [("trunk", "post")], margin=0.025)]
+
+
 # kind -> what is added to centre of mass and posture on a robot
 TASKS = {
     AngularMomentumTask: lambda r: [AngularMomentumTask(weight=0.5)],
+    CapturePointTask: lambda r: [CapturePointTask(height=0.3, weight=0.5)],
     CenterOfMassTask: lambda r: [],
     CentroidalMomentumTask: lambda r: [CentroidalMomentumTask(weight=0.1)],
+    FrameDistanceTask: lambda r: [FrameDistanceTask(frame=TRUNK[r.name], other=foot(r))],
     FrameOrientationTask: lambda r: [frame(r, FrameOrientationTask)],
     FramePoseTask: lambda r: [frame(r, FramePoseTask, relative_to=foot(r))],
     FramePositionTask: lambda r: [frame(r, FramePositionTask, axes="xz")],
+    GazeTask: lambda r: [GazeTask(frame=TRUNK[r.name])],
     LinearMomentumTask: lambda r: [LinearMomentumTask(weight=0.1)],
     PostureTask: lambda r: [],
 }
@@ -86,6 +109,7 @@ EFFORTS = {
     RotorTorqueEffort: lambda r: [RotorTorqueEffort(weight=1e-2)],
 }
 LIMITS = {
+    CollisionLimit: apart,
     JointLimit: lambda r: [JointLimit.of(r, acceleration=5.0)],
     MotorBraking: lambda r: [JointLimit.of(r, acceleration=20.0, braking=MotorBraking())],
     RotorTorqueLimit: lambda r: [RotorTorqueLimit(fraction=0.5, knee=0.1)],
@@ -182,6 +206,7 @@ def test_every_exported_kind_goes_through_both_solvers():
     assert of(Task) == {*TASKS, PointFootBalanceTask}
     assert of(Effort) | {ContactForceTask} == set(EFFORTS)
     assert of(Contact) == set(CONTACTS)
-    assert {k for k in kinds if k.__module__.startswith("wbc.control.limits")} == set(LIMITS)
+    limits = {k for k in kinds if k.__module__.startswith("wbc.control.limits")}
+    assert limits - {Shape} == set(LIMITS)
     for kind, names in CONTACTS.items():
         assert all(type(foot) is kind for name in names for foot in feet(load_robot(name)))

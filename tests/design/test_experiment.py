@@ -17,7 +17,7 @@ from wbc.design.experiment import (
     design_experiment,
     expected,
     informing,
-    parse_rival,
+    parse_cause,
     random_paths,
 )
 from wbc.dynamics import link_torque, rotor_torque
@@ -31,7 +31,7 @@ LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)
 
 def rivals(noise: float = 0.01, *texts: str) -> Rivals:
     names = texts or ("viscous_friction@knee:coefficient=0.3", "coulomb_friction@knee:level=0.5")
-    return Rivals(LEG, tuple(parse_rival(t, LEG) for t in names), np.full(2, noise))
+    return Rivals(LEG, tuple(parse_cause(t, LEG) for t in names), np.full(2, noise))
 
 
 def path(seed: int = 3) -> FourierPath:
@@ -61,7 +61,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
     links, random = link_torque(LEG, motion), np.random.default_rng(0)
 
     def torque(i: int, value: float) -> np.ndarray:
-        effect = chosen.effects[i]
+        (effect,) = chosen.causes[i]
         (name,) = effect.values
         robot = LEG.with_effect(effect.with_values({name: value}))
         return rotor_torque(robot, motion, links)[0]
@@ -74,7 +74,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
         )
         return 0.5 * found.fun
 
-    values = [next(iter(effect.values.values())) for effect in chosen.effects]
+    values = [next(iter(effect.values.values())) for (effect,) in chosen.causes]
     for true, other in ((0, 1), (1, 0)):
         clean = torque(true, values[true])
         odds = []
@@ -98,8 +98,8 @@ def test_the_designed_motion_beats_chance_and_keeps_the_limits() -> None:
     q, v, a = ours.path.at(time)
     assert np.all((q > LIMITS.low) & (q < LIMITS.high))
     assert np.abs(v).max() < 6.0
-    for effect in chosen.effects:
-        robot, motion = LEG.with_effect(effect), Motion(q, v, a)
+    for cause in chosen.causes:
+        robot, motion = LEG.with_effects(*cause), Motion(q, v, a)
         torque = rotor_torque(robot, motion, link_torque(robot, motion))[0]
         assert np.all(np.abs(torque) < LIMITS.torque)
     again = design_experiment(chosen, LIMITS, 4.0, rounds=24, starts=[classic.path])
@@ -122,9 +122,8 @@ def test_twice_the_time_or_half_the_noise_is_more_evidence() -> None:
         (("viscous_friction@ankle",), EffectError, "hip, knee"),
         (("viscous_friction@knee:level=1",), EffectError, "coefficient"),
         (("viscous_friction@knee:coefficient",), DesignError, "PARAMETER=VALUE"),
-        (("backlash@knee",), DesignError, "memory"),
-        (("actuation_delay@knee",), DesignError, "memory"),
-        (("viscous_friction@knee",), DesignError, "two causes"),
+        (("backlash@knee",), DesignError, "loose gear"),
+        (("current_limit@knee",), DesignError, "cannot follow"),
         (("viscous_friction@knee", "viscous_friction@knee"), DesignError, "given twice"),
     ],
 )

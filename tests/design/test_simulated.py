@@ -75,6 +75,15 @@ def test_better_gears_hop_higher_and_heavy_rotors_lower() -> None:
     assert heights[2] < 0.3
 
 
+def test_a_hop_costs_more_than_the_height_it_gives_and_losses_cost() -> None:
+    rows = [simulate_design("hop", leg(efficiency=eta), leg().pose(), "foot") for eta in (0.7, 1.0)]
+    for row in rows:
+        lifted = 19.0 * 9.81 * row["hop_height"]  # 15 kg and two links of 2 kg
+        assert row["hop_energy"] > lifted
+        assert row["hop_cost"] == pytest.approx(row["hop_energy"] / lifted, rel=1e-6)
+    assert rows[0]["hop_cost"] > rows[1]["hop_cost"]
+
+
 def test_wrong_efficiencies_cost_height_in_a_landing() -> None:
     robot = leg(efficiency=0.8)
     found = simulate_design("landing", robot, robot.pose(), "foot")

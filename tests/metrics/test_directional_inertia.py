@@ -14,7 +14,9 @@ from wbc.metrics import (
     backward_generalized_inertia,
     directional_inertia,
     forward_generalized_inertia,
+    generalized_inertia,
     share_of_accelerations_forward,
+    with_contact_at,
 )
 from wbc.sim import Plant
 
@@ -101,3 +103,18 @@ def test_bad_directions_are_named() -> None:
         directional_inertia(robot, robot.pose(), "foot", "xz", 0)
     with pytest.raises(DynamicsError, match="gears and axes"):
         share_of_accelerations_forward(robot, robot.pose(), "foot", "z")
+
+
+def test_a_driven_link_without_inertia_of_its_own_is_moved_by_its_rotor() -> None:
+    """The wrist of a drawn arm: its links' mass matrix is singular, the arm's is not."""
+    robot = load_robot("staubli_tx40")
+    q = robot.configuration(joint_2=0.4, joint_3=1.2)
+    links = evaluate(robot, q, np.zeros(robot.model.nv)).mass_matrix
+    assert np.linalg.matrix_rank(links) < robot.model.nv
+    robot = with_contact_at(robot, "link_6")
+    found = directional_inertia(robot, q, "link_6", "xyz", 50)
+    inverse = np.linalg.inv(generalized_inertia(robot, q, "link_6", "xyz"))
+    along = np.einsum("ki,ij,kj->k", found.directions, inverse, found.directions)
+    np.testing.assert_allclose(found.lossless * along, 1.0)
+    np.testing.assert_allclose(found.driven, found.lossless, rtol=1e-6)  # its gears are perfect
+    np.testing.assert_allclose(found.pushed, found.lossless, rtol=1e-6)

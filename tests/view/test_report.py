@@ -11,7 +11,7 @@ import pytest
 
 import wbc
 from wbc.dynamics import link_torque, rotor_torque
-from wbc.effects import CoulombFriction, ViscousFriction
+from wbc.effects import CoulombFriction, ViscousFriction, effect_class
 from wbc.identification import (
     Alternative,
     Diagnosis,
@@ -117,6 +117,17 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     said = str(diagnosis)
     assert "viscous_friction at knee, or coulomb_friction" in said
     assert "knee: 4.00 -> 0.100 N m" in said
+
+
+def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: Diagnosis) -> None:
+    mass = Estimate(2.31, "kg", 2.2, 2.4, 2.0)
+    finding = replace(diagnosis.findings[0], quantities={"mass": mass})
+    named = replace(diagnosis, verdict="named", findings=(finding,))
+    assert verdict_sentence(named).startswith(
+        "Missing: viscous friction at knee (mass 2.31 kg instead of 2.00). That explains"
+    )
+    assert named.rows()[0]["parameter"] == "mass"
+    assert effect_class("link_inertia").at("shin").said == "link inertia at shin"
 
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
@@ -297,7 +308,6 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         tab.emulate_media(media="screen")
 
         tab.set_viewport_size({"width": 390, "height": 800})
-        tab.wait_for_timeout(300)
-        assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+        tab.wait_for_function("document.documentElement.scrollWidth <= 390")
         assert troubles == []
         browser.close()

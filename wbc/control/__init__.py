@@ -3,6 +3,7 @@
 from wbc.control.command import Command, Status
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
 from wbc.control.contacts.contact_ramp import ContactRamp
+from wbc.control.contacts.contact_schedule import ContactSchedule
 from wbc.control.controller import Controller
 from wbc.control.disturbance import DisturbanceObserver
 from wbc.control.efforts import (
@@ -13,7 +14,7 @@ from wbc.control.efforts import (
     OutputTorqueEffort,
     RotorTorqueEffort,
 )
-from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
+from wbc.control.limits import CollisionLimit, JointLimit, MotorBraking, RotorTorqueLimit, Shape
 from wbc.control.reference import Reference
 from wbc.control.safety.explain import explain
 from wbc.control.safety.policies import (
@@ -29,11 +30,14 @@ from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.state import State
 from wbc.control.tasks import (
     AngularMomentumTask,
+    CapturePointTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
+    FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
+    GazeTask,
     LinearMomentumTask,
     PointFootBalanceTask,
     PostureTask,
@@ -44,21 +48,26 @@ from wbc.control.torque.speed import SpeedBlend
 
 __all__ = [
     "AngularMomentumTask",
+    "CapturePointTask",
     "CenterOfMassTask",
     "CentroidalMomentumTask",
+    "CollisionLimit",
     "Command",
     "ConeApproximation",
     "Contact",
     "ContactForceTask",
     "ContactRamp",
+    "ContactSchedule",
     "Controller",
     "ControllerSettings",
     "Damped",
     "DisturbanceObserver",
     "Effort",
+    "FrameDistanceTask",
     "FrameOrientationTask",
     "FramePoseTask",
     "FramePositionTask",
+    "GazeTask",
     "Hold",
     "JointLimit",
     "JouleHeatEffort",
@@ -76,6 +85,7 @@ __all__ = [
     "RotorTorqueEffort",
     "RotorTorqueLimit",
     "SafetyPolicy",
+    "Shape",
     "Situation",
     "SpeedBlend",
     "State",

@@ -9,13 +9,13 @@ import pinocchio as pin
 
 from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.limits import CollisionLimit, JointLimit, RotorTorqueLimit
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.tasks import Task
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Robot
 
-_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit)
+_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)
 
 
 def checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:
@@ -29,13 +29,14 @@ def checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:
 def stacks_by_level(
     robot: Robot, tasks: Sequence[object], model: pin.Model
 ) -> tuple[TaskStack, ...]:
-    """Return the stacks of level 0 and of level 1, the latter only where it has a task."""
+    """Return a stack for every level that has a task, the most important first."""
     moving = [task for task in tasks if isinstance(task, Task)]
-    upper = [task for task in moving if task.level == 0]
-    lower = [task for task in moving if task.level == 1]
-    if not upper:
+    ranks = sorted({task.level for task in moving})
+    if not ranks or ranks[0] != 0:
         raise ControlError("a controller without tasks of level 0 has nothing to do.")
-    return tuple(TaskStack(robot, level, model) for level in (upper, lower) if level)
+    return tuple(
+        TaskStack(robot, [task for task in moving if task.level == rank], model) for rank in ranks
+    )
 
 
 def checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:

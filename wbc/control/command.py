@@ -67,6 +67,9 @@ class Command:
         rounds: programs solved; more than one where a predicted direction was revised.
         iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
         solution: of the last program, None where none was solved.
+        position, velocity: of the driven joints (m,) [rad, rad/s] one tick later, as the expected
+            acceleration leads there: targets of drives with a loop of their own. A tick without a
+            solution asks them to stay where they are; NaN where no state was ever known.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
     """
 
@@ -85,6 +88,8 @@ class Command:
     rounds: int
     iterations: int
     solution: QPSolution | None
+    position: FloatArray
+    velocity: FloatArray
     refused: Refused | None = None
 
     @classmethod

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf
+from threading import Lock
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from wbc.control.disturbance import DisturbanceEstimate
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.limits import CollisionLimit, CollisionRows, JointLimit, RotorTorqueLimit
 from wbc.control.outcome import Outcome
 from wbc.control.plant import Plant
 from wbc.control.program.level import Answer, GearState, Level, Refusal
@@ -33,9 +32,6 @@ from wbc.control.safety.fallback import Fallback
 from wbc.control.safety.inputs import (
     Complaint,
     StateCheck,
-    force_complaint,
-    name_complaint,
-    share_complaint,
     size_complaint,
     step_complaint,
 )
@@ -44,6 +40,7 @@ from wbc.control.settings import ControllerSettings
 from wbc.control.solvers import QPProblem, check_solver
 from wbc.control.state import State
 from wbc.control.tasks import Task
+from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
 from wbc.control.torque.direction_search import Found
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.motors import Motors
@@ -52,27 +49,11 @@ from wbc.control.torque.torque_stage import RotorTorqueStage
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
+_BUSY: Complaint = (
+    Status.BAD_INPUT,
+    "step is called while another thread is in it; give every thread a controller of its own.",
+)
 _NO_REFERENCES: Mapping[str, Reference] = {}
-
-
-class _Ready(NamedTuple):
-    """A tick that passed all checks, evaluated and ready to be solved."""
-
-    motion: Motion
-    references: Mapping[str, Reference]
-    contacts: Mapping[str, float] | None
-    dt: float
-    levels: tuple[Level, ...]
-    gears: GearState
-    expected: FloatArray
-    disturbance: FloatArray
-
-
-class _Refused(NamedTuple):
-    """A tick that did not pass them; the motion is None where it is what is wrong."""
-
-    motion: Motion | None
-    complaint: Complaint
 
 
 class Controller:
@@ -81,7 +62,8 @@ class Controller:
     Each tick solves the contact-force program (accelerations and contact forces under the
     dissipative equation of motion, see `ContactForceProgram`) and realises its output torques
     through the gears, in the direction of power that the solution itself has. The user owns the
-    loop; `step` never raises.
+    loop; `step` never raises. One thread at a time may be in `step`; a second one gets the last
+    good torque and is told so.
 
     Attributes:
         robot: the robot, with the effects to compensate.
@@ -94,7 +76,7 @@ class Controller:
         robot: Robot,
         tasks: Sequence[Task | Effort | ContactForceTask],
         contacts: Sequence[Contact] = (),
-        limits: Sequence[RotorTorqueLimit | JointLimit] | None = None,
+        limits: Sequence[RotorTorqueLimit | JointLimit | CollisionLimit] | None = None,
         settings: ControllerSettings | None = None,
     ) -> None:
         """Set the controller up.
@@ -113,12 +95,11 @@ class Controller:
         """
         self.robot, self.tasks = robot, tuple(tasks)
         self.settings = ControllerSettings() if settings is None else settings
-        self._task_names = checked_names("task", [task.name for task in self.tasks])
+        names = checked_names("task", [task.name for task in self.tasks])
         checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
         self._states = StateCheck(robot)
-        self._weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
@@ -139,8 +120,12 @@ class Controller:
             self.settings.safety,
             tuple(self._contacts.values()),
         )
-        self._force_tasks = checked_force_tasks(self.tasks, self._contacts)
+        force_tasks = checked_force_tasks(self.tasks, self._contacts)
+        weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
+        self._inputs = InputCheck(names, weighed, self._contacts, force_tasks)
         joint_limit = single_limit(JointLimit, limits)
+        apart = single_limit(CollisionLimit, limits)
+        self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
         self._brakes = joint_limit is not None and joint_limit.braking is not None
         self._programs = ProgramLibrary(
             Recipe(
@@ -149,9 +134,10 @@ class Controller:
                 contacts=self._contacts,
                 limited=self._motors.limited,
                 joint_limit=joint_limit,
+                collision=self._collision,
                 settings=self.settings,
                 efforts=checked_efforts(robot, self.tasks),
-                force_tasks=self._force_tasks,
+                force_tasks=force_tasks,
                 stacks=self._stacks,
                 law=self._law,
                 stage=RotorTorqueStage(
@@ -163,6 +149,7 @@ class Controller:
                 ),
             )
         )
+        self._free = Lock()
         self._level: Level | None = None
         self._gears: GearState | None = None
         self.reset()
@@ -213,15 +200,37 @@ class Controller:
             dt: time until the next tick [s]; that of the settings when left out.
         """
         start = perf_counter()
-        step = self.settings.time_step if dt is None else dt
+        if not self._free.acquire(blocking=False):
+            return self._fallback.busy(_BUSY, start)
         try:
-            ready = self._prepare(state, references, contacts, weights, activation, step)
-            if isinstance(ready, _Refused):
-                return self._safe(ready.motion, ready.complaint, dt, start)
+            given = self._given(state, references, contacts, weights, activation, dt)
+            return self._step(given, start)
+        finally:
+            self._free.release()
+
+    def _given(
+        self,
+        state: State,
+        references: Mapping[str, Reference] | None,
+        contacts: Mapping[str, float] | None,
+        weights: Mapping[str, float] | None,
+        activation: Mapping[str, float] | None,
+        dt: float | None,
+    ) -> TickInputs:
+        """Return the arguments of a tick with the settings for those left out."""
+        wanted = _NO_REFERENCES if references is None else references
+        step = self.settings.time_step if dt is None else dt
+        return TickInputs(state, wanted, contacts, weights, activation, step)
+
+    def _step(self, given: TickInputs, start: float) -> Command:
+        try:
+            ready = self._prepare(given)
+            if isinstance(ready, RefusedTick):
+                return self._safe(ready.motion, ready.complaint, given.dt, start)
             return self._solve(ready, start)
         except Exception as cause:  # what a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-            return self._safe(None, complaint, dt, start)
+            return self._safe(None, complaint, given.dt, start)
 
     def build(
         self,
@@ -240,53 +249,43 @@ class Controller:
         Raises:
             ControlError: `step` would not solve a program for these arguments.
         """
-        step = self.settings.time_step if dt is None else dt
-        ready = self._prepare(state, references, contacts, weights, activation, step)
-        if isinstance(ready, _Refused):
+        ready = self._prepare(self._given(state, references, contacts, weights, activation, dt))
+        if isinstance(ready, RefusedTick):
             raise ControlError(ready.complaint[1])
         first = ready.levels[0]
         first.assemble(ready.motion, ready.references, ready.contacts, ready.dt, None)
         return first.built(ready.gears, self._output)
 
-    def _prepare(
-        self,
-        state: State,
-        references: Mapping[str, Reference] | None,
-        contacts: Mapping[str, float] | None,
-        weights: Mapping[str, float] | None,
-        activation: Mapping[str, float] | None,
-        dt: float,
-    ) -> _Ready | _Refused:
+    def _prepare(self, given: TickInputs) -> ReadyTick | RefusedTick:
         """Check everything and evaluate the state, tasks and contacts; remember nothing."""
-        motion = self._states.admitted(state)
+        hook = self.settings.state_hook
+        motion = self._states.admitted(given.state if hook is None else hook(given.state))
         if not isinstance(motion, Motion):
-            return _Refused(None, motion)
-        given = _NO_REFERENCES if references is None else references
-        complaint = (
-            name_complaint(given, self._task_names, contacts, self._contacts)
-            or share_complaint("weights", weights, self._weighed, inf)
-            or share_complaint("activation", activation, self._weighed, 1.0)
-            or step_complaint(dt)
-            or force_complaint(self._force_tasks, self._contacts, given)
-        )
+            return RefusedTick(None, motion)
+        complaint = self._inputs.complaint(given)
         if complaint is not None:
-            return _Refused(motion, complaint)
+            return RefusedTick(motion, complaint)
         motion = self._effects.true_motion(motion)
         self._kinematics.update(motion.position, motion.velocity)
+        if self._collision is not None:
+            self._collision.fill(self._kinematics)
         try:
             for stack in self._stacks:
-                stack.weigh(weights, activation)
-                stack.fill(self._kinematics, given)
+                stack.weigh(given.weights, given.activation)
+                stack.fill(self._kinematics, given.references)
         except ControlError as cause:
-            return _Refused(motion, (Status.BAD_INPUT, str(cause)))
-        levels = self._programs.levels(contacts)
+            return RefusedTick(motion, (Status.BAD_INPUT, str(cause)))
+        levels = self._programs.levels(given.contacts)
         levels[0].program.contacts.fill(self._kinematics, self._anchors)
         active, mass = levels[0].program.contacts.contacts, self._kinematics.mass_matrix
         disturbance = self._disturbance.updated(motion.velocity, mass, active)
-        gears, expected = self._judge_speeds(motion, dt, disturbance)
-        return _Ready(motion, given, contacts, dt, levels, gears, expected, disturbance)
+        gears, expected = self._judge_speeds(motion, given.dt, disturbance)
+        return ReadyTick(
+            *(motion, given.references, given.contacts, given.dt),
+            *(levels, gears, expected, disturbance),
+        )
 
-    def _solve(self, ready: _Ready, start: float) -> Command:
+    def _solve(self, ready: ReadyTick, start: float) -> Command:
         motion, levels, gears = ready.motion, ready.levels, ready.gears
         self._expected = ready.expected
         answer = self._descend(ready)
@@ -300,9 +299,9 @@ class Controller:
             return self._safe(motion, complaint, ready.dt, start, answer.found, refused)
         self._hold_targets()
         self._remember(ready, answer)
-        return self._outcome.command(levels[0].program, answer, gears, motion, start)
+        return self._outcome.command(levels[0].program, answer, gears, motion, ready.dt, start)
 
-    def _descend(self, ready: _Ready) -> Answer | Refusal:
+    def _descend(self, ready: ReadyTick) -> Answer | Refusal:
         """Solve one level after the other; one that finds nothing leaves it at those above."""
         first, *lower = ready.levels
         gears, tick = ready.gears, (ready.motion, ready.references, ready.contacts, ready.dt)
@@ -341,7 +340,7 @@ class Controller:
         for stack in self._stacks:
             stack.remember()
 
-    def _remember(self, ready: _Ready, answer: Answer) -> None:
+    def _remember(self, ready: ReadyTick, answer: Answer) -> None:
         self._output = answer.found.output
         self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
         active = ready.levels[0].program.contacts.contacts
@@ -359,13 +358,11 @@ class Controller:
         self,
         motion: Motion | None,
         complaint: Complaint,
-        dt: float | None,
+        dt: float,
         start: float,
         found: Found | None = None,
         refused: Refused | None = None,
     ) -> Command:
         self._disturbance.interrupt()
-        step = self.settings.time_step
-        if dt is not None and step_complaint(dt) is None:
-            step = dt
+        step = dt if step_complaint(dt) is None else self.settings.time_step
         return self._fallback.command(motion, complaint, step, start, found, refused)

@@ -31,6 +31,7 @@ class Outcome:
         answer: Answer,
         gears: GearState,
         motion: Motion,
+        dt: float,
         start: float,
     ) -> Command:
         """Return the command.
@@ -40,6 +41,7 @@ class Outcome:
             answer: its solution, the torques, and how usable they are.
             gears: what the directions were judged by.
             motion: the state.
+            dt: time until the next tick [s].
             start: when the tick began, by `perf_counter` [s].
         """
         found, (torque, mesh, exact), (status, message) = answer
@@ -48,6 +50,7 @@ class Outcome:
             gear_directions(found.output, gears.sigma), found.output, mesh
         )
         drive = self._motors.to_drive(motion, torque)
+        position, velocity = self._motors.targets(motion, found.acceleration, dt)
         elapsed = perf_counter() - start
         if self._deadline is not None and elapsed > self._deadline:
             status = Status.LATE
@@ -68,5 +71,7 @@ class Outcome:
             rounds=found.rounds,
             iterations=found.iterations,
             solution=found.solution,
+            position=position,
+            velocity=velocity,
             refused=None,
         )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from wbc.control.disturbance import DisturbanceObserver
 from wbc.control.safety.policies import LetDown, SafetyPolicy
 from wbc.control.solvers.warm_start import WarmStart
+from wbc.control.state import State
 from wbc.control.torque.gears import RestPolicy
 from wbc.control.torque.speed import SpeedBlend
 from wbc.errors import ControlError
@@ -37,6 +40,8 @@ class ControllerSettings:
             feet share the load then depends on the past.
         safety: what to command when a tick has no solution.
         disturbance: learns what the model misses; None (the default) learns nothing.
+        state_hook: makes a state of what `step` is given (a message, an estimate to filter); None
+            where it is given states.
         deadline: [s] that a tick may take before its status is LATE; None for no deadline.
     """
 
@@ -47,13 +52,14 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
     tolerance: float = 1e-7
-    max_iterations: int = 160
+    max_iterations: int = 128
     max_rounds: int = 16
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     safety: SafetyPolicy = field(default_factory=LetDown)
     deadline: float | None = None
     disturbance: DisturbanceObserver | None = None
+    state_hook: Callable[[Any], State] | None = None
 
     def __post_init__(self) -> None:
         """Check the ranges."""

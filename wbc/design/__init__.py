@@ -1,6 +1,8 @@
 """Design sweeps: many variations of a robot, their metrics, and the best compromises among them."""
 
-from wbc.design.pareto import Objective, pareto_front, parse_objective
+from wbc.design.efficiency_table import EfficiencyTable, read_efficiency_table
+from wbc.design.gearboxes import Gearbox, choose_gearboxes, read_gearboxes
+from wbc.design.pareto import Objective, over_gait, pareto_front, parse_objective
 from wbc.design.simulated import SIMULATIONS
 from wbc.design.study import Study, describe_columns
 from wbc.design.sweep_parameter import SweepParameter, parse_sweep
@@ -9,13 +11,19 @@ from wbc.design.work import run_study
 
 __all__ = [
     "SIMULATIONS",
+    "EfficiencyTable",
+    "Gearbox",
     "Objective",
     "Study",
     "SweepParameter",
+    "choose_gearboxes",
     "describe_columns",
+    "over_gait",
     "pareto_front",
     "parse_objective",
     "parse_sweep",
     "read_designs",
+    "read_efficiency_table",
+    "read_gearboxes",
     "run_study",
 ]

@@ -75,3 +75,21 @@ def _beaten(costs: FloatArray, by: FloatArray) -> BoolArray:
         better = np.any(some[None] < costs[:, None], axis=2)
         found |= np.any(no_worse & better, axis=1)
     return found
+
+
+def over_gait(
+    table: Mapping[str, FloatArray], instants: int, objectives: Sequence[Objective]
+) -> dict[str, FloatArray]:
+    """Return one row per design of a table with one row per design and instant.
+
+    An objective is that of the worst instant, NaN where an instant has none; every other column is
+    the mean.
+
+    Args:
+        table: columns (k instants,), the instants of a design in a row.
+        instants: of the gait.
+        objectives: what designs are judged by.
+    """
+    worst = {objective.column: np.min if objective.more else np.max for objective in objectives}
+    rows = {name: np.reshape(values, (-1, instants)) for name, values in table.items()}
+    return {name: worst.get(name, np.mean)(values, axis=1) for name, values in rows.items()}

@@ -158,15 +158,18 @@ def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
 
     From the balanced pose the motors give the torques of one vertical force, the largest that they
     can lift there, until the leg is nearly straight or leaves the ground; then they rest. The
-    height is that of the ballistic flight which follows: 0 for a leg too weak to rise.
+    height is that of the ballistic flight which follows: 0 for a leg too weak to rise. The energy
+    is what the supply gives for the push: work and Joule heat of each motor, none of it taken
+    back. The cost is that energy over m g height, the vertical cost of transport.
     """
     leg = PointLeg.of(robot, contact)
     pose = leg.balanced(q)
     reach = force_capability(robot, pose, contact, "xz").along([0.0, 1.0])
     plant, force = Plant(robot), reach.lift
+    failed = {"hop_height": 0.0, "hop_energy": np.nan, "hop_cost": np.nan}
     if force <= total_mass(robot) * 9.81:
-        return {"hop_height": 0.0}
-    gears, state = robot.transmission, plant.state(pose)
+        return failed
+    gears, state, energy = robot.transmission, plant.state(pose), 0.0
     straight = _STRETCH * _leg_length(leg)
     for _ in range(round(_PUSH / _TICK)):
         terms = evaluate(robot, state.position, state.velocity)
@@ -175,11 +178,26 @@ def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
             joint = terms.contact_jacobian[2, robot.actuated] * -force
             push = np.linalg.solve(gears.distribution, joint) / gears.forward_efficiency
         result = plant.step(state, push, _TICK)
+        energy += _drawn(robot, state, result.state, result.rotor_torque)
         state = result.state
         if float(result.contact_force[0, 2]) <= 0.0:
-            rise = float(_com_rate(robot, state)[2])
-            return {"hop_height": max(rise, 0.0) ** 2 / (2.0 * 9.81)}
-    return {"hop_height": 0.0}
+            height = max(float(_com_rate(robot, state)[2]), 0.0) ** 2 / (2.0 * 9.81)
+            lifted = total_mass(robot) * 9.81 * height
+            cost = energy / lifted if lifted > 0.0 else np.nan
+            return {"hop_height": height, "hop_energy": energy, "hop_cost": cost}
+    return failed
+
+
+def _drawn(robot: Robot, before: SimState, after: SimState, torque: FloatArray) -> float:
+    """Return what the supply gives in a tick [J]: work and heat of each motor, none taken back.
+
+    NaN without the motors' resistance and torque constant.
+    """
+    gears = robot.transmission
+    speed = 0.5 * (before.velocity + after.velocity)[robot.actuated]
+    power = torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
+    heat = gears.resistance / gears.torque_constant**2 * torque**2
+    return float(np.maximum(power + heat, 0.0).sum()) * _TICK
 
 
 def _extension(leg: PointLeg, state: SimState) -> float:
@@ -232,7 +250,11 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
         landing,
         "a planar leg with a point foot",
     ),
-    "hop": SimulatedMetric({"hop_height": "m"}, hop, "a planar leg with a point foot"),
+    "hop": SimulatedMetric(
+        {"hop_height": "m", "hop_energy": "J", "hop_cost": "1"},
+        hop,
+        "a planar leg with a point foot",
+    ),
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import warnings
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from importlib.metadata import version
@@ -14,12 +15,15 @@ import numpy as np
 from scipy.stats import qmc
 
 from wbc.arrays import FloatArray
+from wbc.design.efficiency_table import EfficiencyTable
+from wbc.design.gearboxes import Gearbox
 from wbc.design.simulated import SIMULATIONS, simulate_design
 from wbc.design.sweep_parameter import GEAR_PARAMETERS, SweepParameter
 from wbc.effects import load_robot
 from wbc.errors import DesignError, unknown_name
-from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
+from wbc.metrics import DesignMetrics, Designs, design_metrics, held_torques, with_contact_at
 from wbc.robot import Robot
+from wbc.transmission import Transmission, wedge_backward_efficiency
 
 _UNITS = {
     "inertia": "kg",
@@ -49,6 +53,12 @@ class Study:
         seed: of the sequence.
         simulations: names out of `SIMULATIONS` to run for each design.
         load: force to hold [N], None for each design's own weight.
+        gearboxes: of a catalogue; each is one more design, for all gears alike. What a row leaves
+            out stays the robot's own or what is swept; without a backward efficiency it is the
+            wedge's 2 - 1/eta_f.
+        gait: rows (time, q...) of a motion; every design is evaluated in each of these poses.
+        efficiency: both efficiencies by load and speed, read at the load that each gear holds.
+        speed: of the gears' outputs at which the table is read [rad/s].
     """
 
     robot: str
@@ -61,10 +71,14 @@ class Study:
     seed: int = 0
     simulations: tuple[str, ...] = ()
     load: float | None = None
+    gearboxes: tuple[Gearbox, ...] = ()
+    gait: tuple[tuple[float, ...], ...] = ()
+    efficiency: EfficiencyTable | None = None
+    speed: float = 0.0
 
     def __post_init__(self) -> None:
         """Check names; the values are checked with the first designs."""
-        columns = [parameter.column for parameter in self.parameters]
+        columns = [parameter.column for parameter in self.varied]
         if not columns:
             raise DesignError("a study varies at least one parameter; give --sweep NAME=LOW:HIGH.")
         if len(set(columns)) != len(columns):
@@ -74,16 +88,31 @@ class Study:
                 raise DesignError(unknown_name("simulation", name, SIMULATIONS))
         if self.samples < 0:
             raise DesignError(f"samples must be >= 0, got {self.samples}.")
+        if self.gait and self.samples:
+            raise DesignError("poses of a gait need a grid of designs; leave --samples out.")
+        if self.efficiency and any("efficiency" in column for column in columns):
+            raise DesignError("efficiencies are swept and read from a table; choose one.")
         robot = loaded(self.robot, self.contact)
         for parameter in self.parameters:
             _check_place(robot, parameter)
+
+    @property
+    def varied(self) -> tuple[SweepParameter, ...]:
+        """All that varies: gearboxes by number, the parameters, the instants of the gait last."""
+        boxes = tuple(float(number) for number in range(len(self.gearboxes)))
+        times = tuple(row[0] for row in self.gait)
+        return (
+            *([_listed("gearbox", boxes)] if boxes else []),
+            *self.parameters,
+            *([_listed("time", times)] if times else []),
+        )
 
     @property
     def size(self) -> int:
         """Number of designs."""
         if self.samples:
             return self.samples
-        return int(np.prod([len(parameter.grid) for parameter in self.parameters]))
+        return int(np.prod([len(parameter.grid) for parameter in self.varied]))
 
     def key(self) -> dict[str, Any]:
         """Return what the results depend on: equal keys, equal tables."""
@@ -96,19 +125,18 @@ class Study:
     def values(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the parameters of designs `start` to before `stop` by column."""
         if self.samples:
-            sequence = qmc.Sobol(len(self.parameters), scramble=True, rng=self.seed)
+            sequence = qmc.Sobol(len(self.varied), scramble=True, rng=self.seed)
             if start:
                 sequence.fast_forward(start)
             with warnings.catch_warnings():
                 # Any part of the sequence serves here, not only powers of two.
                 warnings.simplefilter("ignore", UserWarning)
                 shares = sequence.random(stop - start)
-            return {p.column: p.at(shares[:, i]) for i, p in enumerate(self.parameters)}
-        grids = [parameter.grid for parameter in self.parameters]
+            return {p.column: p.at(shares[:, i]) for i, p in enumerate(self.varied)}
+        grids = [parameter.grid for parameter in self.varied]
         places = np.unravel_index(np.arange(start, stop), [len(grid) for grid in grids])
         return {
-            p.column: grid[place]
-            for p, grid, place in zip(self.parameters, grids, places, strict=True)
+            p.column: grid[place] for p, grid, place in zip(self.varied, grids, places, strict=True)
         }
 
     def designs(self, start: int, stop: int) -> Designs:
@@ -120,7 +148,10 @@ class Study:
         robot, values = loaded(self.robot, self.contact), self.values(start, stop)
         count, gears = stop - start, robot.transmission
         q = np.tile(np.array(self.position), (count, 1))
-        given: dict[str, FloatArray] = {}
+        if self.gait:
+            poses = np.array(self.gait)
+            q = poses[np.searchsorted(poses[:, 0], values["time"]), 1:]
+        given = self._from_catalogue(values, gears)
         links: dict[str, dict[str, FloatArray]] = {"length": {}, "mass": {}}
         for parameter in self.parameters:
             column = values[parameter.column]
@@ -134,7 +165,47 @@ class Study:
                 wide = given.setdefault(field, now)
                 rows = slice(None) if not parameter.place else gears.index(parameter.place)
                 wide[:, rows] = column[:, None] if not parameter.place else column
+        self._complete(given, values)
+        found = Designs.of(robot, q, given, links["length"], links["mass"])
+        if self.efficiency is None:
+            return found
+        held = held_torques(found, self.contact, self.direction, self.axes, self.load)
+        forward, backward = self.efficiency.at(held, self.speed)
+        given.update(forward_efficiency=forward, backward_efficiency=backward)
         return Designs.of(robot, q, given, links["length"], links["mass"])
+
+    def _complete(self, given: dict[str, FloatArray], values: Mapping[str, FloatArray]) -> None:
+        """Give gearboxes without a backward efficiency the wedge's for a swept forward one."""
+        names = {parameter.name for parameter in self.parameters}
+        if (
+            not self.gearboxes
+            or "forward_efficiency" not in names
+            or "backward_efficiency" in names
+        ):
+            return
+        known = np.array([box.backward_efficiency is not None for box in self.gearboxes])
+        keep = known[values["gearbox"].astype(np.int_)][:, None]
+        wedge = wedge_backward_efficiency(given["forward_efficiency"])
+        given["backward_efficiency"] = np.where(keep, given["backward_efficiency"], wedge)
+
+    def _from_catalogue(
+        self, values: Mapping[str, FloatArray], gears: Transmission
+    ) -> dict[str, FloatArray]:
+        """Return the gear fields (k, m) that the catalogue sets."""
+        if not self.gearboxes:
+            return {}
+        rows = values["gearbox"].astype(np.int_)
+        fields_: dict[str, FloatArray] = {}
+        for name, field in (
+            ("reduction", "gear_ratio"),
+            ("forward_efficiency", "forward_efficiency"),
+            ("backward_efficiency", "backward_efficiency"),
+            ("gear_inertia", "rotor_inertia"),
+        ):
+            own = np.array(getattr(gears, field))
+            table = np.array([_filled(box, name, own) for box in self.gearboxes])
+            fields_[field] = table[rows]
+        return fields_
 
     def evaluate(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the table of designs `start` to before `stop` by column."""
@@ -154,11 +225,27 @@ class Study:
 
 def describe_columns(study: Study) -> dict[str, str]:
     """Return the unit of every column of a study's table, in order."""
-    units = {"design": "1", **{p.column: p.unit for p in study.parameters}}
+    units = {"design": "1", **{p.column: p.unit for p in study.varied}}
     units.update({f.name: _UNITS.get(f.name, "1") for f in fields(DesignMetrics)})
     for name in study.simulations:
         units.update(SIMULATIONS[name].columns)
     return units
+
+
+def _listed(name: str, values: tuple[float, ...]) -> SweepParameter:
+    return SweepParameter(name, "", min(values), max(values), len(values), values=values)
+
+
+def _filled(box: Gearbox, name: str, own: FloatArray) -> FloatArray:
+    """Return one number of a gearbox for all gears (m,), the robot's own where it has none."""
+    value = getattr(box, name)
+    if name == "gear_inertia":
+        return np.asarray(own + (value or 0.0))
+    if name == "reduction" and value is not None:
+        return np.asarray(np.sign(own) * value)
+    if name == "backward_efficiency" and value is None and box.forward_efficiency is not None:
+        value = float(wedge_backward_efficiency(box.forward_efficiency))
+    return own if value is None else np.full(own.shape, value)
 
 
 @lru_cache(maxsize=8)

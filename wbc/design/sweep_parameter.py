@@ -20,6 +20,7 @@ GEAR_PARAMETERS = {
 }
 LINK_PARAMETERS = ("length", "mass")
 NAMES = (*GEAR_PARAMETERS, *LINK_PARAMETERS, "joint")
+LISTED = ("gearbox", "time")  # by the number in a catalogue, by the instant of a gait
 UNITS = {
     "reduction": "1",
     "forward_efficiency": "1",
@@ -30,6 +31,8 @@ UNITS = {
     "length": "m",
     "mass": "kg",
     "joint": "rad or m",
+    "gearbox": "1",
+    "time": "s",
 }
 DEFAULT_COUNT = 9  # values on a grid of a range that names no number: a table to read, not to trust
 
@@ -39,7 +42,7 @@ class SweepParameter:
     """One parameter of a study.
 
     Attributes:
-        name: one of `NAMES`.
+        name: one of `NAMES`, or of `LISTED` where a study makes it.
         place: joint of a gear (all gears alike when empty), link, or joint.
         low, high: the range; equal to the ends of `values` where those are given.
         count: number of values on a grid.
@@ -57,7 +60,7 @@ class SweepParameter:
 
     def __post_init__(self) -> None:
         """Check the range."""
-        if self.name not in NAMES:
+        if self.name not in (*NAMES, *LISTED):
             raise DesignError(unknown_name("parameter", self.name, NAMES))
         if self.name in (*LINK_PARAMETERS, "joint") and not self.place:
             what = "joint" if self.name == "joint" else "link"
@@ -107,6 +110,8 @@ def parse_sweep(text: str) -> SweepParameter:
     """
     left, equals, right = text.partition("=")
     name, _, place = left.strip().partition(".")
+    if name in LISTED:
+        raise DesignError(unknown_name("parameter", name, NAMES))
     form = "use NAME=LOW:HIGH, NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH:COUNT:log or NAME=V,V,..."
     if not equals or not right.strip():
         raise DesignError(f"--sweep '{text}': {form}.")

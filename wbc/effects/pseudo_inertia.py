@@ -17,11 +17,9 @@ LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3"
 
 # How wrong drawings usually are, as a standard deviation of the log-Cholesky parameters: 28 % of
 # the mass, 28 % of every second moment, and a centre of mass that is off by a fifth of the radius
-# of gyration (2 cm for a forearm of 0.35 m). CAD leaves out cables, grease, screws and covers, and
-# takes castings for solid. Gaz et al. (2019) identified the links of a Panda whose maker states
-# none; Sousa and Cortesao (2014, WAM arm) and Swevers et al. found identified masses and first
-# moments 5 to 40 % away from those of CAD. Halving and doubling it changes no name in
-# tests/recover/test_link_inertia.py: where logs know a number, they outweigh this.
+# of gyration (2 cm for a forearm of 0.35 m): CAD leaves out cables, grease and screws, and takes
+# castings for solid. Measured on the recorded Staubli TX40 against its CAD links: rms departures of
+# links 3 to 6 are 1.0, 0.6, 0.6 and 0.3 in this unit (links 1 and 2 cannot be told from rotors).
 USUAL = 0.2
 
 _SPREAD = 0.5  # standard deviation of the logarithm of how wrong drawings are beside USUAL

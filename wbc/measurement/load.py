@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 from wbc.errors import LogError
 from wbc.measurement.columns.column_map import ColumnMap, read_column_map
@@ -21,20 +22,25 @@ MAX_ROWS = 2_000_000
 """Longest log kept row by row (2e6 rows of 20 channels take 340 MB); a longer one is decimated."""
 
 
+class Choices(TypedDict, total=False):
+    """What of files is read, and how; the meaning stands at `load_logs`."""
+
+    gear_ratios: Mapping[str, float] | None
+    only: Sequence[str] | None
+    max_rows: int
+
+
 def load_log(
     path: str | Path,
     columns: str | Path | ColumnMap | None = None,
-    *,
-    gear_ratios: Mapping[str, float] | None = None,
-    only: Sequence[str] | None = None,
-    max_rows: int = MAX_ROWS,
+    **choices: Unpack[Choices],
 ) -> Log:
     """Read the one log of a file; the arguments are those of `load_logs`.
 
     Raises:
         LogError: also when the file holds several logs; the message lists them.
     """
-    logs = load_logs([path], columns, gear_ratios=gear_ratios, only=only, max_rows=max_rows)
+    logs = load_logs([path], columns, **choices)
     if len(logs) != 1:
         parts = ", ".join(log.source.part for log in logs)
         raise LogError(
@@ -47,10 +53,7 @@ def load_log(
 def load_logs(
     paths: Iterable[str | Path],
     columns: str | Path | ColumnMap | None = None,
-    *,
-    gear_ratios: Mapping[str, float] | None = None,
-    only: Sequence[str] | None = None,
-    max_rows: int = MAX_ROWS,
+    **choices: Unpack[Choices],
 ) -> tuple[Log, ...]:
     """Read logs from CSV, Parquet, NPZ, MCAP and rosbag2 files.
 
@@ -59,10 +62,10 @@ def load_logs(
             column map splits into several.
         columns: column map for foreign names and units, or its path; None for a file that has our
             names (`effort` is read as motor_torque).
-        gear_ratios: N of joints, for a map that names a side of the gear but no ratio.
-        only: channels wanted; the others are not read.
-        max_rows: a longer log is low-passed and decimated by the integer factor that brings it
-            below; `log.source.decimation` and the ingest check say so.
+        choices: `gear_ratios`: N of joints, for a map that names a side of the gear but no ratio.
+            `only`: channels wanted; the others are not read. `max_rows` (default `MAX_ROWS`): a
+            longer log is low-passed and decimated by the integer factor that brings it below;
+            `log.source.decimation` and the ingest check say so.
 
     Returns:
         The logs in order of files, and of first appearance within a file.
@@ -70,7 +73,7 @@ def load_logs(
     Raises:
         LogError: a file, map or log that cannot be used; the message says which and why.
     """
-    logs = read_logs(paths, columns, gear_ratios=gear_ratios, only=only, max_rows=max_rows)
+    logs = read_logs(paths, columns, **choices)
     for log in logs:
         require_plausible_units(log)
     return logs

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, remade
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.schema import (
     CONTACT_QUANTITIES,
@@ -39,6 +39,10 @@ class Log:
     time: FloatArray
     columns: Mapping[str, FloatArray]
     source: LogSource = field(default_factory=LogSource)
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Make it anew where it is copied or unpickled."""
+        return remade(self)
 
     def __post_init__(self) -> None:
         """Check every channel and make it read-only.

@@ -1,6 +1,12 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.batch import DesignMetrics, Designs, design_metrics, link_length
+from wbc.metrics.batch import (
+    DesignMetrics,
+    Designs,
+    design_metrics,
+    held_torques,
+    link_length,
+)
 from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
 from wbc.metrics.directional_inertia import (
     DirectionalInertia,
@@ -42,6 +48,7 @@ __all__ = [
     "forward_generalized_inertia",
     "gear_ratio_sweep",
     "generalized_inertia",
+    "held_torques",
     "holding",
     "impact_mitigation",
     "inertia_ellipsoid",

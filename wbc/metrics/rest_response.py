@@ -56,17 +56,22 @@ def rest_response(task: ContactTask, motor: FloatArray, external: FloatArray) ->
             f"'{robot.name}' couples rotors and links inertially; the exact response leaves that "
             "out. Load it without rotors_turn_with_links."
         )
-    gears = robot.transmission
-    select = np.zeros((gears.size, robot.model.nv))
-    select[:, robot.actuated] = gears.motor_from_joint
-    through = np.linalg.solve(terms.mass_matrix, select.T)
-    M = np.linalg.inv(select @ through)
-    free = np.linalg.solve(terms.mass_matrix, external)
-    drift = M @ (select @ free)
+    gears, driven, rest = robot.transmission, robot.actuated, robot.unactuated
+    H = terms.mass_matrix
+    # Only the undriven coordinates are eliminated: a driven link may have no inertia of its own
+    # (a drawn wrist), its rotor has some.
+    held = np.linalg.solve(H[np.ix_(rest, rest)], H[np.ix_(rest, driven)])
+    pulled = np.linalg.solve(H[np.ix_(rest, rest)], external[rest])
+    joint_from_motor = np.linalg.inv(gears.motor_from_joint)
+    M = joint_from_motor.T @ (H[np.ix_(driven, driven)] - H[np.ix_(driven, rest)] @ held)
+    M = M @ joint_from_motor
+    drift = joint_from_motor.T @ (external[driven] - H[np.ix_(driven, rest)] @ pulled)
     forward = gears.forward_efficiency[:, None]
     backward = np.maximum(gears.backward_efficiency, _LEAST_BACKWARD)[:, None]
     moved = _gear_acceleration(M, drift, motor, gears.reflected_inertia[:, None], forward, backward)
-    acceleration = free + through @ (M @ moved - drift)
+    acceleration = np.zeros_like(external)
+    acceleration[driven] = joint_from_motor @ moved
+    acceleration[rest] = pulled - held @ acceleration[driven]
     return RestResponse(acceleration, moved, motor - gears.reflected_inertia[:, None] * moved)
 
 

@@ -10,6 +10,7 @@ from wbc.robot.effect import (
     Quantity,
     small_steps,
 )
+from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
@@ -17,11 +18,13 @@ from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, Screen
 
 __all__ = [
+    "BaseState",
     "ContactForces",
     "ContactPoint",
     "Effect",
     "Evidence",
     "Hook",
+    "JointMap",
     "Memory",
     "Motion",
     "Parameter",

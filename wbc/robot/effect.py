@@ -202,7 +202,8 @@ class Effect(ABC):
             listed.append((p.name.replace("_", " "), f"{self.values[p.name]:.2g}{unit}"))
         if len(listed) == 1 and self.parameters[0].unit != "1":
             return f"{name} of {listed[0][1]} at {self.where}"
-        numbers = ", ".join(f"{what} {size}" for what, size in listed)
+        few = listed if len(listed) <= 3 else []  # more are for a table
+        numbers = ", ".join(f"{what} {size}" for what, size in few)
         return f"{name} at {self.where}" + (f" ({numbers})" if numbers else "")
 
     def with_values(self, values: Mapping[str, float]) -> Self:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 from wbc.arrays import FloatArray, frozen
@@ -28,9 +27,9 @@ def named_poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray
     """
     if not isinstance(table, Mapping):
         raise RobotError(f"{place}: poses: one table per pose expected, [poses.NAME].")
-    return MappingProxyType(
-        {str(name): _pose(robot, entry, f"{place}: pose '{name}'") for name, entry in table.items()}
-    )
+    return {
+        str(name): _pose(robot, entry, f"{place}: pose '{name}'") for name, entry in table.items()
+    }
 
 
 def _pose(robot: Robot, entry: Any, place: str) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +13,28 @@ from rich.console import Console
 from rich.table import Table
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.cli.shared.inputs import table_console, watching, write_json
+from wbc.cli.shared.inputs import read_logs, table_console, watching, write_json
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.sites import checked_axes, first_contact, main_direction, pose_from
 from wbc.design import (
     SIMULATIONS,
     Objective,
     Study,
+    choose_gearboxes,
     describe_columns,
+    over_gait,
     pareto_front,
     parse_objective,
     parse_sweep,
     read_designs,
+    read_efficiency_table,
+    read_gearboxes,
     run_study,
 )
 from wbc.design.sweep_parameter import NAMES
 from wbc.effects import load_robot
 from wbc.errors import WbcError
+from wbc.robot import Robot
 
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
 
@@ -36,7 +42,8 @@ _EPILOG = f"""\
 parameters: {", ".join(NAMES[:4])},
 {", ".join(NAMES[4:6])}, length.LINK, mass.LINK, joint.JOINT;
 a gear parameter takes .JOINT for one gear alone. Without backward_efficiency, a
-swept forward_efficiency brings the wedge's 2 - 1/eta_f.
+swept forward_efficiency brings the wedge's 2 - 1/eta_f. What a gearbox of the
+catalogue leaves out stays the robot's own; its backward efficiency the wedge's.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log
   --sweep forward_efficiency=0.5:0.98:40 --figures out
@@ -54,8 +61,15 @@ def add_to(commands: Any) -> None:
     )
     add = parser.add_argument
     add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
-    add("--sweep", action="append", required=True, metavar="NAME=LOW:HIGH[:COUNT[:log]]",
+    add("--sweep", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT[:log]]",
         help="what varies, or NAME=V,V,...; give it once per parameter")  # fmt: skip
+    add("--gearbox", metavar="NAME,...|all", help="of the catalogue (`wbc list gearboxes`)")
+    add("--catalogue", metavar="FILE.csv", help="of gearboxes, in place of the shipped one")
+    add("--efficiency", metavar="FILE.csv",
+        help="both efficiencies by load and speed, read at the load held")  # fmt: skip
+    add("--joint-speed", type=float, default=0.0, metavar="X", help="for --efficiency [rad/s]")
+    add("--gait", metavar="LOG", help="judge every design in the poses of a recorded motion")
+    add("--instants", type=int, default=20, metavar="N", help="of the gait (default 20)")
     add("--samples", type=int, default=0, metavar="N", help="N Sobol samples instead of a grid")
     add("--seed", type=int, default=0, help="of the samples (default 0)")
     add("--simulate", default="", metavar="NAME,...",
@@ -91,6 +105,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
             study, options.out, workers=options.workers, cluster=options.cluster, watch=watch
         )
     table = read_designs(path)
+    if study.gait:
+        table = over_gait(table, len(study.gait), objectives)
+        shown.print(f"over {len(study.gait)} instants: objectives of the worst one, else the mean")
     front = pareto_front(table, objectives)
     _print(study, table, front, objectives, units, shown)
     shown.print(f"wrote {path}: {study.size} designs")
@@ -103,6 +120,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
 def _study(options: argparse.Namespace) -> Study:
     robot = load_robot(options.robot)
     axes = checked_axes(options.axes)
+    catalogue = read_gearboxes(options.catalogue)
     return Study(
         robot=options.robot,
         parameters=tuple(parse_sweep(text) for text in options.sweep),
@@ -114,7 +132,25 @@ def _study(options: argparse.Namespace) -> Study:
         seed=options.seed,
         simulations=tuple(name for name in options.simulate.split(",") if name),
         load=options.load,
+        gearboxes=choose_gearboxes(options.gearbox, catalogue) if options.gearbox else (),
+        gait=_gait(options, robot) if options.gait else (),
+        efficiency=read_efficiency_table(options.efficiency) if options.efficiency else None,
+        speed=options.joint_speed,
     )
+
+
+def _gait(options: argparse.Namespace, robot: Robot) -> tuple[tuple[float, ...], ...]:
+    """Return rows (time, q...) at evenly spread instants of a log."""
+    from wbc.view.channels import configuration
+
+    if options.instants < 1:
+        raise WbcError("--instants must be at least 1.")
+    (log, *more) = read_logs([options.gait], None, robot)
+    if more:
+        raise WbcError(f"--gait '{options.gait}' holds several logs; name one with #NAME.")
+    rows = np.unique(np.linspace(0, len(log) - 1, options.instants).round().astype(np.int_))
+    poses = configuration(robot, log)[rows]
+    return tuple((float(t), *q) for t, q in zip(log.time[rows], poses.tolist(), strict=True))
 
 
 def _objectives(
@@ -129,7 +165,7 @@ def _objectives(
 
 
 def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:
-    varied = [p.column for p in study.parameters if p.low < p.high]
+    varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"]
     return list(dict.fromkeys([*varied, *(objective.column for objective in objectives)]))
 
 
@@ -142,7 +178,8 @@ def _print(
     console: Console,
 ) -> None:
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
-    title = f"Pareto front: {len(front)} of {study.size} designs ({aims})"
+    count = len(table["design"])
+    title = f"Pareto front: {len(front)} of {count} designs ({aims})"
     columns = _columns(study, objectives)
     shown = Table(title=title, box=None)
     for name in columns:
@@ -152,10 +189,17 @@ def _print(
     if len(front) > _SHOWN:
         chosen = front[np.linspace(0, len(front) - 1, _SHOWN).round().astype(np.int_)]
     for row in chosen:
-        shown.add_row(*(f"{table[name][row]:.4g}" for name in columns))
+        shown.add_row(*(_cell(study, name, table[name][row]) for name in columns))
     console.print(shown)
+    for box in study.gearboxes:
+        if box.unknown:
+            console.print(f"{box.name}: no source gives {', '.join(box.unknown)}")
     if len(front) > _SHOWN:
         console.print(f"{_SHOWN} of {len(front)} rows, evenly spread; --json and --out hold all")
+
+
+def _cell(study: Study, name: str, value: float) -> str:
+    return study.gearboxes[round(value)].name if name == "gearbox" else f"{value:.4g}"
 
 
 def _json(
@@ -178,6 +222,7 @@ def _json(
         "designs": study.size,
         "table": str(path),
         "units": dict(units),
+        "gearboxes": [asdict(box) for box in study.gearboxes],
         "objectives": [f"{o.column}:{'max' if o.more else 'min'}" for o in objectives],
         "front": rows,
     }
@@ -196,7 +241,7 @@ def _draw(
     from wbc.view.plots import design_map, pareto_figure, write_figure
 
     theme = DARK if options.theme == "dark" else LIGHT
-    varied = [p.column for p in study.parameters if p.low < p.high] or ["design"]
+    varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"] or ["design"]
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     figures = {"map": design_map(table, varied, units, logarithmic=logarithmic, theme=theme)}
     if len(objectives) > 1:

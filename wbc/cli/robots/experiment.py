@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from wbc.arrays import FloatArray
 from wbc.cli.shared.inputs import table_console, watching, write_json
 from wbc.cli.shared.outputs import require_outputs
 from wbc.design.experiment import (
+    Cause,
     Designed,
     FourierPath,
     MotionLimits,
@@ -21,8 +23,11 @@ from wbc.design.experiment import (
     design_experiment,
     expected,
     informing,
-    parse_rival,
+    parameter_names,
+    parse_cause,
     random_paths,
+    tied_causes,
+    torque_misfit,
 )
 from wbc.effects import load_robot
 from wbc.errors import DesignError, WbcError
@@ -34,9 +39,13 @@ _SHARE = 0.01  # of the motor's torque limit: the noise of a torque sensor, wher
 
 _EPILOG = """\
 A cause is EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE,...; `wbc list effects`
-names them. The odds are those of the cause, if true, over the other one after
-its parameters are refitted: equal odds before, white noise of the torque, and
-nothing else wrong with the model.
+names them, + joins several. found.json is what `wbc diagnose --json` wrote: the
+causes are what it found and what it could not tell from that. One cause alone:
+the motion that shrinks its intervals.
+
+The odds are those of the cause, if true, over the other one after its parameters
+are refitted: equal odds before, white noise of the torque, and nothing else
+wrong with the model.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv"""
@@ -53,7 +62,8 @@ def add_to(commands: Any) -> None:
     add = parser.add_argument
     add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml; base fixed")
     add("--lossless", action="store_true", help="start from the robot with perfect gears")
-    add("--between", nargs="+", required=True, metavar="CAUSE", help="two causes or more")
+    add("--between", nargs="+", required=True, metavar="CAUSE",
+        help="causes, or the found.json of a diagnosis")  # fmt: skip
     add("--duration", type=float, default=10.0, metavar="S", help="[s], default 10")
     add("--rate", type=float, default=100.0, metavar="HZ", help="rows per second, default 100")
     add("--noise", type=float, metavar="NM",
@@ -64,6 +74,7 @@ def add_to(commands: Any) -> None:
     add("--rounds", type=int, default=300, metavar="N", help="changes tried (default 300)")
     add("--seed", type=int, default=0, help="of the search (default 0)")
     add("--out", default="trajectory.csv", metavar="FILE.csv", help="the motion as set points")
+    add("--figures", nargs="?", const="out", metavar="DIR", help="write motion and torques (PNG)")
     add("--json", metavar="FILE", help="the odds for machines ('-' prints it)")
     parser.set_defaults(run=run)
 
@@ -77,18 +88,24 @@ def run(options: argparse.Namespace, console: Console) -> int:
         raise WbcError("--rounds must be at least 1.")
     robot = load_robot(options.robot)
     robot = robot.lossless() if options.lossless else robot
-    rivals = Rivals(
-        robot, tuple(parse_rival(text, robot) for text in options.between), _noise(options, robot)
-    )
+    rivals = Rivals(robot, _causes(options.between, robot), _noise(options, robot))
     limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
     _require_room(limits)
     shown = table_console(options, console)
     found = _compare(options, rivals, limits, shown)
-    _print(rivals, found, shown)
-    path = _write(options.out, robot, found["designed"].path, options.rate)
-    shown.print(f"wrote {path}")
+    print_experiment(rivals, found, shown)
+    path = write_set_points(options.out, robot, found["designed"].path, options.rate)
+    shown.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
+    if options.figures:
+        shown.print(f"wrote {_draw(options, rivals, limits, found)}")
     write_json(options.json, _json(rivals, found, path), console)
     return 0
+
+
+def _causes(texts: list[str], robot: Robot) -> tuple[Cause, ...]:
+    if len(texts) == 1 and texts[0].lower().endswith(".json"):
+        return tied_causes(texts[0], robot)
+    return tuple(parse_cause(text, robot) for text in texts)
 
 
 def _noise(options: argparse.Namespace, robot: Robot) -> FloatArray:
@@ -114,9 +131,7 @@ def _compare(
 ) -> dict[str, Designed]:
     """Return the designed motion beside a random and a D-optimal one."""
     drawn = random_paths(rivals, limits, options.duration, options.seed + 1, _RANDOM)
-    chance = sorted(
-        (expected(rivals, limits, path, options.rate) for path in drawn), key=lambda d: d.worst
-    )
+    chance = sorted((expected(rivals, limits, path, options.rate) for path in drawn), key=_said)
     settings = {"rate": options.rate, "rounds": options.rounds, "seed": options.seed}
     with watching("motions", console) as watch:
         classic = design_experiment(
@@ -128,24 +143,82 @@ def _compare(
     return {"random, median": chance[_RANDOM // 2], "D-optimal": classic, "designed": ours}
 
 
-def _print(rivals: Rivals, found: dict[str, Designed], console: Console) -> None:
-    for number, effect in enumerate(rivals.effects, 1):
-        values = ", ".join(f"{name} = {value:g}" for name, value in effect.values.items())
-        console.print(f"cause {number}: {effect.name} at {effect.where}, {values}")
+def _said(one: Designed) -> float:
+    """Return by what random motions are put in order: the least odds, or narrow intervals."""
+    narrow = -float(np.mean(np.log(np.concatenate(one.widths))))
+    return one.worst if one.odds else narrow
+
+
+def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
+    """Print the causes and what each motion is expected to say of them; "designed" is ours."""
+    for number, cause in enumerate(rivals.causes, 1):
+        texts = []
+        for effect in cause:
+            values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.values.items())
+            texts.append(f"{effect.name} at {effect.where}, {values}")
+        console.print(f"cause {number}: {'; '.join(texts)}")
+    designed = found["designed"]
+    if rivals.pairs:
+        _print_odds(found, console)
+    if not rivals.pairs:
+        _print_widths(rivals, found, console)
+    for i, j in designed.alike:
+        console.print(
+            f"cause {j + 1} can do all that cause {i + 1} does: if {i + 1} is true, no motion "
+            f"speaks against {j + 1}"
+        )
+    used = 100.0 * designed.used
+    console.print(f"the designed motion uses at most {used:.0f} % of every limit")
+
+
+def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
     table = Table(title="expected odds, as a power of ten", box=None)
     table.add_column("if this cause is true")
     table.add_column("over")
     for name in found:
         table.add_column(name, justify="right")
-    for i, j in found["designed"].odds:
-        cells = [f"{one.odds[i, j] / np.log(10.0):.4g}" for one in found.values()]
-        table.add_row(str(i + 1), str(j + 1), *cells)
+    for pair in found["designed"].odds:
+        told = pair not in found["designed"].alike
+        cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
+        table.add_row(str(pair[0] + 1), str(pair[1] + 1), *cells)
     console.print(table)
-    used = 100.0 * found["designed"].used
-    console.print(f"the designed motion uses at most {used:.0f} % of every limit")
 
 
-def _write(name: str, robot: Robot, path: FourierPath, rate: float) -> Path:
+def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
+    table = Table(title="expected half widths of the 90 % intervals", box=None)
+    table.add_column("parameter")
+    for name in found:
+        table.add_column(name, justify="right")
+    for number, cause in enumerate(rivals.causes):
+        for row, (effect, parameter) in enumerate(parameter_names(cause)):
+            cells = [f"{one.widths[number][row]:.3g}" for one in found.values()]
+            unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
+            table.add_row(f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells)
+    console.print(table)
+
+
+def _draw(
+    options: argparse.Namespace, rivals: Rivals, limits: MotionLimits, found: dict[str, Designed]
+) -> Path:
+    from wbc.view.plots import write_figure
+    from wbc.view.plots.experiment import experiment_figure
+
+    designed, robot = found["designed"], rivals.robot
+    time = designed.path.times(options.rate)
+    position, velocity, _ = designed.path.at(time)
+    told = {pair: d for pair, d in designed.odds.items() if pair not in designed.alike}
+    misfits = {}
+    if told:
+        pair = min(told, key=lambda key: told[key])
+        misfits = {
+            name: torque_misfit(rivals, limits, found[key].path, pair, options.rate)
+            for name, key in (("designed", "designed"), ("random", "random, median"))
+        }
+    figure = experiment_figure(robot.transmission.joints, time, (position, velocity), misfits)
+    return write_figure(Path(options.figures) / f"{robot.name}_experiment.png", figure)
+
+
+def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:
     """Write time, position, velocity and acceleration of every driven joint."""
     time = path.times(rate)
     joints, parts = robot.transmission.joints, path.at(time)
@@ -161,9 +234,15 @@ def _write(name: str, robot: Robot, path: FourierPath, rate: float) -> Path:
 
 
 def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, Any]:
-    effects = rivals.effects
     return {
-        "causes": [{"effect": e.name, "where": e.where, "parameters": e.values} for e in effects],
+        "causes": [
+            [{"effect": e.name, "where": e.where, "parameters": e.values} for e in cause]
+            for cause in rivals.causes
+        ],
+        "half_widths": {
+            name: [widths.tolist() for widths in one.widths] for name, one in found.items()
+        },
+        "alike": [{"true": i, "over": j} for i, j in found["designed"].alike],
         "log10_odds": {
             name: [
                 {"true": i, "over": j, "value": value / float(np.log(10.0))}

@@ -1,4 +1,4 @@
-"""`wbc list`: the robots and effects there are."""
+"""`wbc list`: the robots, effects and gearboxes there are."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def add_to(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "list",
-        help="the robots and the physical effects there are",
+        help="the robots, the physical effects and the gearboxes there are",
         epilog="example: wbc list effects",
     )
-    parser.add_argument("what", choices=("robots", "effects"))
+    parser.add_argument("what", choices=("robots", "effects", "gearboxes"))
     parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
     parser.set_defaults(run=run)
 
@@ -30,7 +30,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace, console: Console) -> int:
     """Print the list."""
     require_outputs(options)
-    rows = _robots() if options.what == "robots" else _effects()
+    rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
     table = Table(*rows[0], box=None)
     for row in rows:
         table.add_row(*row.values())
@@ -62,3 +62,26 @@ def _effects() -> list[dict[str, str]]:
         }
         for name, effect in EFFECTS.items()
     ]
+
+
+def _gearboxes() -> list[dict[str, str]]:
+    from wbc.design import read_gearboxes
+
+    rows = []
+    for box in read_gearboxes().values():
+        pair = f"{_number(box.forward_efficiency)}, {_number(box.backward_efficiency)}"
+        rows.append(
+            {
+                "gearbox": box.name,
+                "kind": box.kind,
+                "reduction": _number(box.reduction),
+                "efficiencies": pair,
+                "kg m^2": _number(box.gear_inertia),
+                "source": box.source,
+            }
+        )
+    return rows
+
+
+def _number(value: float | None) -> str:
+    return "?" if value is None else f"{value:g}"

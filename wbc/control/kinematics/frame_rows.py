@@ -86,7 +86,7 @@ class FrameTable:
             offsets[i, 12:] = entry.arm
         self.plan, self._offsets = plan, frozen(offsets)
         self.places, self.used = np.zeros((len(wanted), 12)), np.ones(len(wanted), dtype=np.int_)
-        self._starts, self._columns = _supports(model)
+        self._starts, self._columns = joint_columns(model)
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J and dJ/dt v into rows of (k, nv) and (k,); columns that never move stay zero."""
@@ -102,7 +102,7 @@ class FrameTable:
         )
 
 
-def _supports(model: pin.Model) -> tuple[IntArray, IntArray]:
+def joint_columns(model: pin.Model) -> tuple[IntArray, IntArray]:
     """Return which columns of J move each joint: where they start (j + 1,), and the columns."""
     starts: list[int] = [0]
     columns: list[int] = []

@@ -53,7 +53,7 @@ class Kinematics:
         self.position: FloatArray = np.zeros(model.nq)
         self.velocity: FloatArray = np.zeros(nv)
         self.mass_matrix: FloatArray = data.M.reshape(nv, nv).T  # symmetric, now row by row
-        self.bias: FloatArray = data.tau
+        self.bias: FloatArray = np.zeros(nv)
         self.mass = float(pin.computeTotalMass(model))
         self.gravity = float(np.linalg.norm(model.gravity.linear))
         self._rest = np.zeros(nv)
@@ -71,7 +71,10 @@ class Kinematics:
             frozen([joint.nv for joint in model.joints], np.int_),
             frozen([body.mass for body in model.inertias]),
             frozen([body.lever for body in model.inertias]),
+            frozen([body.inertia[np.triu_indices(3)] for body in model.inertias]),
+            frozen(model.gravity.linear),
         )
+        self._forces = np.zeros((model.njoints, 6))
         self._axes_turn = _axes_turn_with_bodies(model)
 
     @property
@@ -87,17 +90,17 @@ class Kinematics:
         model, data = self.model, self._data
         self.position, self.velocity = position, velocity
         pin.crba(model, data, position, pin.Convention.WORLD)  # leaves J, A_g and the CoM as well
-        pin.rnea(model, data, position, velocity, self._rest)
         self._moved = self._momentum_drift_ready = False
         place_joint_motion(
             *(self.joint_jacobian, self.joint_places, velocity, *self._tree),
-            *(self.joint_rates, self.joint_drifts, self._com_drift),
+            *(self.joint_rates, self.joint_drifts, self._com_drift, self._forces, self.bias),
         )
         if not self._axes_turn:
             self._ask_pinocchio()
 
     def _ask_pinocchio(self) -> None:
-        """Take the joints' drifts from pinocchio, where an axis moves within its own body."""
+        """Take drifts and bias from pinocchio, where an axis moves within its own body."""
+        self.bias[:] = pin.rnea(self.model, self._data, self.position, self.velocity, self._rest)
         data = self.data
         for i in range(1, self.model.njoints):
             self.joint_drifts[i] = data.oMi[i].act(data.a[i]).vector
@@ -118,6 +121,10 @@ class Kinematics:
             number = int(self.model.getFrameId(name))
             self._frames[name] = number
         return number
+
+    def joint_place(self, joint: int) -> pin.SE3:
+        """Return the placement of a joint in the world."""
+        return self._data.oMi[joint]
 
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""

@@ -9,7 +9,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.limits import JointLimit
+from wbc.control.limits import CollisionRows, JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
@@ -64,6 +64,8 @@ class ContactForceProgram:
         locked: int = 0,
         task_rows: int = 0,
         slack: float = 0.0,
+        hardens: bool = False,
+        collision: CollisionRows | None = None,
     ) -> None:
         """Lay out the rows.
 
@@ -78,7 +80,11 @@ class ContactForceProgram:
             locked: greatest number of equality rows that a more important level hands down.
             task_rows: rows of the tasks.
             slack: how far every inequality's bound lies beyond what it stands for.
+            hardens: whether a task has an infinite weight.
+            collision: distances to keep, filled by the controller; or None.
         """
+        self._collision = collision
+        self._hardens = hardens
         robot = plant.robot
         self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
         self.nv, self.forces = robot.model.nv, contacts.rows
@@ -118,7 +124,10 @@ class ContactForceProgram:
         names = robot.transmission.joints
         gears = [names[i] for i in self.gears]
         scale = self.force_scale
-        self.rows = InequalityRows(gears, contacts, joint_limit, self.nv, scale, slack)
+        self.rows = InequalityRows(
+            *(gears, contacts, joint_limit, self.nv, scale, slack),
+            () if collision is None else collision.labels,
+        )
         self._write_normal_bounds(None)
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
@@ -157,6 +166,8 @@ class ContactForceProgram:
             strength = self.plant.braking(self.joint_limit)
             low, high = self.joint_limit.bounds(position, velocity, step, strength)
             self.rows.write_joints(low, high)
+        if self._collision is not None:
+            self.rows.write_distances(self._collision.rows, self._collision.least)
 
     def assemble_tasks(self, tasks: TaskStack) -> float:
         """Write the tasks' rows and diagonal; call after the constraints.
@@ -215,6 +226,7 @@ class ContactForceProgram:
             C=rows.C,
             lower=rows.lower,
             upper=rows.upper,
+            hardens=self._hardens,
         )
         free = slice(rows.torque.stop, None)
         self.unbound = self.blocks._replace(
@@ -273,7 +285,9 @@ class ContactForceProgram:
         for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
-        return "what the more important tasks have decided", "m/s^2"
+        if row < len(self.b):
+            return "what the more important tasks have decided", "m/s^2"
+        return "a task of infinite weight", "m/s^2"
 
     def inequality_label(self, row: int) -> tuple[str, float, str]:
         """Return what an inequality is called, the scale of a violation, and its unit."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,15 +14,15 @@ from wbc.control.solvers import INFINITE
 
 
 class InequalityRows:
-    """Rows lower <= C x <= upper: rotor torques, then friction cones, normal forces, joints.
+    """Rows lower <= C x <= upper: rotor torques, cones, normal forces, joints, distances.
 
-    Only the torque rows change with the state; the others are written here once, but for the
-    bounds of normal forces and joints.
+    Only the torque and distance rows change with the state; the others are written here once, but
+    for the bounds of normal forces and joints.
 
     Attributes:
         C: (n_in, n).
         lower, upper: (n_in,).
-        torque, cone, normal, joint: slices of the rows of each kind.
+        torque, cone, normal, joint, distance: slices of the rows of each kind.
         labels: (n_in,) what every row is called in messages.
     """
 
@@ -33,6 +34,7 @@ class InequalityRows:
         nv: int,
         force_scale: float,
         slack: float,
+        distances: Sequence[str] = (),
     ) -> None:
         """Lay the rows out.
 
@@ -43,12 +45,16 @@ class InequalityRows:
             nv: number of accelerations, which come before the forces in x.
             force_scale: [N] per unit of force variable.
             slack: how far every bound lies beyond what it stands for.
+            distances: names of the pairs of solids that keep apart.
         """
         self._force_scale, self._slack = force_scale, slack
         faces, normals = len(contacts.cone), len(contacts.contacts)
         joints = () if joint_limit is None else joint_limit.joints
-        ends = np.cumsum([0, len(gears), faces, normals, len(joints)]).tolist()
-        self.torque, self.cone, self.normal, self.joint = (slice(a, b) for a, b in pairwise(ends))
+        ends = np.cumsum([0, len(gears), faces, normals, len(joints), len(distances)]).tolist()
+        self.torque, self.cone, self.normal, self.joint, self.distance = (
+            slice(a, b) for a, b in pairwise(ends)
+        )
+        self._nv = nv
         self.C = np.zeros((ends[-1], nv + contacts.rows))
         self.lower, self.upper = np.full(ends[-1], -INFINITE), np.full(ends[-1], INFINITE)
         self.C[self.cone, nv:] = contacts.cone
@@ -61,6 +67,7 @@ class InequalityRows:
             + [f"contact {label}" for label in contacts.cone_labels]
             + [f"contact {contact.name}: normal force" for contact in contacts.contacts]
             + [f"joint limit of '{joint}'" for joint in joints]
+            + list(distances)
         )
 
     def write_normals(self, least: FloatArray, greatest: FloatArray) -> None:
@@ -73,6 +80,11 @@ class InequalityRows:
         """Write the bounds (j,) of the joints' accelerations."""
         slack = self._slack
         self.lower[self.joint], self.upper[self.joint] = least - slack, greatest + slack
+
+    def write_distances(self, rows: FloatArray, least: FloatArray) -> None:
+        """Write rows (p, nv) and the bounds (p,) of the accelerations between solids."""
+        self.C[self.distance, : self._nv] = rows
+        np.subtract(least, self._slack, out=self.lower[self.distance])
 
     def write_torques(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (t,) [N m] of the torque rows."""
@@ -88,4 +100,4 @@ class InequalityRows:
                 word in self.labels[row] for word in ("pressure", "yaw")
             )
             return self._force_scale, "N m" if turns else "N"
-        return 1.0, "rad/s^2"
+        return 1.0, "rad/s^2" if row < self.joint.stop else "m/s^2"

@@ -51,7 +51,7 @@ class Answer(NamedTuple):
 
     def without_lower(self, complaint: Complaint) -> Answer:
         """Return the answer of a level whose next one has only a complaint."""
-        message = f"the tasks of level 1 are left out: {complaint[1]}"
+        message = f"the tasks of a lower level are left out: {complaint[1]}"
         return self._replace(verdict=(Status.INACCURATE, message))
 
 

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from itertools import combinations
 from math import inf
 
+import numpy as np
+
 from wbc.arrays import BoolArray
 from wbc.control.contacts import BoundContact
 from wbc.control.contacts.contact_ranks import ContactRanks
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit
+from wbc.control.limits import CollisionRows, JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level import Level
@@ -42,6 +44,7 @@ class Recipe:
         contacts: every contact there may be, by name.
         limited: (m,) bool, gears that have a torque limit.
         joint_limit: limits of joints, or None.
+        collision: distances to keep, or None.
         settings: of the controller.
         efforts: costs on torques, which the least important level bears.
         force_tasks: costs on contact forces, likewise.
@@ -55,6 +58,7 @@ class Recipe:
     contacts: Mapping[str, BoundContact]
     limited: BoolArray
     joint_limit: JointLimit | None
+    collision: CollisionRows | None
     settings: ControllerSettings
     efforts: Sequence[Effort]
     force_tasks: Sequence[ContactForceTask]
@@ -98,7 +102,7 @@ class ProgramLibrary:
     def _level(self, contacts: ContactSet, rank: int) -> Level:
         recipe, settings = self._recipe, self._recipe.settings
         last = rank == len(recipe.stacks) - 1
-        tasks, above = recipe.stacks[rank], recipe.stacks[rank - 1] if rank else None
+        tasks, above = recipe.stacks[rank], recipe.stacks[:rank]
         program = ContactForceProgram(
             recipe.plant,
             contacts,
@@ -107,9 +111,11 @@ class ProgramLibrary:
             (settings.acceleration_weight, settings.force_weight),
             recipe.efforts if last else (),
             recipe.force_tasks if last else (),
-            0 if above is None else greatest_lock(above),
+            greatest_lock(above),
             len(tasks.wanted),
-            _SLACK * settings.tolerance if rank else 0.0,
+            rank * _SLACK * settings.tolerance,
+            any(bool(np.isinf(task.weight).any()) for task in tasks.tasks),
+            recipe.collision,
         )
         own_first = settings.warm_start is WarmStart.ACTIVE_SET
         whole, gears = len(program.rows.labels), len(program.gears)
@@ -120,7 +126,7 @@ class ProgramLibrary:
             settings.max_rounds,
         )
         guess = _own_solver(program, settings, whole - gears) if own_first else None
-        lock = None if above is None else LevelLock(program, above)
+        lock = LevelLock(program, above) if above else None
         return Level(
             tasks,
             program,

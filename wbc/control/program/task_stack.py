@@ -75,7 +75,9 @@ class TaskStack:
         self.tasks = tuple(tasks)
         nv = robot.model.nv
         sizes = [task.check(robot) for task in self.tasks]
-        selections = [task.selection(robot) for task in self.tasks]
+        selections = [
+            None if np.isinf(task.weight).any() else task.selection(robot) for task in self.tasks
+        ]
         rowed = [i for i, chosen in enumerate(selections) if chosen is None]
         selecting = [i for i, chosen in enumerate(selections) if chosen is not None]
         total, whole = sum(sizes[i] for i in rowed), sum(sizes)
@@ -150,7 +152,8 @@ class TaskStack:
             rows = slice(start, start + entry.size)
             start = rows.stop
             own = self._shares[0].get(entry.name, entry.weights)
-            self._weights[rows] = self._shares[1].get(entry.name, 1.0) * own
+            share = self._shares[1].get(entry.name, 1.0)
+            self._weights[rows] = share * own if share > 0.0 else 0.0
             active = bool(self._weights[rows].any())
             if entry.number >= 0:
                 self._table.used[entry.number] = active

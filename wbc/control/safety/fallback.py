@@ -77,12 +77,28 @@ class Fallback:
             found: what the solver returned, None where it was not asked.
             refused: the program that has no solution, None where there is none.
         """
-        m, nv = self._robot.transmission.size, self._robot.model.nv
         self._ticks += 1
         self._time += dt
+        return self._made(self._rotor_torque(motion, dt), motion, complaint, start, found, refused)
+
+    def busy(self, complaint: Complaint, start: float) -> Command:
+        """Return the last good torque for a thread that comes in between; nothing is counted."""
+        torque = self._motors.clipped(self._torque) / self._robot.transmission.gear_ratio
+        return self._made(torque, None, complaint, start, None, None)
+
+    def _made(
+        self,
+        torque: FloatArray,
+        motion: Motion | None,
+        complaint: Complaint,
+        start: float,
+        found: Found | None,
+        refused: Refused | None,
+    ) -> Command:
+        m, nv = self._robot.transmission.size, self._robot.model.nv
         status, message = complaint
         return Command(
-            rotor_torque=self._rotor_torque(motion, dt),
+            rotor_torque=torque,
             acceleration=np.zeros(nv),
             forces={},
             consistent=False,
@@ -97,8 +113,17 @@ class Fallback:
             rounds=0 if found is None else found.rounds,
             iterations=0 if found is None else found.iterations,
             solution=None if found is None else found.solution,
+            position=self._place(motion),
+            velocity=np.zeros(m),
             refused=refused,
         )
+
+    def _place(self, motion: Motion | None) -> FloatArray:
+        """Return where the driven joints are (m,), or last were; NaN where nobody knows."""
+        position = self._position if motion is None else motion.position
+        if position is None:
+            return np.full(self._robot.transmission.size, np.nan)
+        return np.array(position[self._robot.actuated_position])
 
     def _rotor_torque(self, motion: Motion | None, dt: float) -> FloatArray:
         """Return the drive command (m,); the last good torque if all else fails."""

@@ -107,7 +107,7 @@ class DualActiveSet:
     def _settled(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
         """Correct the binding rows a few times; return the solution where that ends."""
         x = np.empty(len(problem.pull))
-        diagonal, pull, rows, right, softness, _, C, lower, upper = problem
+        diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
         size, rounds = settle(
             *(rows, right, softness, diagonal, pull, C, lower, upper),
             *(self._tolerance, self._allowed, _ROUNDS),
@@ -164,4 +164,7 @@ class DualActiveSet:
         base, push = len(problem.right), np.zeros(skipped + len(problem.lower))
         if size > base:
             push[skipped + self._active[: size - base]] = -self._force[base:size]
-        return QPSolution(x, -self._force[problem.soft : base], push, QPStatus.SOLVED, self.steps)
+        y = -self._force[problem.soft : base]
+        if problem.hardens:
+            y = np.concatenate([y, -self._force[problem.hard]])
+        return QPSolution(x, y, push, QPStatus.SOLVED, self.steps)

@@ -9,7 +9,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -71,11 +71,13 @@ class BlockProblem(NamedTuple):
         pull: p (n,).
         rows: G (k, n), soft rows first.
         right: t (k,).
-        softness: s (k,), the inverse of a soft row's weight, zero for a hard row.
+        softness: s (k,), the inverse of a soft row's weight, zero for a hard row. A task of
+            infinite weight stands among the soft rows with a softness of zero.
         soft: how many rows are soft.
         C: (r, n).
         lower: (r,); -INFINITE or less is no bound.
         upper: (r,); INFINITE or more is no bound.
+        hardens: whether a soft row may have a softness of zero.
     """
 
     diagonal: FloatArray
@@ -87,27 +89,41 @@ class BlockProblem(NamedTuple):
     C: FloatArray
     lower: FloatArray
     upper: FloatArray
+    hardens: bool = False
 
     def dense(self) -> QPProblem:
         """Return the same program with its Hessian and gradient written out."""
         k = self.soft
-        weighted = self.rows[:k] / self.softness[:k, None]
-        H = weighted.T @ self.rows[:k]
+        hard = self.hard
+        rows, right, softness = self.rows[:k], self.right[:k], self.softness[:k]
+        if len(hard):
+            kept = softness > 0.0
+            rows, right, softness = rows[kept], right[kept], softness[kept]
+        weighted = rows / softness[:, None]
+        H = weighted.T @ rows
         H.reshape(-1)[:: len(H) + 1] += self.diagonal
-        g = -(self.right[:k] @ weighted) - self.pull
-        return QPProblem(H, g, self.rows[k:], self.right[k:], self.C, self.lower, self.upper)
+        g = -(right @ weighted) - self.pull
+        A = np.vstack([self.rows[k:], self.rows[hard]])
+        b = np.concatenate([self.right[k:], self.right[hard]])
+        return QPProblem(H, g, A, b, self.C, self.lower, self.upper)
+
+    @property
+    def hard(self) -> IntArray:
+        """Which rows among the soft ones have no softness left: hard tasks."""
+        return np.flatnonzero(self.softness[: self.soft if self.hardens else 0] == 0.0)
 
     def copied(self) -> BlockProblem:
         """Return a copy that the next tick does not overwrite."""
-        D, p, rows, right, softness, soft, *bounds = self
+        D, p, rows, right, softness, soft, C, lower, upper, hardens = self
         own = D.copy(), p.copy(), rows.copy(), right.copy(), softness.copy()
-        return BlockProblem(*own, soft, *(part.copy() for part in bounds))
+        return BlockProblem(*own, soft, C.copy(), lower.copy(), upper.copy(), hardens)
 
     def cost(self, x: FloatArray) -> float:
         """Return the cost of x (n,)."""
         k = self.soft
-        miss = self.rows[:k] @ x - self.right[:k]
-        soft = miss @ (miss / self.softness[:k])
+        counts = self.softness[:k] > 0.0
+        miss = (self.rows[:k] @ x - self.right[:k])[counts]
+        soft = miss @ (miss / self.softness[:k][counts])
         return float(0.5 * (x @ (self.diagonal * x) + soft) - self.pull @ x)
 
 

@@ -30,11 +30,12 @@ class Task(ABC):
 
     Attributes:
         name: how references, statuses and messages call it.
-        weight: w >= 0, one number or one per row.
+        weight: w >= 0, one number or one per row. An infinite weight makes a row a constraint: the
+            program has no solution where it cannot be kept beside contacts and limits.
         stiffness: [1/s^2].
         damping: [1/s]; left out it is critical, 2 sqrt(stiffness).
-        level: 0 for an ordinary task; a task of level 1 is strictly less important: it moves
-            nothing that the tasks of level 0 decide.
+        level: 0 for an ordinary task; a task of a level above it is strictly less important: it
+            moves nothing that the tasks of lower levels decide.
     """
 
     name: str
@@ -45,13 +46,15 @@ class Task(ABC):
 
     def __post_init__(self) -> None:
         """Check gains and weights."""
-        if not np.all(np.isfinite(self.weight)) or np.any(np.asarray(self.weight) < 0.0):
+        if not np.all(np.asarray(self.weight) >= 0.0):
             raise ControlError(f"task '{self.name}': weight must be >= 0, got {self.weight}.")
         for label, gain in (("stiffness", self.stiffness), ("damping", self.damping)):
             if gain is not None and not 0.0 <= gain < np.inf:
                 raise ControlError(f"task '{self.name}': {label} must be >= 0, got {gain}.")
-        if self.level not in (0, 1):
-            raise ControlError(f"task '{self.name}': level must be 0 or 1, got {self.level}.")
+        if isinstance(self.level, bool) or not isinstance(self.level, int) or self.level < 0:
+            raise ControlError(
+                f"task '{self.name}': level must be a whole number >= 0, got {self.level}."
+            )
 
     @property
     def velocity_gain(self) -> float:

@@ -117,3 +117,28 @@ def place_torques(
         clipped[i] = min(max(torque[i], lower[i]), upper[i])
         whole = whole and clipped[i] == torque[i]
     return whole
+
+
+@compiled(Nothing, *[Vector] * 3, Number, Places, Places, OutVector, OutVector)
+def place_targets(
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    step: float,
+    positions: IntArray,
+    velocities: IntArray,
+    places: FloatArray,
+    rates: FloatArray,
+) -> None:
+    """Write q + step v + step^2/2 qdd and v + step qdd of some joints (m,).
+
+    Args:
+        position, velocity, acceleration: q (nq,), v and qdd (nv,).
+        step: [s].
+        positions, velocities: where the joints stand in q and v (m,).
+        places, rates: results.
+    """
+    for i in range(len(positions)):
+        rate, gain = velocity[velocities[i]], acceleration[velocities[i]]
+        places[i] = position[positions[i]] + step * (rate + 0.5 * step * gain)
+        rates[i] = rate + step * gain

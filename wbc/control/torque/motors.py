@@ -8,6 +8,7 @@ from wbc.arrays import FloatArray
 from wbc.control.effects import EffectTorques
 from wbc.control.limits import RotorTorqueLimit
 from wbc.control.selection import as_rows
+from wbc.control.torque.blending import place_targets
 from wbc.robot import Motion, Robot
 
 TorqueBounds = tuple[FloatArray, FloatArray]
@@ -45,6 +46,17 @@ class Motors:
         """Return psi (m,) [rad]."""
         driven = motion.position[self._rows]
         return driven.copy() if self._from_joints is None else self._from_joints @ driven
+
+    def targets(
+        self, motion: Motion, acceleration: FloatArray, dt: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities (m,) of the driven joints after `dt` [s] of qdd (nv,)."""
+        position, velocity = np.empty(len(self._ratio)), np.empty(len(self._ratio))
+        place_targets(
+            *(motion.position, motion.velocity, acceleration, dt),
+            *(self._robot.actuated_position, self._robot.actuated, position, velocity),
+        )
+        return position, velocity
 
     def bounds(self, motion: Motion, speed: FloatArray) -> TorqueBounds:
         """Return what the motors may give to the gears at motor speeds dpsi (m,) [rad/s]."""

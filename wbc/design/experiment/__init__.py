@@ -2,7 +2,7 @@
 
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
-from wbc.design.experiment.rivals import Rivals, parse_rival
+from wbc.design.experiment.rivals import Cause, Rivals, parameter_names, parse_cause
 from wbc.design.experiment.search import (
     Designed,
     deciding,
@@ -10,9 +10,13 @@ from wbc.design.experiment.search import (
     expected,
     informing,
     random_paths,
+    shrinking,
+    torque_misfit,
 )
+from wbc.design.experiment.tied import tied_causes
 
 __all__ = [
+    "Cause",
     "Designed",
     "FourierPath",
     "MotionLimits",
@@ -21,6 +25,10 @@ __all__ = [
     "design_experiment",
     "expected",
     "informing",
-    "parse_rival",
+    "parameter_names",
+    "parse_cause",
     "random_paths",
+    "shrinking",
+    "tied_causes",
+    "torque_misfit",
 ]

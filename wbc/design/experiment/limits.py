@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.errors import DesignError
 from wbc.robot import Robot
 
 
@@ -19,6 +20,7 @@ class MotionLimits:
         speed: of the joints [rad/s, m/s].
         acceleration: of the joints [rad/s^2, m/s^2].
         torque: of the rotors [N m].
+        centre: strictly between `low` and `high`; motions start and end there [rad, m].
     """
 
     low: FloatArray
@@ -26,6 +28,7 @@ class MotionLimits:
     speed: FloatArray
     acceleration: FloatArray
     torque: FloatArray
+    centre: FloatArray
 
     @classmethod
     def of(
@@ -43,10 +46,15 @@ class MotionLimits:
             span: furthest from `centre` [rad, m].
             speed: of every joint [rad/s, m/s].
             acceleration: of every joint [rad/s^2, m/s^2].
-            centre: (m,) about which the robot moves.
+            centre: (m,) about which the robot moves; its usual pose when left out, the middle of
+                its range where that pose lies at a limit.
+
+        Raises:
+            DesignError: position limits that leave no room.
         """
         gears, rows = robot.transmission, robot.actuated
-        middle = robot.pose()[robot.actuated_position] if centre is None else centre
+        pose = robot.pose() if robot.poses else robot.neutral()
+        middle = pose[robot.actuated_position] if centre is None else centre
         # A joint's speed turns several motors in a parallel drive: each bounds it alone.
         per_speed = np.abs(gears.gear_ratio[:, None] * gears.motor_from_joint)
         share = np.where(per_speed > 0.0, per_speed, np.nan)
@@ -57,31 +65,37 @@ class MotionLimits:
         low = np.asarray(robot.model.lowerPositionLimit)[robot.actuated_position]
         high = np.asarray(robot.model.upperPositionLimit)[robot.actuated_position]
         ranged = high > low
+        low, high = np.where(ranged, low, -np.inf), np.where(ranged, high, np.inf)
+        inside = (low < middle) & (middle < high)
+        with np.errstate(invalid="ignore"):
+            middle = np.where(inside, middle, 0.5 * (low + high))
+        low, high = np.maximum(low, middle - span), np.minimum(high, middle + span)
+        if not np.all((low < middle) & (middle < high)):
+            raise DesignError("the position limits leave no room to move.")
         return cls(
-            low=np.maximum(np.where(ranged, low, -np.inf), middle - span),
-            high=np.minimum(np.where(ranged, high, np.inf), middle + span),
+            low=low,
+            high=high,
             speed=np.minimum(np.minimum(model, own), speed),
             acceleration=np.full(gears.size, acceleration),
             torque=np.array(gears.torque_limit),
+            centre=middle,
         )
 
     def used(
         self,
         motion: tuple[FloatArray, FloatArray, FloatArray],
         torque: FloatArray,
-        centre: FloatArray,
     ) -> float:
         """Return the largest share of a limit that a motion uses; above 1 it is broken.
 
         Args:
             motion: positions, velocities, accelerations (N, m).
             torque: (N, m) [N m] that the motion needs.
-            centre: (m,), strictly inside the position limits.
         """
         q, v, a = motion
         shares = [
-            (q - centre) / (self.high - centre),
-            (centre - q) / (centre - self.low),
+            (q - self.centre) / (self.high - self.centre),
+            (self.centre - q) / (self.centre - self.low),
             np.abs(v) / self.speed,
             np.abs(a) / self.acceleration,
             np.abs(torque) / self.torque,

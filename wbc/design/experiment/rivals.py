@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -12,68 +12,104 @@ from scipy.optimize import least_squares
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import effect_class
-from wbc.errors import DesignError
-from wbc.robot import Effect, Motion, Robot
+from wbc.errors import DesignError, EffectError
+from wbc.robot import Effect, Motion, Parameter, Robot
 
 _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
+_IMPOSSIBLE = 1e6  # misfit in units of the noise, far beyond any that a fit would accept
+_SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
+
+Cause = tuple[Effect, ...]
+"""Effects that act together; often one."""
+Pair = tuple[int, int]
+"""Numbers of the cause that is true and of the one that is fitted in its place."""
 
 
-def parse_rival(text: str, robot: Robot) -> Effect:
-    """Return the effect of `EFFECT@PLACE` or `EFFECT@PLACE:PARAMETER=VALUE,...`.
+def parse_cause(text: str, robot: Robot) -> Cause:
+    """Return the cause of `EFFECT@PLACE[:PARAMETER=VALUE,...]`, several joined by `+`.
 
     Parameters that are left out lie one typical size away from where the effect is not there.
 
     Raises:
-        DesignError: text of another form, or an effect that acts through a memory or a soft gear.
+        DesignError: text of another form, or an effect that acts through a soft gear.
         EffectError: an unknown effect, place or parameter.
     """
+    return tuple(_effect(part, robot) for part in text.split("+"))
+
+
+def _effect(text: str, robot: Robot) -> Effect:
     head, _, tail = text.partition(":")
     name, at, where = head.strip().partition("@")
     if not at or not where:
         raise DesignError(f"--between '{text}': use EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE.")
-    kind = effect_class(name)
-    values = dict(kind.null_values(robot, where))
-    for parameter in kind.parameters:
-        now = values[parameter.name]
-        up = now + parameter.scale
-        values[parameter.name] = up if up <= parameter.high else now - parameter.scale
+    given: dict[str, float] = {}
     for item in filter(None, tail.split(",")):
         key, _, value = item.partition("=")
         try:
-            values[key.strip()] = float(value)
+            given[key.strip()] = float(value)
         except ValueError as cause:
             raise DesignError(f"--between '{text}': '{item}' is not PARAMETER=VALUE.") from cause
-    effect = kind.at(where, values)
+    kind = effect_class(name)
+    typical = typical_values(name, kind.null_values(robot, where))
+    effect = kind.at(where, {**typical, **given})
     effect.check_place(robot)
-    gears = effect.change(robot).transmission
-    soft = bool(np.isfinite(gears.stiffness).any() or np.any(gears.backlash > 0.0))
-    if soft or effect.first_memory(robot) is not None or kind.measured is not Effect.measured:
-        raise DesignError(
-            f"'{name}' acts through a memory, a soft gear or the encoders; only effects whose "
-            "torque follows from the present motion can be told apart by a planned motion."
-        )
+    require_predictable(effect, robot)
     return effect
+
+
+def typical_values(name: str, null: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters of an effect one typical size away from where it is not there."""
+    values = dict(null)
+    for parameter in effect_class(name).parameters:
+        up = values[parameter.name] + parameter.scale
+        inside = up <= parameter.high
+        values[parameter.name] = up if inside else values[parameter.name] - parameter.scale
+    return values
+
+
+def require_predictable(effect: Effect, robot: Robot) -> None:
+    """Check that the torque of an effect follows from a planned motion.
+
+    Raises:
+        DesignError: it does not; a link behind a soft gear follows no plan, and a motor at its
+            limit does not either.
+    """
+    if "drive" in effect.acts_by and "drive_inverse" not in effect.acts_by:
+        raise DesignError(
+            f"'{effect.name}' shows only where a motor cannot follow, which a planned motion "
+            "avoids. Leave it out of --between."
+        )
+    gears = effect.change(robot).transmission
+    if np.isfinite(gears.stiffness).any() or np.any(gears.backlash > 0.0):
+        raise DesignError(
+            f"'{effect.name}' is a soft or loose gear: its link moves as it likes, so that a "
+            "planned motion of the motors does not tell its torque. Leave it out of --between."
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Rivals:
-    """Effects of which one is the cause, on a robot with a gear on every coordinate.
+    """Causes of which one is true, on a robot with a gear on every coordinate.
 
     Attributes:
         robot: without any of them.
-        effects: two or more, with the values at which they are expected.
+        causes: with the values at which they are expected; one alone when only its intervals
+            are to shrink.
         noise: (m,) standard deviation of the measured rotor torque [N m], white from row to row.
     """
 
     robot: Robot
-    effects: tuple[Effect, ...]
+    causes: tuple[Cause, ...]
     noise: FloatArray
 
     def __post_init__(self) -> None:
         """Check what can be compared."""
-        if len(self.effects) < 2:
-            raise DesignError("an experiment decides between two causes or more; give --between.")
-        if len({effect.key for effect in self.effects}) < len(self.effects):
+        if not self.causes or not all(self.causes):
+            raise DesignError("an experiment is about one cause or more; give --between.")
+        keys = [frozenset(effect.key for effect in cause) for cause in self.causes]
+        if len(set(keys)) < len(keys) or any(
+            len(key) < len(cause) for key, cause in zip(keys, self.causes, strict=True)
+        ):
             raise DesignError(
                 "a cause is given twice; an experiment decides between different ones."
             )
@@ -85,73 +121,151 @@ class Rivals:
         if not np.all((self.noise > 0.0) & np.isfinite(self.noise)):
             raise DesignError("the noise of the torque must be > 0 and finite; give --noise.")
 
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """All ordered pairs of causes."""
+        return tuple(permutations(range(len(self.causes)), 2))
+
     def predictions(self, motion: Motion) -> Predictions:
-        """Return what the rivals predict along one motion."""
+        """Return what the rivals predict along one motion of the encoders, with its times."""
         return Predictions(self, motion, link_torque(self.robot, motion))
 
 
 class Predictions:
-    """Torques of rivals along one motion; the links' torque is computed once where it is shared."""
+    """Torques of rivals along one motion; what several of them need is computed once."""
 
     def __init__(self, rivals: Rivals, motion: Motion, links: FloatArray) -> None:
         """Keep the motion and `link_torque` of the robot without any rival along it."""
         self.rivals, self.motion, self._links = rivals, motion, links
+        self._torques: dict[int, FloatArray] = {}
+        self._slopes: dict[int, FloatArray] = {}
 
-    def torque(self, effect: Effect | None) -> FloatArray:
-        """Return the rotor torque (N, m) [N m] with one effect, or with none."""
+    def torque(self, cause: Cause) -> FloatArray:
+        """Return the rotor torque (N, m) [N m] that the drives report with a cause."""
         base = self.rivals.robot
-        robot = base if effect is None else base.with_effect(effect)
-        links = self._links if robot.model is base.model else link_torque(robot, self.motion)
-        return rotor_torque(robot, self.motion, links)[0]
+        robot, motion = base.with_effects(*cause), self.motion
+        for effect in reversed(cause):
+            motion = effect.true(robot, motion)
+        shared = robot.model is base.model and motion is self.motion
+        links = self._links if shared else link_torque(robot, motion)
+        return rotor_torque(robot, motion, links)[0]
+
+    def expected_torque(self, number: int) -> FloatArray:
+        """Return the torque (N, m) of a rival with its expected values."""
+        if number not in self._torques:
+            self._torques[number] = self.torque(self.rivals.causes[number])
+        return self._torques[number]
 
     def peak(self) -> FloatArray:
         """Return the largest torque (N, m) [N m] that any of the rivals asks for."""
-        every = [self.torque(effect) for effect in (None, *self.rivals.effects)]
+        every = [self.torque(()), *map(self.expected_torque, range(len(self.rivals.causes)))]
         return np.asarray(np.max(np.abs(every), axis=0))
 
-    def sensitivity(self, effect: Effect) -> FloatArray:
+    def sensitivity(self, number: int) -> FloatArray:
         """Return d torque / d parameter over noise, per typical size, (N m, p)."""
+        if number in self._slopes:
+            return self._slopes[number]
+        cause, here = self.rivals.causes[number], self.expected_torque(number)
         columns = []
-        for parameter in effect.parameters:
-            value = getattr(effect, parameter.name)
+        for row, (owner, parameter) in enumerate(_parameters(cause)):
+            value = cause[owner].values[parameter.name]
             step = _STEP * parameter.scale
             step = step if value + step <= parameter.high else -step
-            moved = effect.with_values({parameter.name: value + step})
-            slope = (self.torque(moved) - self.torque(effect)) / step * parameter.scale
+            values = _values(cause)
+            values[row] += step
+            slope = (self.torque(_moved(cause, values)) - here) / step * parameter.scale
             columns.append((slope / self.rivals.noise).ravel())
-        return np.stack(columns, axis=1)
+        self._slopes[number] = np.stack(columns, axis=1)
+        return self._slopes[number]
 
-    def distance(self, true: Effect, other: Effect) -> float:
-        """Return the expected log-odds of `true` over `other`, refitted: half the squared misfit.
+    def distance(self, pair: Pair) -> float:
+        """Return the expected log-odds of one cause, if true, over another one that is refitted.
 
-        In natural logarithms; each residual counts in units of its noise.
+        Half the squared misfit that is left [nats], each row in units of its noise.
         """
-        target = self.torque(true)
-        scales = np.array([parameter.scale for parameter in other.parameters])
-        bounds = [
-            np.array([getattr(p, end) for p in other.parameters]) / scales
-            for end in ("low", "high")
-        ]
-        names = [parameter.name for parameter in other.parameters]
+        true, other = pair
+        target, cause = self.expected_torque(true), self.rivals.causes[other]
+        parameters = [parameter for _, parameter in _parameters(cause)]
+        scales = np.array([parameter.scale for parameter in parameters])
+        low = np.array([parameter.low for parameter in parameters]) / scales
+        high = np.array([parameter.high for parameter in parameters]) / scales
 
         def misfit(values: FloatArray) -> FloatArray:
-            moved = other.with_values(dict(zip(names, (values * scales).tolist(), strict=True)))
-            return np.asarray(((self.torque(moved) - target) / self.rivals.noise).ravel())
+            try:
+                torque = self.torque(_moved(cause, values * scales))
+            except EffectError:  # a step to what no robot can have, a negative mass for one
+                return np.full(target.size, _IMPOSSIBLE)
+            return np.asarray(((torque - target) / self.rivals.noise).ravel())
 
-        start = np.array([getattr(other, name) for name in names]) / scales
-        inside = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
-        found = least_squares(misfit, inside, bounds=tuple(bounds), max_nfev=12)
+        inside = np.clip(_values(cause) / scales, low + 1e-9, high - 1e-9)
+        found = least_squares(misfit, inside, bounds=(low, high), max_nfev=12)
         return float(found.cost)
 
-    def odds(self) -> dict[tuple[int, int], float]:
+    def near_distance(self, pair: Pair) -> float:
+        """Return `distance` with the other cause taken as linear in its parameters: much cheaper.
+
+        It is the same where the effects are linear, and never needs an iteration.
+        """
+        left = self.misfit(pair)
+        return float(0.5 * np.sum(left**2))
+
+    def misfit(self, pair: Pair) -> FloatArray:
+        """Return what the refitted other cause leaves of a true one's torque, (N, m) over noise.
+
+        The other one is taken as linear in its parameters.
+        """
+        true, other = pair
+        apart = (self.expected_torque(true) - self.expected_torque(other)) / self.rivals.noise
+        slopes = self.sensitivity(other)
+        fitted = slopes @ np.linalg.lstsq(slopes, apart.ravel())[0]
+        return np.asarray(apart - fitted.reshape(apart.shape))
+
+    def odds(self) -> dict[Pair, float]:
         """Return the expected log-odds of every rival, if true, over every other one."""
-        pairs = permutations(range(len(self.rivals.effects)), 2)
-        effects: Sequence[Effect] = self.rivals.effects
-        return {(i, j): self.distance(effects[i], effects[j]) for i, j in pairs}
+        return {pair: self.distance(pair) for pair in self.rivals.pairs}
+
+    def signal(self, number: int) -> float:
+        """Return half the squared torque that a cause adds, each row in units of its noise."""
+        added = (self.expected_torque(number) - self.torque(())) / self.rivals.noise
+        return float(0.5 * np.sum(added**2))
 
     def information(self) -> float:
-        """Return log det of the information on all parameters of all rivals, D-optimality's aim."""
-        parts = [self.sensitivity(effect) for effect in self.rivals.effects]
+        """Return log det of the information on all parameters of all rivals, D-optimality's aim.
+
+        Beside what is known before: each parameter to one typical size. So a parameter that no
+        motion shows costs a constant.
+        """
+        parts = [self.sensitivity(number) for number in range(len(self.rivals.causes))]
         columns = np.concatenate(parts, axis=1)
-        sign, value = np.linalg.slogdet(columns.T @ columns)
-        return float(value) if sign > 0.0 else -np.inf
+        return float(np.linalg.slogdet(np.eye(columns.shape[1]) + columns.T @ columns)[1])
+
+    def widths(self, number: int) -> FloatArray:
+        """Return the half widths (p,) of the 90 % intervals of a cause, in units of its parameters.
+
+        From the noise and, as in `information`, what is known before. What the motion does not
+        show keeps the width that it had.
+        """
+        slopes = self.sensitivity(number)
+        scales = np.array([p.scale for _, p in _parameters(self.rivals.causes[number])])
+        spread = np.linalg.inv(np.eye(len(scales)) + slopes.T @ slopes)
+        return np.asarray(_SIDES * scales * np.sqrt(np.diag(spread)))
+
+
+def parameter_names(cause: Cause) -> tuple[tuple[Effect, Parameter], ...]:
+    """Return effect and parameter of every number of a cause, in the order of `widths`."""
+    return tuple((cause[owner], parameter) for owner, parameter in _parameters(cause))
+
+
+def _parameters(cause: Cause) -> list[tuple[int, Parameter]]:
+    return [(k, parameter) for k, effect in enumerate(cause) for parameter in effect.parameters]
+
+
+def _values(cause: Cause) -> FloatArray:
+    return np.array([cause[k].values[parameter.name] for k, parameter in _parameters(cause)])
+
+
+def _moved(cause: Cause, values: Sequence[float] | FloatArray) -> Cause:
+    parts: list[dict[str, float]] = [{} for _ in cause]
+    for (k, parameter), value in zip(_parameters(cause), values, strict=True):
+        parts[k][parameter.name] = float(value)
+    return tuple(effect.with_values(part) for effect, part in zip(cause, parts, strict=True))

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
-from wbc.design.experiment.rivals import Predictions, Rivals
+from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.robot import Motion
 
@@ -20,6 +20,7 @@ _DRAWN = 40  # random motions, of which the best are improved
 _KEPT = 4
 _ROOM = 0.8  # share of the limits that a motion may use: room for what the rivals do not know
 _SEARCH_RATE = 50.0  # [Hz] at which motions are compared; odds are given at the rate of the log
+_MIMICKED = 1e-5  # of a cause's squared torque: what another one leaves of it when it is the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +29,23 @@ class Designed:
 
     Attributes:
         path: the motion.
-        odds: (i, j) -> expected natural logarithm of the odds of rival i, if true, over rival j.
+        odds: (i, j) -> expected natural logarithm of the odds of cause i, if true, over cause j.
+        widths: per cause the half widths (p,) of the 90 % intervals of its parameters.
         used: the largest share of a limit that it uses.
+        alike: pairs (i, j) of which j does what i does, on any motion: i is a special case of it.
     """
 
     path: FourierPath
-    odds: dict[tuple[int, int], float]
+    odds: dict[Pair, float]
+    widths: tuple[FloatArray, ...]
     used: float
+    alike: tuple[Pair, ...] = ()
 
     @property
     def worst(self) -> float:
-        """The smallest of the expected log-odds."""
-        return min(self.odds.values())
+        """The smallest of the expected log-odds of pairs that a motion can tell apart."""
+        told = [value for pair, value in self.odds.items() if pair not in self.alike]
+        return min(told, default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +54,18 @@ class _Site:
 
     rivals: Rivals
     limits: MotionLimits
-    centre: FloatArray
     duration: float
 
     def motion(self, path: FourierPath, rate: float) -> Motion:
         """Return the path as a motion of the whole robot, sampled at `rate` [Hz]."""
         robot = self.rivals.robot
-        q, v, a = path.at(path.times(rate))
+        time = path.times(rate)
+        q, v, a = path.at(time)
         position = np.tile(robot.neutral(), (len(q), 1))
         position[:, robot.actuated_position] = q
         velocity, acceleration = np.zeros((2, len(q), robot.model.nv))
         velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
-        return Motion(position, velocity, acceleration)
+        return Motion(position, velocity, acceleration, time)
 
     def fitted(self, path: FourierPath) -> tuple[FourierPath, Predictions, float]:
         """Return the path made as large as the limits allow, and its predictions.
@@ -70,35 +76,47 @@ class _Site:
         for _ in range(6):
             found = self.rivals.predictions(self.motion(path, _SEARCH_RATE))
             motion = path.at(path.times(_SEARCH_RATE))
-            used = self.limits.used(motion, found.peak(), self.centre)
+            used = self.limits.used(motion, found.peak())
             if 0.9 * _ROOM <= used <= _ROOM:
                 break
             path = path.scaled(0.97 * _ROOM / used)
         while used > _ROOM:
             path = path.scaled(0.9)
             found = self.rivals.predictions(self.motion(path, _SEARCH_RATE))
-            used = self.limits.used(path.at(path.times(_SEARCH_RATE)), found.peak(), self.centre)
+            used = self.limits.used(path.at(path.times(_SEARCH_RATE)), found.peak())
         return path, found, used
 
 
-Aim = Callable[[Predictions], float]
+Aim = Callable[[Predictions, Sequence[Pair]], float]
+"""What a motion is to make large, given the pairs of causes that a motion can tell apart."""
 
 
-def deciding(found: Predictions) -> float:
-    """Return the aim of the experiment that decides: the smallest expected log-odds."""
-    return min(found.odds().values())
+def deciding(found: Predictions, pairs: Sequence[Pair]) -> float:
+    """Return the aim of the experiment that decides: the smallest expected log-odds.
+
+    That of `shrinking` for one cause alone.
+    """
+    if not pairs:
+        return shrinking(found, pairs)
+    return min(found.near_distance(pair) for pair in pairs)
 
 
-def informing(found: Predictions) -> float:
+def informing(found: Predictions, pairs: Sequence[Pair]) -> float:
     """Return the aim of a D-optimal experiment."""
     return found.information()
+
+
+def shrinking(found: Predictions, pairs: Sequence[Pair]) -> float:
+    """Return the aim of narrow intervals: minus the mean logarithm of their widths."""
+    widths = [found.widths(number) for number in range(len(found.rivals.causes))]
+    return -float(np.mean(np.log(np.concatenate(widths))))
 
 
 def random_paths(
     rivals: Rivals, limits: MotionLimits, duration: float, seed: int, count: int
 ) -> Iterator[FourierPath]:
     """Yield random paths that use the limits as far as they go."""
-    site = _site(rivals, limits, duration)
+    site = _Site(rivals, limits, duration)
     random = np.random.default_rng(seed)
     for _ in range(count):
         yield site.fitted(_drawn(site, random))[0]
@@ -132,65 +150,87 @@ def design_experiment(
         watch: called with the motions tried and their total.
 
     Raises:
-        DesignError: a duration or rate that is not positive, limits that leave no room.
+        DesignError: a duration or rate that is not positive, causes of which no motion tells one
+            from another.
     """
     if not (duration > 0.0 and rate > 0.0):
         raise DesignError("duration and rate of an experiment must be > 0.")
-    site, random = _site(rivals, limits, duration), np.random.default_rng(seed)
-    tried: list[tuple[float, FourierPath]] = []
+    site, random = _Site(rivals, limits, duration), np.random.default_rng(seed)
+    total = _DRAWN + rounds
+    drawn: list[tuple[FourierPath, Predictions]] = []
     for i in range(_DRAWN):
         path, found, _ = site.fitted(_drawn(site, random))
-        tried.append((aim(found), path))
+        drawn.append((path, found))
         if watch:
-            watch(i + 1, _DRAWN + rounds)
-    for start in starts:
-        path, found, _ = site.fitted(start)
-        tried.append((aim(found), path))
+            watch(i + 1, total)
+    alike = _alike([found for _, found in drawn]) if aim is deciding else ()
+    pairs = [pair for pair in rivals.pairs if pair not in alike]
+    if rivals.pairs and not pairs:
+        raise DesignError(
+            "no motion of this robot tells these causes apart: whatever one of them does, the "
+            "others do as well. Mount the robot otherwise, or measure one of them off the robot."
+        )
+    drawn += [site.fitted(start)[:2] for start in starts]
+    tried = [(aim(found, pairs), path) for path, found in drawn]
     best = sorted(tried, key=lambda one: -one[0])[:_KEPT]
     for i in range(rounds):
         value, path = best[i % len(best)]
         size = 0.5 * (1.0 - i / rounds) + 0.05
         changed, found, _ = site.fitted(_changed(path, random, size))
-        new = aim(found)
+        new = aim(found, pairs)
         if new > value:
             best[i % len(best)] = (new, changed)
         if watch:
-            watch(_DRAWN + i + 1, _DRAWN + rounds)
+            watch(_DRAWN + i + 1, total)
     return expected(rivals, limits, max(best, key=lambda one: one[0])[1], rate)
+
+
+def _alike(drawn: Sequence[Predictions]) -> tuple[Pair, ...]:
+    """Return the pairs of which the second cause does what the first does, on rich motions.
+
+    A special case is never told from the general one by what it leaves unexplained: load friction
+    is a gear with two efficiencies. Judged on the motions that say most about all parameters.
+    """
+    rich = sorted(drawn, key=lambda found: -found.information())[:2]
+    return tuple(
+        pair
+        for pair in drawn[0].rivals.pairs
+        if all(found.distance(pair) <= _MIMICKED * found.signal(pair[0]) for found in rich)
+    )
+
+
+def torque_misfit(
+    rivals: Rivals, limits: MotionLimits, path: FourierPath, pair: Pair, rate: float = 100.0
+) -> FloatArray:
+    """Return what one cause, refitted, leaves of the torque of another along a path.
+
+    (N, m) in units of the noise, at `path.times(rate)`; the odds are half its sum of squares.
+    """
+    site = _Site(rivals, limits, path.duration)
+    return rivals.predictions(site.motion(path, rate)).misfit(pair)
 
 
 def expected(
     rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float = 100.0
 ) -> Designed:
     """Return what a path is expected to say, logged at `rate` [Hz]."""
-    site = _site(rivals, limits, path.duration)
+    site = _Site(rivals, limits, path.duration)
     found = rivals.predictions(site.motion(path, rate))
-    used = limits.used(path.at(path.times(rate)), found.peak(), site.centre)
-    return Designed(path, found.odds(), used)
-
-
-def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> _Site:
-    usual = rivals.robot.poses
-    pose = rivals.robot.pose() if usual else rivals.robot.neutral()
-    centre = pose[rivals.robot.actuated_position]
-    # Where the usual pose touches a limit the motion is about the middle.
-    bounded = np.isfinite(limits.low) & np.isfinite(limits.high)
-    middle = np.where(bounded, 0.5 * (limits.low + limits.high), centre)
-    inside = (centre > limits.low) & (centre < limits.high)
-    centre = np.where(inside, centre, middle)
-    if not np.all((limits.low < centre) & (centre < limits.high)):
-        raise DesignError("the position limits leave no room to move.")
-    return _Site(rivals, limits, centre, duration)
+    used = limits.used(path.at(path.times(rate)), found.peak())
+    odds, widths = found.odds(), tuple(map(found.widths, range(len(rivals.causes))))
+    alike = tuple(pair for pair, d in odds.items() if d <= _MIMICKED * found.signal(pair[0]))
+    return Designed(path, odds, widths, used, alike)
 
 
 def _drawn(site: _Site, random: np.random.Generator) -> FourierPath:
-    m = len(site.centre)
+    centre = site.limits.centre
+    m = len(centre)
     weight = 1.0 / np.arange(1, HARMONICS + 1)
     # One size per joint: what tells two causes apart may need another joint to move little.
     size = random.uniform(0.2, 1.0, (m, 1))
     sine, cosine = random.normal(size=(2, m, HARMONICS)) * weight * size
     base = _BASE * random.choice([1.0, 2.0, 4.0])
-    return FourierPath(site.centre, sine, cosine, base, site.duration)
+    return FourierPath(centre, sine, cosine, base, site.duration)
 
 
 def _changed(path: FourierPath, random: np.random.Generator, size: float) -> FourierPath:

@@ -228,7 +228,7 @@ class Diagnosis:
         )
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one entry per parameter found: what, where, how large, how sure."""
+        """Return one entry per number found: what, where, how large, how sure."""
         return [
             {
                 "effect": f.effect.name,
@@ -238,11 +238,11 @@ class Diagnosis:
                 "probability": f.probability,
             }
             for f in self.findings
-            for name, estimate in f.parameters.items()
+            for name, estimate in f.numbers.items()
         ]
 
     def to_frame(self) -> Any:
-        """Return a pandas frame with a row per parameter found.
+        """Return a pandas frame with a row per number found.
 
         Raises:
             MissingPackageError: pandas is not installed.

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.odds import TIED, Odds
+from wbc.robot import Effect
 
 Standing = Literal["found", "better", "worse", "not distinguishable"]
 
@@ -27,6 +28,7 @@ class Ranked:
         evidence: its evidence minus that of the one found [nats].
         standing: `found` for what was found itself; `better`, `worse`, or `not distinguishable`,
             by the evidence.
+        effects: all it has, with the parameters fitted to these logs.
     """
 
     added: tuple[Key, ...]
@@ -36,6 +38,7 @@ class Ranked:
     deviation: float
     evidence: float
     standing: Standing
+    effects: tuple[Effect, ...] = ()
 
     @property
     def text(self) -> str:
@@ -58,6 +61,10 @@ class Ranked:
             "deviation": self.deviation,
             "evidence": self.evidence,
             "standing": self.standing,
+            "effects": [
+                {"effect": effect.name, "where": effect.where, "parameters": effect.values}
+                for effect in self.effects
+            ],
         }
 
 
@@ -98,6 +105,7 @@ def _beside(h: Hypothesis, found: Hypothesis, evidence: float) -> Ranked:
         deviation=float(np.std(blocks, ddof=1) / np.sqrt(blocks.size)),
         evidence=evidence,
         standing=standing,
+        effects=h.effects,
     )
 
 

@@ -10,6 +10,8 @@ from wbc.identification.answer.numbers import plain
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
 
+_MOST = 3
+"""Numbers of one effect in a sentence; tables hold all."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
 
@@ -106,7 +108,20 @@ def _floors(output: OutputLevel) -> float:
 
 
 def _sum_up(findings: Sequence[Finding]) -> str:
-    return _joined([finding.effect.said for finding in findings])
+    return _joined([_said(finding) for finding in findings])
+
+
+def _said(finding: Finding) -> str:
+    """Return an effect at its place with its size; of many numbers those that a person checks."""
+    if not finding.quantities:
+        return finding.effect.said
+    shown = list(finding.quantities.items())[:_MOST]
+    sizes = ", ".join(
+        f"{name} {plain(e.value)} {e.unit}".removesuffix(" 1")
+        + (f" instead of {plain(e.drawn)}" if e.drawn is not None else "")
+        for name, e in shown
+    )
+    return f"{spoken(finding.effect.name)} at {finding.effect.where} ({sizes})"
 
 
 def _rivals(findings: Sequence[Finding]) -> str:

@@ -95,6 +95,10 @@ class Proposer:
                 continue
             seen.add(key)
             offers.append((*h.effects, *search.effects(subset)))
+        # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
+        for subset in _drawn(search, atoms) if not enough and not h.swings else ():
+            if tuple(atoms[k].key for k in subset.atoms) not in seen:
+                offers.append((*h.effects, *search.effects(subset)))
         if h.swings:
             robot = self.trials.fit(h).robot
             offers += [(*h.effects, e) for e in _swinging_too(robot, atoms, seen)]
@@ -146,6 +150,19 @@ class Proposer:
         judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
         order = np.argsort(-h.outputs[: len(judged)])
         return [joints[judged[k]] for k in order[_SIMULATED:]]
+
+
+def _drawn(search: BeamSearch, atoms: Sequence[Atom]) -> list[Subset]:
+    """Return the best of every effect that is drawn to what is usual."""
+    best: dict[type[Effect], Subset] = {}
+    for k, atom in enumerate(atoms):
+        if not atom.usual.any():
+            continue
+        subset = Subset((k,), search.error((k,)))
+        known = best.get(atom.effect)
+        if np.isfinite(subset.error) and (known is None or subset.error < known.error):
+            best[atom.effect] = subset
+    return list(best.values())
 
 
 def _swinging_too(robot: Robot, atoms: Sequence[Atom], seen: set[tuple[Key, ...]]) -> list[Effect]:

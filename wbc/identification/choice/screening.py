@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 from wbc.identification.choice.candidate_columns import Atom, Shelf, evidence, make_atoms
 from wbc.identification.choice.linear_screen import BeamSearch
 from wbc.identification.model.fit import Fit
@@ -18,6 +20,7 @@ Nearby = tuple[Robot, Shelf]
 Swinging = dict[type[Effect], list[Atom]]
 """What was simulated beside one model."""
 
+_WHOLE = "robot"  # where effects sit that have no place
 _WIDTH = 40  # sets kept
 
 
@@ -50,6 +53,13 @@ def screen(
     atoms = make_atoms(robot, problem.records, direct, known, columns, failures)
     atoms += [atom for c in offered if deflects(c) for atom in simulated[c]]
     order = {c: rank for rank, c in enumerate(offered)}
-    kept = sorted((a for a in atoms if a.key not in taken), key=lambda a: order[a.effect])
-    noise = problem.row_noise(fit.residual)
+    free = [atom for atom in atoms if atom.key not in taken and not _drawn_twice(fit, atom)]
+    kept = sorted(free, key=lambda a: order[a.effect])
+    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
+
+
+def _drawn_twice(fit: Fit, atom: Atom) -> bool:
+    """Whether a drawing would be wrong once as a whole and once in one of its links."""
+    places = {effect.where for effect in fit.effects if effect.departures.size}
+    return bool(places and atom.usual.any()) and _WHOLE in {*places, atom.where}

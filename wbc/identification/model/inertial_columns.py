@@ -32,8 +32,8 @@ def parameter_changes(
         effects: as they are.
         varied: (number of an effect, the effect as varied, size of the variation).
     """
-    # What changes no link keeps out of the way.
-    acting = {k: e for k, e in enumerate(effects) if "change" in e.acts_by}
+    kinds = {type(moved) for _, moved, _ in varied}  # no others change the links' inertias
+    acting = {k: e for k, e in enumerate(effects) if type(e) in kinds}
     before = inertial_parameters(robot.with_effects(*acting.values()))
     columns = []
     for k, moved, size in varied:

@@ -11,14 +11,17 @@ from wbc.measurement.formats.bag_table import BagTable
 from wbc.measurement.formats.npz_table import NpzTable
 from wbc.measurement.formats.table import Table
 
-_FORMATS = ".csv (also .csv.gz), .parquet, .npz, .mcap, .db3, or the folder of a rosbag2 recording"
+_FORMATS = (
+    ".csv (also .csv.gz), .parquet, .npz, .mcap, .db3, or the folder of a rosbag2 recording or "
+    "of a LeRobot dataset"
+)
 
 
 def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table:
     """Open a file by its suffix.
 
     Args:
-        path: file, or folder of a rosbag2 recording.
+        path: file, or folder of a rosbag2 recording or of a LeRobot dataset.
         topic: JointState topic of a bag, empty for the only one.
         header: names of the columns of a CSV file without a header line.
 
@@ -32,8 +35,15 @@ def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table
         suffix = Path(path.stem).suffix.lower()
     if suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").is_file()):
         return BagTable(path, topic)
+    if path.is_dir() and (path / "meta" / "info.json").is_file():
+        from wbc.measurement.formats.lerobot_table import LeRobotTable
+
+        return LeRobotTable(path)
     if path.is_dir():
-        raise LogError(f"'{path}' is a folder, and no rosbag2 recording (no metadata.yaml).")
+        raise LogError(
+            f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml) and no LeRobot "
+            "dataset (no meta/info.json)."
+        )
     if path.stat().st_size == 0:
         raise LogError(f"'{path}' is empty.")
     if suffix in (".parquet", ".pq"):
@@ -51,11 +61,11 @@ def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table
 
 
 def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, or of the files of a folder in order of their names."""
+    """Return the SHA-256 of a file, or of all files below a folder in order of their names."""
     if path.is_file():
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     total = hashlib.sha256()
-    for part in sorted(p for p in path.iterdir() if p.is_file()):
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
         total.update(digest(part).encode("ascii"))
     return total.hexdigest()

@@ -99,6 +99,38 @@ def design_metrics(
     return DesignMetrics(**{name: np.concatenate([b[name] for b in blocks]) for name in names})
 
 
+def held_torques(
+    designs: Designs, contact: str, direction: ArrayLike, axes: str, load: float | None
+) -> FloatArray:
+    """Return the torque (k, m) [N m] after each gear of every design that holds a load at rest.
+
+    Args:
+        designs, contact, direction, axes, load: as in `design_metrics`.
+
+    Raises:
+        DynamicsError: axes that do not exist, a direction of zero.
+        RobotError: no such contact.
+    """
+    rows, n = _direction(direction, axes)
+    terms = link_terms(designs, contact)
+    lever = np.swapaxes(_levers(designs, terms.jacobian[:, rows]), 1, 2) @ n
+    torque = lever * _held_force(designs, terms, load)[:, None]
+    return np.array(np.broadcast_to(torque, (designs.size, torque.shape[1])))
+
+
+def _levers(designs: Designs, jacobian: FloatArray) -> FloatArray:
+    """Return J_m D (k or 1, n, m): gear torques per force, transposed."""
+    robot = designs.robot
+    return np.asarray(jacobian[:, :, robot.actuated] @ robot.transmission.topology)
+
+
+def _held_force(designs: Designs, terms: LinkTerms, load: float | None) -> FloatArray:
+    if load is not None:
+        return np.full(1, load)
+    field = -np.asarray(designs.robot.model.gravity.linear)
+    return np.asarray(terms.mass * float(np.linalg.norm(field)))
+
+
 def _direction(direction: ArrayLike, axes: str) -> tuple[list[int], FloatArray]:
     if not axes or len(set(axes)) != len(axes):
         raise DynamicsError(f"axes '{axes}': name each of x, y, z at most once, at least one.")
@@ -286,10 +318,10 @@ def _same(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _forces(
     designs: Designs, terms: LinkTerms, jacobian: FloatArray, n: FloatArray, load: float | None
 ) -> dict[str, FloatArray]:
-    robot, gears = designs.robot, designs.gears
+    gears = designs.gears
     forward, backward = gears["forward_efficiency"], gears["backward_efficiency"]
     ratio = np.abs(gears["gear_ratio"])
-    matrix = np.swapaxes(jacobian[:, :, robot.actuated] @ robot.transmission.topology, 1, 2)
+    matrix = np.swapaxes(_levers(designs, jacobian), 1, 2)
     lever = np.abs(matrix @ n)
     scale = np.abs(matrix).max(axis=(1, 2), initial=_NOTHING)
     loaded = lever > _NOTHING * scale[:, None]
@@ -299,9 +331,7 @@ def _forces(
     held = np.where(locked, np.inf, ratio * (limit + friction) / safe)
     slack = np.where(locked, np.inf, ratio * friction / safe)
     raised = forward * ratio * np.maximum(limit - friction, 0.0)
-    weight = -np.asarray(robot.model.gravity.linear)
-    force = terms.mass * float(np.linalg.norm(weight)) if load is None else np.full(1, load)
-    output = matrix @ n * force[:, None]
+    output = matrix @ n * _held_force(designs, terms, load)[:, None]
     perfect = np.abs(output) / ratio
     least = np.where(locked, 0.0, np.maximum(np.abs(output) * safe / ratio - friction, 0.0))
     copper = _copper(designs)

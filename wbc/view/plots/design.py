@@ -24,6 +24,7 @@ MAPPED = (
     "drop_impulse",
     "standing_heat",
     "hop_height",
+    "hop_cost",
     "landing_error",
     "landing_error_high",
     "landing_error_low",

@@ -11,7 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
 from wbc.control.tasks.axes import axis_rows
-from wbc.control.tasks.frame_task import FrameTask, turn_missing
+from wbc.control.tasks.frames.frame_task import FrameTask, turn_missing
 from wbc.control.tasks.targets import rotation_target
 
 

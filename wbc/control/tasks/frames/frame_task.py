@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics, RowKind, StateRows
-from wbc.control.tasks.frames import require_frame
+from wbc.control.tasks.frames.require import require_frame
 from wbc.control.tasks.task import Task
 from wbc.robot import Robot
 

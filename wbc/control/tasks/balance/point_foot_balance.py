@@ -11,8 +11,8 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.reference import Reference, Target
-from wbc.control.tasks.frames import require_frame
-from wbc.control.tasks.point_foot_feedback import balancing
+from wbc.control.tasks.balance.point_foot_feedback import balancing
+from wbc.control.tasks.frames.require import require_frame
 from wbc.control.tasks.targets import number_target
 from wbc.control.tasks.task import Task
 from wbc.errors import ControlError

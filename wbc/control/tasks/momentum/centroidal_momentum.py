@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
-from wbc.control.tasks.momentum_task import MomentumTask
+from wbc.control.tasks.momentum.momentum_task import MomentumTask
 
 _ALL = slice(0, 6)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 from wbc.control.tasks.axes import axis_rows
-from wbc.control.tasks.momentum_task import MomentumTask
+from wbc.control.tasks.momentum.momentum_task import MomentumTask
 
 
 @final

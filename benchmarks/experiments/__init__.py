@@ -1,0 +1,1 @@
+"""Judge designed experiments on the tied cases of the corpus."""

@@ -1,0 +1,46 @@
+"""Whether a follow-up left only what is right, and shares with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from benchmarks.corpus.verdicts import judge_result, named_set
+
+Result = dict[str, Any]
+
+
+def resolved(result: Result) -> bool:
+    """Whether a diagnosis covers the causes and names nothing beside them.
+
+    What stands for a cause, or equals it on all runs of this robot, counts as the cause.
+    """
+    allowed = {name for _, name in result["merged"]}
+    for cause in result["causes"]:
+        allowed |= {cause["effect"], *cause["stand_ins"], *cause.get("equals", ())}
+    return judge_result(result).covered and named_set(result) <= allowed
+
+
+def single(result: Result) -> bool:
+    """Whether a right diagnosis names one effect for every cause, without an alternative."""
+    return resolved(result) and not any(entry["alternatives"] for entry in result["found"])
+
+
+def share(hits: Sequence[bool]) -> str:
+    """Return a share with its 90 % interval (Wilson)."""
+    if not hits:
+        return "no case"
+    test = binomtest(int(np.sum(hits)), len(hits))
+    low, high = test.proportion_ci(0.9, method="wilson")
+    return f"{100 * np.mean(hits):4.0f} % ({100 * low:3.0f} to {100 * high:3.0f}) of {len(hits)}"
+
+
+def paired(ours: Sequence[bool], other: Sequence[bool]) -> str:
+    """Return how often only one of two follow-ups resolved a case (exact sign test)."""
+    more = sum(a and not b for a, b in zip(ours, other, strict=True))
+    less = sum(b and not a for a, b in zip(ours, other, strict=True))
+    p = binomtest(more, more + less).pvalue if more + less else 1.0
+    return f"designed alone {more}, the other alone {less}, p = {p:.2f}"

@@ -1,0 +1,141 @@
+"""What a loop around the controller needs: joint targets, a state hook, threads, schedules."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from wbc.control import (
+    CenterOfMassTask,
+    ContactRamp,
+    ContactSchedule,
+    Controller,
+    ControllerSettings,
+    PointContact,
+    PostureTask,
+    Reference,
+    Status,
+)
+from wbc.effects import load_robot
+from wbc.errors import ControlError
+from wbc.robot import JointMap, Motion
+
+SOLO = load_robot("solo12")
+STAND = next(iter(SOLO.poses.values()))
+ARM = load_robot("planar_leg_fixed")
+
+
+def solo(**settings):
+    return Controller(
+        SOLO,
+        [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=0.1)],
+        [PointContact(name=c.name) for c in SOLO.contacts],
+        settings=ControllerSettings(**settings),
+    )
+
+
+def test_joint_targets_are_one_step_of_the_command():
+    generator = np.random.default_rng(0)
+    v = 0.1 * generator.normal(size=18)
+    for dt in (1e-3, 4e-3):
+        command = solo().step(Motion(STAND, v), dt=dt)
+        own = command.acceleration[6:]
+        np.testing.assert_allclose(command.velocity, v[6:] + dt * own)
+        np.testing.assert_allclose(
+            command.position, STAND[7:] + dt * v[6:] + 0.5 * dt**2 * own, atol=1e-15
+        )
+
+
+def test_drives_with_a_loop_of_their_own_follow_the_targets():
+    """A perfect position drive at the end of each tick carries the arm to its reference."""
+    target = ARM.configuration(hip=2.4, knee=0.4)
+    controller = Controller(ARM, [PostureTask.of(ARM)])
+    q, v = ARM.configuration(hip=2.0, knee=0.2), np.zeros(2)
+    for _ in range(1500):
+        command = controller.step(Motion(q, v), {"posture": Reference(target)})
+        assert command.status.usable
+        q, v = command.position.copy(), command.velocity.copy()
+    np.testing.assert_allclose(q, target, atol=1e-4)
+
+
+def test_a_tick_without_a_solution_asks_drives_to_stay():
+    controller = solo()
+    command = controller.step(Motion(np.full(19, np.nan), np.zeros(18)))
+    assert np.isnan(command.position).all()
+    controller.step(Motion(STAND, np.zeros(18)))
+    lost = controller.step(Motion(np.full(19, np.nan), np.zeros(18)))
+    np.testing.assert_array_equal(lost.position, STAND[7:])
+    assert not lost.velocity.any()
+
+
+def test_a_hook_makes_states_of_messages():
+    names = tuple(reversed(SOLO.transmission.joints))
+    joints = JointMap.of(SOLO, names)
+
+    def estimated(message):
+        motion = joints.motion(*message)
+        motion.position[:7] = STAND[:7]
+        return motion
+
+    hooked = solo(state_hook=estimated)
+    command = hooked.step((STAND[7:][::-1], np.zeros(12)))
+    plain = solo().step(Motion(STAND, np.zeros(18)))
+    np.testing.assert_array_equal(command.rotor_torque, plain.rotor_torque)
+    broken = hooked.step("no message")
+    assert broken.status is Status.FAILED
+    assert np.isfinite(broken.rotor_torque).all()
+
+
+def test_a_second_thread_is_told_so():
+    """One thread waits inside `step`, in a hook; the other gets the last good torque."""
+    inside, go_on = threading.Event(), threading.Event()
+
+    def slow(state):
+        if threading.current_thread() is not threading.main_thread():
+            inside.set()
+            assert go_on.wait(10.0)
+        return state
+
+    controller = solo(state_hook=slow)
+    still = Motion(STAND, np.zeros(18))
+    good = controller.step(still)
+    found = []
+    other = threading.Thread(target=lambda: found.append(controller.step(still)))
+    other.start()
+    assert inside.wait(10.0)
+    refused = controller.step(still)
+    go_on.set()
+    other.join()
+    assert refused.status is Status.BAD_INPUT
+    assert "thread" in refused.message
+    np.testing.assert_allclose(refused.rotor_torque, good.rotor_torque, atol=1e-12)
+    assert found[0].status is Status.SOLVED
+    assert controller.step(still).status is Status.SOLVED
+
+
+def test_a_trot_by_schedule_and_ramp():
+    names = [c.name for c in SOLO.contacts]
+    pairs = {n: 0.0 if n[:2] in ("FL", "HR") else 0.5 for n in names}
+    trot = ContactSchedule(0.4, pairs, duty=0.6)
+    ramp = ContactRamp(names, load=15.0, duration=0.02)
+    controller, seen = solo(), set()
+    for tick in range(400):
+        time = 1e-3 * tick
+        standing = trot.standing(time)
+        seen.add(standing)
+        for name in names:
+            assert (trot.swing(name, time) is None) == (name in standing)
+            assert (trot.stance(name, time) is None) == (name not in standing)
+        command = controller.step(Motion(STAND, np.zeros(18)), contacts=ramp.step(standing, 1e-3))
+        assert command.status.usable, (tick, command.message)
+    diagonal = frozenset(n for n in names if pairs[n] == 0.0)
+    assert {diagonal, frozenset(names) - diagonal, frozenset(names)} == seen
+    assert trot.swing(names[0], 0.24 + 0.08) == pytest.approx(0.5)
+    with pytest.raises(ControlError, match="paw"):
+        trot.swing("paw", 0.0)
+    with pytest.raises(ControlError, match="duty"):
+        ContactSchedule(0.4, pairs, duty=0.0)
+    with pytest.raises(ControlError, match="offset"):
+        ContactSchedule(0.4, {"a": 2.0})

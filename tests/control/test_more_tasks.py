@@ -1,0 +1,248 @@
+"""Tasks that peers have: gaze, distance, capture point; hard tasks; more than two levels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.control import (
+    CapturePointTask,
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    FrameDistanceTask,
+    FrameOrientationTask,
+    FramePositionTask,
+    GazeTask,
+    PointContact,
+    PostureTask,
+    Reference,
+    Status,
+    SurfaceContact,
+)
+from wbc.control.checking import check_task
+from wbc.control.kinematics import Kinematics
+from wbc.effects import load_robot
+from wbc.errors import ControlError
+from wbc.robot import Motion
+
+TALOS = load_robot("talos")
+HALF = TALOS.poses["half_sitting"]
+SOLO = load_robot("solo12")
+STAND = next(iter(SOLO.poses.values()))
+HAND = "arm_left_7_link"
+
+
+def moving(robot, pose, seed=0):
+    generator = np.random.default_rng(seed)
+    q = pin.integrate(robot.model, pose, 0.2 * generator.normal(size=robot.model.nv))
+    return q, *generator.normal(size=(2, robot.model.nv))
+
+
+def test_distance_task_against_finite_differences():
+    task = FrameDistanceTask(frame=HAND, other="arm_right_7_link")
+    errors = check_task(TALOS, task, *moving(TALOS, HALF))
+    assert errors.jacobian < 1e-6
+    assert errors.drift < 1e-4
+
+
+def test_gaze_turns_as_the_frame_turns():
+    """About the origin of the frame, as the rows say: the error falls by what they move."""
+    task = GazeTask(frame="head_2_link", axis=(0.3, 0.2, 1.0))
+    q, v, a = moving(TALOS, HALF)
+    before, after = Kinematics(TALOS), Kinematics(TALOS)
+    before.update(q, v)
+    h = 1e-6
+    after.update(pin.integrate(TALOS.model, q, h * v), v + h * a)
+    number = before.frame_id("head_2_link")
+    place = task.value(before)
+    fallen = task.error(
+        after,
+        place + after.placement(number).translation.copy() - before.placement(number).translation,
+    ) - task.error(before, place)
+    np.testing.assert_allclose(fallen / h, -task.jacobian(before) @ v, atol=1e-5)
+    gained = task.jacobian(after) @ (v + h * a) - task.jacobian(before) @ v
+    np.testing.assert_allclose(
+        gained / h, task.jacobian(before) @ a + task.drift(before), atol=1e-4
+    )
+
+
+def talos_controller(*tasks, **settings):
+    soles = [
+        SurfaceContact(
+            name=side,
+            corners=tuple(
+                f"{side}_sole_{a}_{b}" for a in ("front", "rear") for b in ("left", "right")
+            ),
+        )
+        for side in ("left", "right")
+    ]
+    own = [
+        CenterOfMassTask(weight=10.0),
+        FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        PostureTask.of(TALOS, weight=0.01),
+    ]
+    return Controller(TALOS, [*own, *tasks], soles, settings=ControllerSettings(**settings))
+
+
+def integrated(controller, references, ticks=800, step=2e-3, robot=TALOS, q=HALF, **more):
+    q, v = q.copy(), np.zeros(robot.model.nv)
+    for _ in range(ticks):
+        command = controller.step(Motion(q, v), references, dt=step, **more)
+        assert command.status is Status.SOLVED, command.message
+        v = v + step * command.acceleration
+        q = pin.integrate(robot.model, q, step * v)
+    return q, v
+
+
+def placed(robot, q, frame):
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return data.oMf[robot.model.getFrameId(frame)]
+
+
+def test_a_humanoid_looks_at_a_place_and_keeps_its_hands_apart():
+    gaze = GazeTask(frame="head_2_link", axis=(1.0, 0.0, 0.0), weight=5.0)
+    apart = FrameDistanceTask(frame=HAND, other="arm_right_7_link", weight=5.0)
+    place = np.array([1.0, 0.3, 1.2])
+    q, _ = integrated(
+        talos_controller(gaze, apart),
+        {"gaze": Reference(place), "distance": Reference([0.7])},
+    )
+    head = placed(TALOS, q, "head_2_link")
+    seen = head.rotation.T @ (place - head.translation)
+    assert np.linalg.norm(seen[1:]) < 0.02 * seen[0]
+    hands = [placed(TALOS, q, f).translation for f in (HAND, "arm_right_7_link")]
+    assert np.linalg.norm(hands[0] - hands[1]) == pytest.approx(0.7, abs=5e-3)
+
+
+def test_a_pushed_humanoid_takes_its_capture_point_back():
+    """It starts with 0.25 m/s; by the law of the task xi decays at its stiffness."""
+    data = TALOS.model.createData()
+    com = pin.centerOfMass(TALOS.model, data, HALF).copy()
+    point = CapturePointTask(height=float(com[2]), weight=10.0, stiffness=6.0)
+    tasks = [
+        CenterOfMassTask(name="height", axes="z", weight=10.0),
+        point,
+        FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        PostureTask.of(TALOS, weight=0.01),
+    ]
+    controller = talos_controller()
+    controller = Controller(TALOS, tasks, [b.contact for b in controller._contacts.values()])
+    jacobian = pin.jacobianCenterOfMass(TALOS.model, data, HALF)
+    feet = [f"leg_{side}_6_link" for side in ("left", "right")]
+    rows = [jacobian]
+    pin.computeJointJacobians(TALOS.model, data, HALF)
+    pin.framesForwardKinematics(TALOS.model, data, HALF)
+    for frame in feet:
+        rows.append(
+            pin.getFrameJacobian(
+                TALOS.model,
+                data,
+                TALOS.model.getFrameId(frame),
+                pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
+            )
+        )
+    wanted = np.zeros(15)
+    wanted[1] = 0.15
+    v = np.linalg.lstsq(np.vstack(rows), wanted, rcond=None)[0]
+    q, step, seen = HALF.copy(), 1e-3, []
+    pole = np.sqrt(9.81 / com[2])
+    for _ in range(600):
+        command = controller.step(
+            Motion(q, v), {"capture_point": Reference(com[:2]), "height": Reference(com[2:])}
+        )
+        assert command.status is Status.SOLVED
+        pin.centerOfMass(TALOS.model, data, q, v)
+        seen.append(data.com[0][1] + data.vcom[0][1] / pole - com[1])
+        v = v + step * command.acceleration
+        q = pin.integrate(TALOS.model, q, step * v)
+    assert seen[0] > 0.03
+    times = step * np.arange(600)
+    np.testing.assert_allclose(seen, seen[0] * np.exp(-6.0 * times), atol=0.05 * seen[0])
+
+
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+@pytest.mark.parametrize("rival", [1.0, 1e4])
+def test_a_hard_task_is_kept_whatever_others_weigh(solver, rival):
+    target = placed(TALOS, HALF, HAND).translation + np.array([0.05, 0.05, 0.1])
+    hand = FramePositionTask(name="hand", frame=HAND, weight=np.inf)
+    other = FramePositionTask(name="rival", frame="arm_left_6_link", weight=rival)
+    controller = talos_controller(hand, other, solver=solver)
+    _, v, _ = moving(TALOS, HALF, 3)
+    state = Motion(HALF, 0.02 * v)
+    command = controller.step(state, {"hand": Reference(target)})
+    assert command.status is Status.SOLVED, command.message
+    kinematics = Kinematics(TALOS)
+    kinematics.update(HALF, 0.02 * v)
+    rate = hand.jacobian(kinematics) @ (0.02 * v)
+    wanted = 100.0 * (target - hand.value(kinematics)) - 20.0 * rate
+    found = hand.jacobian(kinematics) @ command.acceleration + hand.drift(kinematics)
+    np.testing.assert_allclose(found, wanted, atol=1e-5)
+    dense = controller.build(state, {"hand": Reference(target)})
+    assert np.isfinite(dense.H).all()
+    assert len(dense.b) == 6 + 12 + 3
+
+
+def test_hard_posture_and_a_hard_task_that_is_off():
+    names = SOLO.transmission.joints[:3]
+    leg = PostureTask.of(SOLO, names, name="leg", weight=np.inf)
+    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=0.1), leg]
+    controller = Controller(SOLO, tasks, [PointContact(name=c.name) for c in SOLO.contacts])
+    stance = dict.fromkeys([c.name for c in SOLO.contacts][1:], np.inf)
+    target = {"leg": Reference(STAND[7:10] + 0.1)}
+    still = Motion(STAND, np.zeros(18))
+    on = controller.step(still, target, stance)
+    np.testing.assert_allclose(on.acceleration[6:9], 10.0, atol=1e-6)
+    off = controller.step(still, target, stance, activation={"leg": 0.0})
+    assert off.status is Status.SOLVED
+    assert np.abs(off.acceleration[6:9]).max() < 1.0
+
+
+def test_hard_tasks_that_contradict_a_contact_are_refused():
+    foot = FramePositionTask(name="foot", frame=SOLO.contacts[0].frame, weight=np.inf)
+    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=0.1), foot]
+    controller = Controller(SOLO, tasks, [PointContact(name=c.name) for c in SOLO.contacts])
+    command = controller.step(Motion(STAND, np.zeros(18)), {"foot": Reference([0.3, 0.2, 0.1])})
+    assert not command.status.usable
+    assert np.abs(command.rotor_torque).max() <= SOLO.transmission.torque_limit.max()
+
+
+def test_three_levels_each_keep_those_above():
+    """The third level changes nothing for the second, the second nothing for the first."""
+    _, v, _ = moving(TALOS, HALF, 5)
+    state = Motion(HALF, 0.05 * v)
+    kinematics = Kinematics(TALOS)
+    kinematics.update(HALF, 0.05 * v)
+    left = FramePositionTask(name="left", frame=HAND, level=1)
+    right = FramePositionTask(name="right", frame="arm_left_5_link", level=2)
+    asked = {
+        "left": Reference(left.value(kinematics) + 0.1),
+        "right": Reference(right.value(kinematics) - 0.2),
+    }
+    found = []
+    for count in range(3):
+        controller = talos_controller(*(left, right)[:count])
+        given = {name: asked[name] for name in ("left", "right")[:count]}
+        command = controller.step(state, given)
+        assert command.status is Status.SOLVED, command.message
+        found.append(command.acceleration)
+    com = CenterOfMassTask()
+    first = [com.jacobian(kinematics) @ a for a in found]
+    np.testing.assert_allclose(first[1], first[0], atol=1e-3)
+    np.testing.assert_allclose(first[2], first[0], atol=1e-3)
+    second = [left.jacobian(kinematics) @ a for a in found]
+    np.testing.assert_allclose(second[2], second[1], atol=1e-3)
+
+
+def test_levels_are_whole_numbers():
+    for level in (-1, 0.5, True):
+        with pytest.raises(ControlError, match="level"):
+            CenterOfMassTask(level=level)
+    with pytest.raises(ControlError, match="weight"):
+        CenterOfMassTask(weight=np.nan)
+    with pytest.raises(ControlError, match="axis"):
+        GazeTask(frame="base_link", axis=(0.0, 0.0, 0.0))
+    with pytest.raises(ControlError, match="height"):
+        CapturePointTask(height=0.0)

@@ -1,0 +1,193 @@
+"""The catalogue of gearboxes, efficiencies by load, and the poses of a gait."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.cli import main
+from wbc.design import (
+    EfficiencyTable,
+    Objective,
+    Study,
+    choose_gearboxes,
+    over_gait,
+    parse_sweep,
+    read_efficiency_table,
+    read_gearboxes,
+)
+from wbc.effects import load_robot
+from wbc.errors import DesignError
+from wbc.measurement import Log, save_log
+from wbc.metrics import holding
+
+LEG = load_robot("planar_leg")
+POSE = LEG.pose("paper")
+
+
+def study(*sweeps: str, **changes: object) -> Study:
+    first = Study("planar_leg", tuple(map(parse_sweep, sweeps or ["reduction=9"])), "foot",
+                  tuple(POSE.tolist()))  # fmt: skip
+    return replace(first, **changes)  # type: ignore[arg-type]
+
+
+def chosen(names: str) -> Study:
+    return study(parameters=(), gearboxes=choose_gearboxes(names, read_gearboxes()))
+
+
+def test_every_row_has_a_source_and_plausible_numbers() -> None:
+    boxes = read_gearboxes().values()
+    assert {box.kind.split(" (")[0] for box in boxes} >= {
+        "direct drive", "planetary", "cycloidal", "strain wave",
+    }  # fmt: skip
+    for box in boxes:
+        assert len(box.source) > 10
+        for value in (box.forward_efficiency, box.backward_efficiency):
+            assert value is None or 0.0 < value <= 1.0
+        assert box.gear_inertia is None or box.gear_inertia < 1e-3  # kg m^2, not kg cm^2
+
+
+def test_a_gearbox_sets_what_it_knows_and_nothing_else() -> None:
+    gears = LEG.transmission
+    robot, _ = chosen("bilateral_drive").designs(0, 1).robot_at(0)
+    np.testing.assert_array_equal(robot.transmission.gear_ratio, gears.gear_ratio)
+    np.testing.assert_array_equal(robot.transmission.rotor_inertia, gears.rotor_inertia)
+    assert robot.transmission.forward_efficiency.tolist() == [0.89, 0.89]
+    assert robot.transmission.backward_efficiency.tolist() == [0.853, 0.853]
+    robot, _ = chosen("sp100_mc_10").designs(0, 1).robot_at(0)
+    assert robot.transmission.gear_ratio.tolist() == [10.0, 10.0]
+    np.testing.assert_allclose(robot.transmission.rotor_inertia, gears.rotor_inertia + 2.07e-4)
+    np.testing.assert_allclose(robot.transmission.backward_efficiency, 2.0 - 1.0 / 0.985)
+
+
+def test_what_a_gearbox_leaves_out_may_be_swept() -> None:
+    both = replace(chosen("cqdd,bilateral_drive"), parameters=(
+        parse_sweep("forward_efficiency=0.8,0.9"),))  # fmt: skip
+    found = both.designs(0, both.size).gears
+    assert found["forward_efficiency"][:, 0].tolist() == [0.8, 0.9, 0.8, 0.9]
+    backward = found["backward_efficiency"][:, 0]
+    np.testing.assert_allclose(backward[:2], [0.75, 2.0 - 1.0 / 0.9])
+    np.testing.assert_allclose(backward[2:], 0.853)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name,kind\na,b", "needs the columns"),
+        ("{head}\na,b,x,,,,c", "not a number"),
+        ("{head}\na,b,9,,,,", "the source"),
+        ("{head}\na,b,9,,,,c\na,b,9,,,,c", "twice"),
+    ],
+)
+def test_catalogues_that_cannot_be_trusted_are_named(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    head = "name,kind,reduction,forward_efficiency,backward_efficiency,gear_inertia,source"
+    path = tmp_path / "own.csv"
+    path.write_text(text.format(head=head))
+    with pytest.raises(DesignError, match=message):
+        read_gearboxes(path)
+    with pytest.raises(DesignError, match="hd20_low"):
+        choose_gearboxes("hd30", read_gearboxes())
+
+
+def test_the_command_compares_gearboxes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", "planar_leg", "--gearbox", "all", "--json", "f.json"]) == 0
+    shown = capsys.readouterr().out
+    assert "direct_drive" in shown
+    assert "sp100_mc_10: no source gives backward_efficiency" in shown
+    found = json.loads(Path("f.json").read_text())
+    assert all(box["source"] for box in found["gearboxes"])
+    assert found["designs"] == len(found["gearboxes"])
+    assert main(["list", "gearboxes"]) == 0
+    assert "Matsuki" in capsys.readouterr().out
+    assert main(["design", "planar_leg"]) == 2
+    assert "varies at least one" in capsys.readouterr().err
+
+
+def table(**rows: object) -> EfficiencyTable:
+    values = {
+        "load": (0.0, 10.0, 40.0),
+        "speed": (0.0,),
+        "forward": ((0.4,), (0.7,), (0.8,)),
+        "backward": ((-0.5,), (0.5,), (0.75,)),
+    }
+    return EfficiencyTable(**{**values, **rows})  # type: ignore[arg-type]
+
+
+def test_a_table_is_read_at_the_load_that_each_gear_holds() -> None:
+    one = study("reduction=20", efficiency=table(), load=50.0)
+    gears = one.designs(0, 1).gears
+    output = np.abs(holding(LEG, POSE, "foot", [0.0, 1.0], 50.0, "xz").lossless * 20.0)
+    np.testing.assert_allclose(
+        gears["forward_efficiency"][0], np.interp(output, [0, 10, 40], [0.4, 0.7, 0.8])
+    )
+    np.testing.assert_allclose(
+        gears["backward_efficiency"][0], np.interp(output, [0, 10, 40], [-0.5, 0.5, 0.75])
+    )
+    lighter = study("reduction=20", efficiency=table(), load=10.0).evaluate(0, 1)
+    assert one.evaluate(0, 1)["lift"] > lighter["lift"]
+
+
+def test_speed_plays_its_part_and_the_ends_hold_on() -> None:
+    fast = table(load=(1.0,), speed=(0.0, 2.0), forward=((0.8, 0.9),), backward=((0.7, 0.8),))
+    np.testing.assert_allclose(fast.at(np.array([0.0, 99.0]), 1.0)[0], 0.85)
+    np.testing.assert_allclose(fast.at(np.array([5.0]), -9.0)[1], 0.8)
+    both = table(
+        load=(0.0, 1.0), speed=(0.0, 2.0), forward=((0.5, 0.6), (0.7, 0.8)),
+        backward=((0.1, 0.2), (0.3, 0.4)),
+    )  # fmt: skip
+    np.testing.assert_allclose(both.at(np.array([0.5]), 1.0)[0], 0.65)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("load,forward_efficiency\n1,0.8", "needs the columns"),
+        ("load,speed,forward_efficiency,backward_efficiency\n0,0,.8,.7\n1,1,.8,.7", "every load"),
+        ("load,forward_efficiency,backward_efficiency\n0,1.2,.7", "lie in"),
+        ("load,forward_efficiency,backward_efficiency\n0,a,.7", "cannot be read"),
+    ],
+)
+def test_tables_that_cannot_be_are_named(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "eta.csv"
+    path.write_text(text)
+    with pytest.raises(DesignError, match=message):
+        read_efficiency_table(path)
+    with pytest.raises(DesignError, match="choose one"):
+        study("forward_efficiency=0.8", efficiency=table())
+
+
+def test_every_design_is_judged_in_every_pose_of_a_gait(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = np.tile(POSE, (3, 1))
+    poses[:, LEG.position_index("knee")] = [0.8, 1.0, 1.3]
+    gait = tuple((0.1 * k, *q) for k, q in enumerate(poses.tolist()))
+    walked = study("reduction=10,20", gait=gait)
+    rows = walked.evaluate(0, walked.size)
+    for k, q in enumerate(poses):
+        still = study("reduction=10,20", position=tuple(q.tolist())).evaluate(0, 2)
+        for name in ("lift", "impact_mitigation", "holding_torque"):
+            np.testing.assert_allclose(rows[name][k::3], still[name])
+    over = over_gait(rows, 3, [Objective("lift"), Objective("holding_torque", more=False)])
+    assert over["lift"].tolist() == rows["lift"].reshape(2, 3).min(axis=1).tolist()
+    assert over["holding_torque"].tolist() == rows["holding_torque"].reshape(2, 3).max(1).tolist()
+    np.testing.assert_allclose(over["hold"], rows["hold"].reshape(2, 3).mean(axis=1))
+    monkeypatch.chdir(tmp_path)
+    columns = {"hip.position": poses[:, -2], "knee.position": poses[:, -1]}
+    save_log(Log(np.array([0.0, 0.1, 0.2]), columns), "gait.csv")
+    command = ["design", "planar_leg", "--sweep", "reduction=10,20", "--gait", "gait.csv"]
+    assert main([*command, "--instants", "3", "--json", "f.json"]) == 0
+    assert "worst one" in capsys.readouterr().out
+    front = json.loads(Path("f.json").read_text())["front"]
+    assert sorted(row["lift"] for row in front) == pytest.approx(sorted(over["lift"]))
+    assert main([*command, "--samples", "4", "--out", "y.parquet"]) == 2
+    assert "grid" in capsys.readouterr().err

@@ -1,0 +1,172 @@
+"""Rivals from a saved diagnosis, special cases that no motion tells, and one cause alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.cli import main
+from wbc.design.experiment import (
+    MotionLimits,
+    Rivals,
+    design_experiment,
+    expected,
+    informing,
+    parameter_names,
+    parse_cause,
+    random_paths,
+    shrinking,
+    tied_causes,
+)
+from wbc.effects import CoulombFriction, RotorInertia, effect_class, load_robot
+from wbc.errors import DesignError
+from wbc.identification import diagnose
+from wbc.sim.excitation import record_with
+
+LEG = load_robot("planar_leg_fixed").lossless()
+LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)
+
+
+def rivals(*texts: str, noise: float = 0.01) -> Rivals:
+    return Rivals(LEG, tuple(parse_cause(text, LEG) for text in texts), np.full(2, noise))
+
+
+def effect(name: str, where: str, **values: float) -> dict[str, Any]:
+    return {"effect": name, "where": [where], "parameters": values}
+
+
+def diagnosis(**changes: Any) -> dict[str, Any]:
+    own = effect("coulomb_friction", "hip", level=0.5)
+    other = effect("viscous_friction", "hip", coefficient=0.2)
+    row = {"added": [1], "removed": [1], "standing": "not distinguishable", "effects": [other]}
+    return {"verdict": "ambiguous", "effects": [own], "ranking": [row], **changes}
+
+
+def test_ties_bring_their_fitted_numbers() -> None:
+    found, rival = tied_causes(diagnosis(), LEG)
+    assert found == (CoulombFriction("hip", level=0.5),)
+    assert rival[0].values == {"coefficient": 0.2}
+
+
+def test_without_fitted_rivals_the_alternatives_have_typical_sizes() -> None:
+    own = {**effect("coulomb_friction", "hip", level=0.5)}
+    own["alternatives"] = [{"effect": "viscous_friction", "where": "hip"}]
+    _, rival = tied_causes(diagnosis(effects=[own], ranking=[]), LEG)
+    (parameter,) = effect_class("viscous_friction").parameters
+    assert rival[0].values == {"coefficient": parameter.scale}
+
+
+def test_without_a_tie_the_closest_rival_is_taken() -> None:
+    rows = [{**diagnosis()["ranking"][0], "standing": "worse"}]
+    rows.append({**rows[0], "effects": [effect("torque_offset", "hip", offset=0.1)]})
+    assert [cause[0].name for cause in tied_causes(diagnosis(ranking=rows), LEG)] == [
+        "coulomb_friction",
+        "viscous_friction",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ({"verdict": "none", "effects": []}, "names no effect"),
+        ({"odds": 1}, "no diagnosis"),
+        (diagnosis(ranking=[]), "no rival"),
+        (diagnosis(effects=[{"effect": "coulomb_friction", "where": ["hip"]}]), "lacks"),
+    ],
+)
+def test_what_holds_no_rivals_is_named(found: dict[str, Any], message: str) -> None:
+    with pytest.raises(DesignError, match=message):
+        tied_causes(found, LEG)
+
+
+def test_soft_gears_among_the_rivals_are_left_out_and_said() -> None:
+    soft = effect("joint_compliance", "knee", stiffness=900.0, damping=2.0)
+    rows = [{**diagnosis()["ranking"][0], "effects": [soft]}]
+    with pytest.raises(DesignError, match="soft or loose gear"):
+        tied_causes(diagnosis(ranking=rows), LEG)
+
+
+def test_a_real_diagnosis_goes_through_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    logs = record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
+    kinds = [effect_class(n) for n in ("coulomb_friction", "viscous_friction")]
+    found = diagnose(LEG, logs, kinds)
+    Path("found.json").write_text(json.dumps(found.to_json()))
+    command = ["experiment", "planar_leg_fixed", "--lossless", "--between", "found.json"]
+    command += ["--duration", "2", "--speed", "6", "--rounds", "2", "--json", "odds.json"]
+    assert main(command) == 0
+    assert "coulomb_friction at hip" in capsys.readouterr().out
+    causes = json.loads(Path("odds.json").read_text())["causes"]
+    assert causes[0][0]["parameters"]["level"] == pytest.approx(0.5, abs=0.01)
+    assert len(causes) == 2
+    Path("found.json").write_text("{")
+    assert main(command) == 2
+    assert "cannot be read as JSON" in capsys.readouterr().err
+
+
+def test_a_special_case_does_not_hide_what_a_motion_can_tell() -> None:
+    """Load friction is a gear with two efficiencies; told apart in one direction only."""
+    chosen = rivals(
+        "transmission_efficiency@knee:forward_efficiency=0.8,backward_efficiency=0.75",
+        "load_friction@knee:coefficient=0.22",
+    )
+    found = design_experiment(chosen, LIMITS, 3.0, rounds=12)
+    assert found.alike == ((1, 0),)
+    assert found.worst == found.odds[0, 1]
+    chance = [expected(chosen, LIMITS, p).odds[0, 1] for p in random_paths(chosen, LIMITS, 3, 1, 9)]
+    assert found.worst > np.median(chance)
+
+
+def test_causes_that_no_motion_tells_apart_are_refused() -> None:
+    """A tilted base and a wrong zero of the first joint are one on a leg in a vertical plane."""
+    chosen = rivals("gravity_direction@robot:pitch=0.05,roll=0", "position_offset@hip:offset=0.05")
+    with pytest.raises(DesignError, match="no motion of this robot tells"):
+        design_experiment(chosen, LIMITS, 3.0, rounds=2)
+
+
+def test_causes_with_a_past_and_wrong_zeros_are_predicted() -> None:
+    chosen = rivals("actuation_delay@knee:delay=0.01", "rotor_inertia@knee", "position_offset@knee")
+    odds = expected(chosen, LIMITS, next(random_paths(chosen, LIMITS, 3.0, 1, 1))).odds
+    assert min(odds.values()) > 1.0
+    together = rivals("actuation_delay@knee+actuation_delay@hip", "actuation_delay@knee")
+    assert len(together.causes[0]) == 2
+
+
+def test_the_cheap_distance_is_the_refitted_one_where_effects_are_linear() -> None:
+    chosen = rivals("viscous_friction@knee", "coulomb_friction@knee", "rotor_inertia@hip")
+    path = next(random_paths(chosen, LIMITS, 3.0, 1, 1))
+    time = path.times(50.0)
+    from wbc.robot import Motion
+
+    found = chosen.predictions(Motion(*path.at(time), time))
+    for pair in chosen.pairs:
+        assert found.near_distance(pair) == pytest.approx(found.distance(pair), rel=1e-4)
+
+
+def test_one_cause_alone_gets_the_motion_that_shrinks_its_intervals() -> None:
+    chosen = rivals("center_of_mass@shin+payload_mass@shin+rotor_inertia@knee")
+    drawn = [expected(chosen, LIMITS, p) for p in random_paths(chosen, LIMITS, 4.0, 1, 9)]
+    classic = design_experiment(chosen, LIMITS, 4.0, rounds=16, aim=informing)
+    ours = design_experiment(chosen, LIMITS, 4.0, rounds=16, aim=shrinking, starts=[classic.path])
+    widths = np.array([one.widths[0] for one in drawn])
+    said = np.array([p.scale for _, p in parameter_names(chosen.causes[0])]) * 1.645
+    assert ours.widths[0][1] == pytest.approx(said[1])  # nothing moves along y: as known before
+    assert np.all(np.delete(ours.widths[0] / said, 1) < 0.1)
+    assert np.mean(np.log(ours.widths[0])) < np.mean(np.log(np.median(widths, axis=0)))
+    # Compared at half the rate of the log.
+    assert np.mean(np.log(ours.widths[0])) <= np.mean(np.log(classic.widths[0])) + 0.01
+
+
+def test_intervals_shrink_with_the_noise() -> None:
+    path = next(random_paths(rivals("rotor_inertia@knee"), LIMITS, 3.0, 1, 1))
+    loud, quiet = (
+        expected(rivals("rotor_inertia@knee", noise=n), LIMITS, path) for n in (2e-4, 1e-4)
+    )
+    np.testing.assert_allclose(loud.widths[0], 2.0 * quiet.widths[0], rtol=1e-3)
+    assert RotorInertia.name == "rotor_inertia"

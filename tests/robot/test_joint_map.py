@@ -1,0 +1,145 @@
+"""Joint orders of MuJoCo, of a URDF and of a ROS message: the same state, the same torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.effects import load_robot
+from wbc.errors import RobotError
+from wbc.robot import BaseState, JointMap
+
+SOLO = load_robot("solo12")
+
+
+@dataclass
+class JointState:
+    """The fields of `sensor_msgs/JointState` that are read."""
+
+    name: list = field(default_factory=list)
+    position: list = field(default_factory=list)
+    velocity: list = field(default_factory=list)
+
+
+def shuffled(seed=0, more=("gripper",)):
+    names = [*SOLO.transmission.joints, *more]
+    return tuple(np.random.default_rng(seed).permutation(names).tolist())
+
+
+def test_names_in_any_order_and_more_of_them():
+    names = shuffled()
+    position = np.arange(13.0) / 10.0
+    motion = JointMap.of(SOLO, names).motion(position, -position)
+    for name, value in zip(names, position, strict=True):
+        if name != "gripper":
+            assert motion.position[SOLO.position_index(name)] == value
+            assert motion.velocity[SOLO.velocity_index(name)] == -value
+    np.testing.assert_array_equal(motion.position[:7], [0, 0, 0, 0, 0, 0, 1])
+
+
+def test_a_joint_state_may_change_its_order():
+    joints = JointMap.of(SOLO, shuffled(0))
+    names = shuffled(1)
+    message = JointState(list(names), list(np.arange(13.0)), list(np.ones(13)))
+    motion = joints.motion_of_joint_state(message)
+    for name, value in zip(names, np.arange(13.0), strict=True):
+        if name != "gripper":
+            assert motion.position[SOLO.position_index(name)] == value
+    with pytest.raises(RobotError, match="2 positions"):
+        joints.motion_of_joint_state(JointState(["a"], [1.0, 2.0], [0.0]))
+
+
+def test_torques_go_back_by_name():
+    names = shuffled()
+    gears = SOLO.transmission
+    rotor = np.arange(1.0, 13.0)
+    found = JointMap.of(SOLO, names).torques(rotor)
+    for name, torque in zip(names, found, strict=True):
+        if name == "gripper":
+            assert torque == 0.0
+        else:
+            i = gears.joints.index(name)
+            assert torque == pytest.approx(gears.gear_ratio[i] * rotor[i])
+
+
+def test_coupled_gears_give_joint_torques_by_duality():
+    """Power at the joints is power at the motors, whatever couples them."""
+    robot = load_robot("parallelogram_leg")
+    gears = robot.transmission
+    joints = JointMap.of(robot, robot.single_joints)
+    generator = np.random.default_rng(0)
+    rotor, speed = generator.normal(size=(2, gears.size))
+    torque = joints.torques(rotor)
+    rates = np.zeros(len(joints.names))
+    for i, joint in enumerate(gears.joints):
+        rates[joints.names.index(joint)] = speed[i]
+    motor = gears.gear_ratio * rotor @ (gears.motor_from_joint @ speed)
+    assert torque @ rates == pytest.approx(motor)
+
+
+def test_mistakes_are_named():
+    with pytest.raises(RobotError, match="FL_HAA"):
+        JointMap.of(SOLO, [n for n in SOLO.transmission.joints if n != "FL_HAA"])
+    with pytest.raises(RobotError, match="2 times"):
+        JointMap.of(SOLO, [*SOLO.transmission.joints, "FL_HAA"])
+    with pytest.raises(RobotError, match="no length"):
+        BaseState.of([0, 0, 0], [0, 0, 0, 0], [0, 0, 0], [0, 0, 0])
+    leg = load_robot("planar_leg_fixed")
+    base = BaseState.of([0, 0, 0], [0, 0, 0, 1], [0, 0, 0], [0, 0, 0])
+    with pytest.raises(RobotError, match="free base"):
+        JointMap.of(leg, leg.single_joints).motion([0, 0], [0, 0], base)
+
+
+MJCF = """
+<mujoco><worldbody>
+  <body name="trunk"><freejoint name="root"/>
+    <geom type="box" size=".2 .1 .05" mass="3"/>
+    <body name="b" pos=".2 0 0"><joint name="{0}" axis="0 1 0"/>
+      <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3" mass="1"/>
+      <body name="c" pos="0 0 -.3"><joint name="{1}" axis="1 0 0"/>
+        <geom type="capsule" size=".02" fromto="0 0 0 .1 0 -.2" mass=".5"/></body></body>
+  </body>
+</worldbody></mujoco>
+"""
+
+
+def test_mujoco_and_pinocchio_move_alike(tmp_path):
+    """Place and velocity of the last body from the mapped state are MuJoCo's own."""
+    mujoco = pytest.importorskip("mujoco")
+    from wbc.robot import Robot
+    from wbc.transmission import Transmission
+
+    path = tmp_path / "robot.xml"
+    path.write_text(MJCF.format("hip", "knee"))
+    theirs = mujoco.MjModel.from_xml_path(str(path))
+    model = pin.buildModelFromMJCF(str(path))
+    model.armature = np.zeros(model.nv)
+    gears = Transmission(joints=("knee", "hip"), gear_ratio=[2.0, 3.0], rotor_inertia=[0.0, 0.0])
+    robot = Robot("two", model, gears)
+    joints = JointMap.of_mujoco(robot, theirs)
+    data, generator = mujoco.MjData(theirs), np.random.default_rng(0)
+    data.qpos[:] = generator.normal(size=9)
+    data.qpos[3:7] /= np.linalg.norm(data.qpos[3:7])
+    data.qvel[:] = generator.normal(size=8)
+    mujoco.mj_forward(theirs, data)
+    motion = joints.motion_of_mujoco(data)
+    own = model.createData()
+    pin.framesForwardKinematics(model, own, motion.position)
+    np.testing.assert_allclose(
+        own.oMf[model.getFrameId("c")].translation, data.body("c").xpos, atol=1e-9
+    )
+    step = 1e-6
+    before = data.body("c").xpos.copy()
+    mujoco.mj_integratePos(theirs, data.qpos, data.qvel, step)
+    mujoco.mj_forward(theirs, data)
+    pin.framesForwardKinematics(
+        model, own, pin.integrate(model, motion.position, step * motion.velocity)
+    )
+    ours = own.oMf[model.getFrameId("c")].translation - before
+    np.testing.assert_allclose(ours / step, (data.body("c").xpos - before) / step, atol=1e-5)
+    torque = joints.torques([1.0, 10.0], theirs.nv)
+    assert torque[theirs.joint("knee").dofadr[0]] == pytest.approx(2.0)
+    assert torque[theirs.joint("hip").dofadr[0]] == pytest.approx(30.0)

@@ -1,0 +1,167 @@
+"""Bodies that keep apart from each other and from obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import frozen
+from wbc.control.kinematics import Kinematics, joint_columns
+from wbc.control.limits.distance_rows import place_distance_rows
+from wbc.errors import ControlError, unknown_name
+from wbc.robot import Robot
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """A convex solid on a link, or an obstacle in the world.
+
+    Attributes:
+        name: how messages call it.
+        geometry: of coal: `coal.Sphere`, `coal.Capsule`, `coal.Box`, a convex mesh.
+        frame: name of a frame of the model; "universe" for an obstacle that stands still.
+        placement: of the solid in that frame.
+    """
+
+    name: str
+    geometry: Any
+    frame: str = "universe"
+    placement: pin.SE3 = field(default_factory=pin.SE3.Identity)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class CollisionLimit:
+    """Keeps the distance d of pairs of shapes above a margin.
+
+    With n from one solid to the other at their nearest points,
+
+        d'' + 2 rate d' + rate^2 (d - margin) >= 0,      d'' = n'(J_other - J_one) qdd + drift,
+
+    so that d comes down to the margin like a critically damped spring, and no faster. How the
+    nearest points wander over the solids is left out of the drift. Pairs farther apart than
+    `influence` are left alone. Solids that are already too near are driven apart; where torque
+    limits or contacts do not allow that, the tick has no solution.
+
+    Attributes:
+        shapes: the solids.
+        pairs: names of the shapes that must not touch, two by two.
+        margin: [m] that is kept between the solids of a pair.
+        rate: [1/s] with which they may come near.
+        influence: [m] beyond which a pair costs nothing but its distance.
+    """
+
+    shapes: Sequence[Shape]
+    pairs: Sequence[tuple[str, str]]
+    margin: float = 0.02
+    rate: float = 10.0
+    influence: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Check names and ranges."""
+        names = [shape.name for shape in self.shapes]
+        if len(set(names)) < len(names):
+            raise ControlError(f"two shapes have one name: {', '.join(names)}.")
+        for name in (name for pair in self.pairs for name in pair):
+            if name not in names:
+                raise ControlError(unknown_name("shape", name, names))
+        if not 0.0 <= self.margin < self.influence or not 0.0 < self.rate < np.inf:
+            raise ControlError(
+                "a collision limit needs 0 <= margin < influence [m] and a rate > 0 1/s, got "
+                f"{self.margin}, {self.influence} and {self.rate}."
+            )
+
+    @classmethod
+    def of(cls, robot: Robot, geometry: pin.GeometryModel, **settings: float) -> CollisionLimit:
+        """Return the limit of all collision pairs of a geometry model of the robot's own model.
+
+        Load it with `pin.buildGeomFromUrdf(robot.model, ...)` and choose its pairs first. Meshes
+        must be convex.
+        """
+        shapes = [
+            Shape(
+                name=solid.name,
+                geometry=solid.geometry,
+                frame=str(robot.model.names[solid.parentJoint]),
+                placement=solid.placement,
+            )
+            for solid in geometry.geometryObjects
+        ]
+        pairs = [
+            (shapes[pair.first].name, shapes[pair.second].name) for pair in geometry.collisionPairs
+        ]
+        return cls(shapes, pairs, **settings)
+
+
+class CollisionRows:
+    """Evaluates a `CollisionLimit`: rows (p, nv) and least values (p,) of what they times qdd is.
+
+    Attributes:
+        labels: (p,) what every pair is called in messages.
+        rows: n'(J_other - J_one) (p, nv).
+        least: (p,) [m/s^2], -inf where a pair is far apart.
+        distances: (p,) [m] of the last state, negative where solids overlap.
+    """
+
+    def __init__(self, limit: CollisionLimit, model: pin.Model) -> None:
+        """Resolve the frames.
+
+        Raises:
+            ControlError: a frame that the model does not have.
+        """
+        self._limit, p = limit, len(limit.pairs)
+        shapes = {shape.name: shape for shape in limit.shapes}
+        self._pairs = []
+        joints = np.zeros((p, 2), dtype=np.int_)
+        for i, pair in enumerate(limit.pairs):
+            found = []
+            for side, name in enumerate(pair):
+                shape = shapes[name]
+                if not model.existFrame(shape.frame):
+                    known = [frame.name for frame in model.frames]
+                    raise ControlError(
+                        f"shape '{name}': " + unknown_name("frame", shape.frame, known)
+                    )
+                frame = model.frames[model.getFrameId(shape.frame)]
+                joints[i, side] = frame.parentJoint
+                found.append((shape.geometry, frame.parentJoint, frame.placement * shape.placement))
+            self._pairs.append(found)
+        self.labels = tuple(f"distance of '{one}' and '{other}'" for one, other in limit.pairs)
+        self._joints = frozen(joints, np.int_)
+        self._starts, self._columns = joint_columns(model)
+        self.rows, self.least = np.zeros((p, model.nv)), np.zeros(p)
+        self.distances, self._points = np.zeros(p), np.zeros((p, 9))
+        self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
+
+    def fill(self, kinematics: Kinematics) -> None:
+        """Evaluate all pairs at the present state."""
+        points, limit = self._points, self._limit
+        for i, (one, other) in enumerate(self._pairs):
+            places = [kinematics.joint_place(side[1]) * side[2] for side in (one, other)]
+            self._result.clear()
+            self.distances[i] = coal.distance(
+                *(one[0], _transform(places[0]), other[0], _transform(places[1])),
+                *(self._request, self._result),
+            )
+            points[i, :3] = self._result.getNearestPoint1()
+            points[i, 3:6] = self._result.getNearestPoint2()
+            points[i, 6:] = self._result.normal
+        place_distance_rows(
+            *(self._joints, self._starts, self._columns, kinematics.joint_jacobian),
+            *(kinematics.joint_rates, kinematics.joint_drifts, points, self.distances),
+            limit.margin,
+            limit.rate,
+            limit.influence,
+            self.rows,
+            self.least,
+        )
+
+
+def _transform(place: pin.SE3) -> coal.Transform3s:
+    return coal.Transform3s(place.rotation, place.translation)

@@ -1,0 +1,1 @@
+"""Tasks that keep the robot from falling."""

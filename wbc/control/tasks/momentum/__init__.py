@@ -1,0 +1,1 @@
+"""Tasks on the momentum of the whole robot."""

@@ -1,0 +1,79 @@
+"""One tick: what it is given, and what it knows once that has passed all checks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from math import inf
+from typing import NamedTuple
+
+from wbc.arrays import FloatArray
+from wbc.control.contacts import BoundContact
+from wbc.control.efforts import ContactForceTask
+from wbc.control.program.level import GearState, Level
+from wbc.control.reference import Reference
+from wbc.control.safety.inputs import (
+    Complaint,
+    force_complaint,
+    name_complaint,
+    share_complaint,
+    step_complaint,
+)
+from wbc.control.state import State
+from wbc.robot import Motion
+
+
+class TickInputs(NamedTuple):
+    """The arguments of `Controller.step`."""
+
+    state: State
+    references: Mapping[str, Reference]
+    contacts: Mapping[str, float] | None
+    weights: Mapping[str, float] | None
+    activation: Mapping[str, float] | None
+    dt: float
+
+
+class ReadyTick(NamedTuple):
+    """A tick that passed all checks, evaluated and ready to be solved."""
+
+    motion: Motion
+    references: Mapping[str, Reference]
+    contacts: Mapping[str, float] | None
+    dt: float
+    levels: tuple[Level, ...]
+    gears: GearState
+    expected: FloatArray
+    disturbance: FloatArray
+
+
+class RefusedTick(NamedTuple):
+    """A tick that did not pass them; the motion is None where it is what is wrong."""
+
+    motion: Motion | None
+    complaint: Complaint
+
+
+class InputCheck(NamedTuple):
+    """What the inputs of a controller may name.
+
+    Attributes:
+        names: of everything that takes a reference.
+        weighed: names of the tasks that have a weight to change.
+        contacts: every contact, by name.
+        force_tasks: the tasks on contact forces.
+    """
+
+    names: Collection[str]
+    weighed: Collection[str]
+    contacts: Mapping[str, BoundContact]
+    force_tasks: tuple[ContactForceTask, ...]
+
+    def complaint(self, given: TickInputs) -> Complaint | None:
+        """Return what is wrong with the inputs besides the state, None if nothing is."""
+        return (
+            name_complaint(given.references, self.names, given.contacts, self.contacts)
+            or share_complaint("weights", given.weights, self.weighed, inf)
+            or share_complaint("activation", given.activation, self.weighed, 1.0)
+            or step_complaint(given.dt)
+            or force_complaint(self.force_tasks, self.contacts, given.references)
+        )
