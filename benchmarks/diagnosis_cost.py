@@ -20,7 +20,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sims.excitation import record_with
 from wbc import load_robot
 from wbc.effects import EFFECTS, CoulombFriction, PayloadMass
 from wbc.files import write_text
@@ -28,6 +27,7 @@ from wbc.identification import diagnose
 from wbc.identification.model.yielding import deflects
 from wbc.measurement import Log
 from wbc.robot import Effect
+from wbc.sim.excitation import record_with
 
 HIDDEN = (CoulombFriction("knee", 0.4), PayloadMass("foot", 0.2))
 DURATIONS = (5.0, 10.0, 20.0)

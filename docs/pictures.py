@@ -1,16 +1,20 @@
 """Make every picture of these pages anew, from the studies and commands that they show.
 
 `make pictures` runs this; it needs Chromium for the pictures of pages. The studies run in a
-temporary folder; a picture changes only when it has been made.
+temporary folder; a picture changes only when it has been made. Plots are made twice, for light
+and for dark pages (`name.png` and `name_dark.png`). Names of parts, such as `studies`, on the
+command line make only these.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from PIL import Image
 
 from sims import (
@@ -23,36 +27,52 @@ from sims import (
     impact,
     imperfect_loop,
     parallelogram,
+    standing,
     wedge,
 )
+from sims.plots import sweep_figure
 from wbc import load_robot
 from wbc.cli import main as wbc
 from wbc.files import atomic_write
 from wbc.identification import Diagnosis
-from wbc.measurement import load_logs
-from wbc.view import write_animation, write_picture
+from wbc.measurement import load_logs, save_log
+from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
 from wbc.view.browser import HeadlessBrowser
 from wbc.view.impacts import log_impacts
-from wbc.view.plots import residual_figure, staircase_figure, write_figure
+from wbc.view.plots import (
+    residual_figure,
+    staircase_figure,
+    unexplained_figure,
+    write_figure,
+)
 from wbc.view.report.content import step_rows
 from wbc.view.residuals import residuals_of
 
 IMAGES = Path(__file__).resolve().parent / "images"
 OUT = Path("out")  # where the studies write
+Draw = Callable[[Theme], Mapping[str, Figure]]
 
 
 def explained() -> None:
-    """Stand, land and explain a log: the demo."""
-    diagnosis = demo.main()
-    for picture, study in (("standing", "squat"), ("power", "power"), ("landing", "landing")):
-        keep(OUT / f"{study}.png", picture)
-    keep(OUT / "energy.png", "energy")
-    playback()
+    """Explain a log: the second part of the demo."""
+    diagnosis, _ = demo.explain(demo.Console(markup=False), 6.0)
     residuals(diagnosis)
     with HeadlessBrowser(OUT / "report.html", 1100, 1000) as browser:
         browser.wait_for("window.report && window.report.ready")
         (OUT / "head.png").write_bytes(browser.screenshot())
     keep(OUT / "head.png", "report")
+
+
+def stood() -> None:
+    """Stand, squat and land: the first part of the demo."""
+    loops = standing.main(4.0)
+    robot = load_robot("planar_leg_strong")
+    log = loops["dissipative"].landing.log
+    save_log(log, OUT / "landing.parquet")
+    write_playback(OUT / "landing.html", robot, log, title="Landing from 10 cm", theme="light")
+    playback()
+    names = {"squat": "standing", "landing": "landing", "power": "power", "energy": "energy"}
+    plots(lambda theme: standing.draw(loops, theme), **names)
 
 
 def playback() -> None:
@@ -68,28 +88,40 @@ def residuals(diagnosis: Diagnosis) -> None:
     """Draw where the model failed and how the error fell."""
     leg = load_robot("planar_leg_fixed").lossless()
     logs = load_logs([OUT / f"run{k}.csv" for k in range(3)])
-    figure = residual_figure(residuals_of(leg, diagnosis.robot, logs), "with the effects found")
-    keep(write_figure(OUT / "residuals.png", figure), "residuals")
+    found = residuals_of(leg, diagnosis.robot, logs)
     steps = [(step["label"], step["error"]) for step in step_rows(diagnosis)]
-    figure = staircase_figure(steps, diagnosis.error.floor_source)
-    keep(write_figure(OUT / "staircase.png", figure), "staircase")
+    plots(
+        lambda theme: {
+            "explained": unexplained_figure(found, "with the effects found", theme),
+            "residuals": residual_figure(found, "with the effects found", theme),
+            "staircase": staircase_figure(steps, diagnosis.error.floor_source, theme),
+        },
+        explained="explained",
+        residuals="residuals",
+        staircase="staircase",
+    )
 
 
 def metrics() -> None:
     """Draw the paper's two figures."""
-    for robot in ("planar_leg_fixed", "planar_leg"):
-        wbc(["metrics", robot, "--figures", str(OUT)])
-    keep(OUT / "planar_leg_fixed_leg.png", "ellipsoids")
-    keep(OUT / "planar_leg_tradeoff.png", "tradeoff")
+    for theme in ("light", "dark"):
+        folder = OUT / theme
+        for robot in ("planar_leg_fixed", "planar_leg"):
+            wbc(["metrics", robot, "--figures", str(folder), "--theme", theme])
+        ending = "" if theme == "light" else "_dark"
+        keep(folder / "planar_leg_fixed_leg.png", "ellipsoids" + ending)
+        keep(folder / "planar_leg_tradeoff.png", "tradeoff" + ending)
 
 
 def designs() -> None:
     """Draw maps and front of a sweep, and the studies of choosing a gearbox."""
     sweeps = ("reduction=6:160:40:log", "forward_efficiency=0.45:0.98:40")
-    command = ["design", "planar_leg", "--figures", str(OUT)]
-    wbc([*command, *(part for sweep in sweeps for part in ("--sweep", sweep))])
-    keep(OUT / "planar_leg_design_map.png", "design_map")
-    keep(OUT / "planar_leg_design_front.png", "design_front")
+    command = ["design", "planar_leg", *(part for sweep in sweeps for part in ("--sweep", sweep))]
+    for theme in ("light", "dark"):
+        wbc([*command, "--figures", str(OUT / theme), "--theme", theme])
+        ending = "" if theme == "light" else "_dark"
+        keep(OUT / theme / "planar_leg_design_map.png", "design_map" + ending)
+        keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
     for study in (case_study, energy_flow, wedge):
         study.report(study.main())
     for name in ("case_foot", "case_efficiency", "energy_flow", "wedge"):
@@ -98,15 +130,29 @@ def designs() -> None:
 
 def studies() -> None:
     """Run the other studies and keep their plots."""
-    hopping.report(hopping.main())
-    impact.report(impact.main())
-    holding.report(holding.main())
-    backdrive.report(backdrive.main())
-    parallelogram.report(parallelogram.main())
-    imperfect_loop.report(imperfect_loop.main(), imperfect_loop.sweeps())
-    for name in ("hopping", "impact", "holding", "backdrive", "imperfect_loop"):
-        keep(OUT / f"{name}.png", name)
-    keep(OUT / "squat_parallelogram.png", "parallelogram")
+    several = {"hopping": hopping, "impact": impact, "holding": holding, "backdrive": backdrive}
+    for name, study in several.items():
+        found = study.main()
+        plots(lambda theme, study=study, found=found: study.draw(found, theme), **{name: name})
+    legs = {"parallelogram": parallelogram.main()["parallelogram"]}
+    plots(lambda theme: parallelogram.draw(legs, theme), squat_parallelogram="parallelogram")
+
+
+def loops() -> None:
+    """Run the study of imperfect loops."""
+    panels = imperfect_loop.sweeps()
+    plots(
+        lambda theme: {"imperfect_loop": sweep_figure(panels, theme=theme)},
+        imperfect_loop="imperfect_loop",
+    )
+
+
+def plots(draw: Draw, **names: str) -> None:
+    """Keep light and dark plots; `names` are those to keep, with their names on the pages."""
+    for theme, ending in ((LIGHT, ""), (DARK, "_dark")):
+        for own, figure in draw(theme).items():
+            if name := names.get(own):
+                keep(write_figure(OUT / f"{name}{ending}.png", figure), name + ending)
 
 
 def keep(made: Path, name: str) -> None:
@@ -122,14 +168,17 @@ def keep(made: Path, name: str) -> None:
     print(f"  {target.relative_to(IMAGES.parent.parent)}")
 
 
-def main(parts: tuple[Callable[[], None], ...] = (metrics, designs, explained, studies)) -> None:
-    """Make every picture."""
+PARTS = {part.__name__: part for part in (metrics, designs, explained, stood, studies, loops)}
+
+
+def main(names: list[str]) -> None:
+    """Make the pictures of these parts, of all without any."""
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         OUT.mkdir()
-        for part in parts:
-            part()
+        for name in names or PARTS:
+            PARTS[name]()
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

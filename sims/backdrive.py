@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sims.leg import with_gears
-from sims.plots import Panel, sweep_figure
+from sims.plots import Panel, sweep_figure, write_figures
 from sims.pushes import FREE, force_to_move, hanging_leg, torque_of
 from sims.tables import print_columns
 from wbc import Robot
@@ -22,8 +23,7 @@ from wbc.measurement import Log
 from wbc.metrics import ForceCapability, force_capability
 from wbc.sim import Plant, SimState, simulate
 from wbc.transmission import Direction
-from wbc.view import write_playback
-from wbc.view.plots import write_figure
+from wbc.view import LIGHT, Theme, write_playback
 
 OUT = Path("out")
 
@@ -70,16 +70,21 @@ def panels(table: dict[float, dict[str, float]]) -> list[Panel]:
             capability(with_gears(hanging_leg(), e), powered).along([0.0, 1.0]).hold for e in fine
         ]
         pushed = [row[f"{name}: push [N]"] for row in table.values()]
-        lines, points = {"metric": (fine, held)}, {"pushed": (list(table), pushed)}
+        lines, points = {"predicted": (fine, held)}, {"pushed": (list(table), pushed)}
         title = f"{name}: push up that moves the foot"
-        rows.append(Panel(title, "forward efficiency", "[N]", lines, points, log=True))
+        rows.append(Panel(title, "forward efficiency [-]", "push [N]", lines, points, log=True))
     robot, turn = hanging_leg(), np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
     moved = force_map(robot, np.arctan2(200.0 * np.sin(turn), 50.0 * np.cos(turn)))
     corners = capability(robot, powered=True).vertices(Direction.BACKWARD)
     order = np.argsort(np.arctan2(*corners.T))
     edge = corners[np.append(order, order[0])]
-    lines, points = {"metric": tuple(edge.T)}, {"pushed": tuple(moved.T)}
+    lines, points = {"predicted": tuple(edge.T)}, {"pushed": tuple(moved.T)}
     return [*rows, Panel("pushes that the motors hold", "$f_x$ [N]", "$f_z$ [N]", lines, points)]
+
+
+def draw(table: dict[float, dict[str, float]], theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return the figure of this study."""
+    return {"backdrive": sweep_figure(panels(table), theme=theme)}
 
 
 def pushed_about(robot: Robot) -> Log:
@@ -99,7 +104,7 @@ def report(table: dict[float, dict[str, float]]) -> list[Path]:
     print_columns("pushing the foot up, over eta_f", {f"{e:g}": row for e, row in table.items()})
     page, robot = OUT / "backdrive.html", hanging_leg()
     return [
-        write_figure(OUT / "backdrive.png", sweep_figure(panels(table))),
+        *write_figures(OUT, draw(table)),
         write_playback(page, robot, pushed_about(robot), title="Backdriven, unpowered"),
     ]
 

@@ -7,22 +7,16 @@ from pathlib import Path
 from rich.console import Console
 
 from sims import standing
-from sims.excitation import record_with
+from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import load_robot, save_robot
-from wbc.cli.compare import error_table
-from wbc.cli.diagnose import print_diagnosis
+from wbc.cli.logs.compare import error_table
+from wbc.cli.logs.diagnose import print_diagnosis
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
 from wbc.measurement import save_log
+from wbc.sim.excitation import record_with
 from wbc.view import write_playback
-from wbc.view.plots import (
-    energy_figure,
-    impact_figure,
-    power_figure,
-    standing_figure,
-    write_figure,
-)
 from wbc.view.report import write_report
 
 OUT = Path("out")
@@ -34,8 +28,6 @@ def stand(console: Console, duration: float) -> list[Path]:
     loops = standing.main(duration, progress=console.is_terminal)
     print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
     robot = load_robot("planar_leg_strong")
-    squats = {name: loop.squat.log for name, loop in loops.items()}
-    landings = {name: loop.landing.log for name, loop in loops.items()}
     ours = loops["dissipative"]
     return [
         save_log(ours.squat.log, OUT / "squat.parquet"),
@@ -47,10 +39,7 @@ def stand(console: Console, duration: float) -> list[Path]:
             marks=ours.landing.marks,
             title="Landing from 10 cm",
         ),
-        write_figure(OUT / "squat.png", standing_figure(robot, squats)),
-        write_figure(OUT / "landing.png", impact_figure(robot, landings)),
-        write_figure(OUT / "power.png", power_figure(robot, ours.squat.log)),
-        write_figure(OUT / "energy.png", energy_figure(robot, ours.squat.log)),
+        *write_figures(OUT, standing.draw(loops)),
     ]
 
 

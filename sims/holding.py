@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sims.leg import balanced_pose, with_gears
-from sims.plots import Panel, sweep_figure
+from sims.plots import Panel, sweep_figure, write_figures
 from sims.stander import standing_cost, standing_loop
 from sims.tables import print_columns
 from wbc import Robot, load_robot
@@ -23,12 +24,12 @@ from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
 from wbc.sim import Plant, SimState, Simulation, simulate
 from wbc.transmission import wedge_backward_efficiency
-from wbc.view import write_playback
-from wbc.view.plots import write_figure
+from wbc.view import LIGHT, Theme, write_playback
 
 OUT = Path("out")
 _QUIET = (0.5, 0.999)  # [s] between which the cost of standing is taken
 _PUSHED = (1.0, 1.1)  # [s] between which something pushes the base
+LABELS = {"neutral": "neutral: the whole load T", "least torque": "least torque: $\\eta_b$ T"}
 _NOISE = 2e-3  # [m/s, rad/s] of the speeds that a second run measures
 
 
@@ -83,23 +84,35 @@ def main(
 
 def panels(rows: dict[str, dict[float, Hold]]) -> list[Panel]:
     """Return torque and heat over efficiency, and the pitch after the push."""
-    fine, across = np.linspace(0.505, 1.0, 80), "forward efficiency"
+    fine, across = np.linspace(0.505, 1.0, 80), "forward efficiency [-]"
     lossless = next(iter(rows["neutral"].values())).figures
     drawn = []
     for figure, power in (("knee torque [N m]", 1), ("Joule heat [W]", 2)):
         share = wedge_backward_efficiency(fine) ** power
-        lines = {"all of T": (fine, np.full(80, lossless[figure]))}
-        lines["eta_b T"] = (fine, share * lossless[figure])
+        held = {"neutral": np.full(80, lossless[figure]), "least torque": share * lossless[figure]}
         points = {
-            name: ([*row], [hold.figures[figure] for hold in row.values()])
+            LABELS[name]: ([*row], [hold.figures[figure] for hold in row.values()])
             for name, row in rows.items()
         }
-        drawn.append(Panel("cost of standing still", across, figure, lines, points))
+        lines = {LABELS[name]: (fine, values) for name, values in held.items()}
+        title = f"standing still: {figure.split(' [')[0]}"
+        drawn.append(Panel(title, across, figure, lines, points, dots="simulated"))
     pitch = {}
     for name, row in rows.items():
         log = row[min(row)].run.log
         pitch[name] = log.time, np.rad2deg(log.column("base_pitch.position"))
-    return [*drawn, Panel("pitch after a push, least efficient gears", "time [s]", "[deg]", pitch)]
+    (time, one), (_, other) = pitch.values()
+    if np.abs(one - other).max() < 1e-2 * np.abs(one).max():
+        pitch = {"both policies": (time, one)}
+    return [
+        *drawn,
+        Panel("pushed, with the least efficient gears", "time [s]", "pitch [deg]", pitch),
+    ]
+
+
+def draw(rows: dict[str, dict[float, Hold]], theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return the figure of this study."""
+    return {"holding": sweep_figure(panels(rows), theme=theme)}
 
 
 def report(rows: dict[str, dict[float, Hold]]) -> list[Path]:
@@ -110,7 +123,7 @@ def report(rows: dict[str, dict[float, Hold]]) -> list[Path]:
     robot, log = load_robot("planar_leg_strong"), next(iter(rows["least torque"].values())).run.log
     page, marks = OUT / "holding.html", {"push": _PUSHED[0]}
     return [
-        write_figure(OUT / "holding.png", sweep_figure(panels(rows))),
+        *write_figures(OUT, draw(rows)),
         write_playback(page, robot, log, marks=marks, title="Standing and pushed"),
     ]
 

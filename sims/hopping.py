@@ -10,23 +10,31 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sims.hopper import Hopper
 from sims.leg import balanced_pose
+from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.sim import Plant, Simulation, simulate
-from wbc.view import write_playback
-from wbc.view.plots import power_figure, standing_figure, write_figure
+from wbc.view import LIGHT, Theme, write_playback
+from wbc.view.channels import configuration
+from wbc.view.plots import drawing, new_figure, power_figure
+from wbc.view.plots.standing import center_of_mass, run_style
+from wbc.view.plots.style import legend_above
 
 OUT = Path("out")
+_SHOWN = 1.2  # [s] of the knee's torque: two hops
 
 
 @dataclass(frozen=True)
 class Hopping:
-    """One closed loop: its recording and the figures of the table."""
+    """One closed loop: its recording, the rise of every hop [m] and the figures of the table."""
 
     run: Simulation
+    rises: tuple[float, ...]
     figures: dict[str, float]
 
 
@@ -54,7 +62,7 @@ def hop(plant: Robot, model: Robot, hops: int, rise: float) -> Hopping:
         "lost in landings per hop [J]": flow.impact / hops,
         "ticks without a solution": sum(not c.status.usable for c in control.commands),
     }
-    return Hopping(run, figures)
+    return Hopping(run, tuple(np.array(control.apexes) - control.height), figures)
 
 
 def stronger_leg() -> Robot:
@@ -75,14 +83,47 @@ def main(hops: int = 10, rise: float = 0.04) -> dict[str, Hopping]:
     return {name: hop(plant, model, hops, rise) for name, (plant, model) in loops.items()}
 
 
+def draw(loops: dict[str, Hopping], theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return height, rise of every hop, pitch and the knee's torque, and the power of our gears."""
+    robot = stronger_leg()
+    with drawing(theme):
+        figure, grid = new_figure(2, 2, 10.0, 5.4)
+        for i, (name, loop) in enumerate(loops.items()):
+            style = run_style(i, name, theme)
+            log = loop.run.log
+            height = center_of_mass(robot, configuration(robot, log))[:, 2]
+            grid[0][0].plot(log.time, height, **style)
+            hops = np.arange(1, len(loop.rises) + 1)
+            grid[0][1].plot(hops, 1e3 * np.array(loop.rises), marker="o", markersize=4, **style)
+            grid[1][0].plot(log.time, np.rad2deg(log.column("base_pitch.position")), **style)
+            first = log.between(0.0, _SHOWN)
+            grid[1][1].plot(first.time, first.column("knee.rotor_torque"), **style)
+        _label(grid)
+        legend_above(figure, grid[0][0], len(loops))
+    return {
+        "hopping": figure,
+        "hopping_power": power_figure(robot, loops["dissipative"].run.log, theme),
+    }
+
+
+def _label(grid: list[list[Axes]]) -> None:
+    texts = (
+        ("height of the centre of mass", "time [s]", "height [m]"),
+        ("how far every hop rises", "hop [-]", "rise [mm]"),
+        ("pitch of the base", "time [s]", "pitch [deg]"),
+        ("knee torque in the first hops", "time [s]", "rotor torque [N m]"),
+    )
+    for ax, (title, across, up) in zip([*grid[0], *grid[1]], texts, strict=True):
+        ax.set(title=title, xlabel=across, ylabel=up)
+    grid[0][1].set_ylim(bottom=0.0)
+
+
 def report(loops: dict[str, Hopping]) -> list[Path]:
     """Print the table; return the plots and the playback written."""
     print_columns("hopping, 100 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
     robot, run = stronger_leg(), loops["dissipative"].run
-    logs = {name: loop.run.log for name, loop in loops.items()}
     return [
-        write_figure(OUT / "hopping.png", standing_figure(robot, logs)),
-        write_figure(OUT / "hopping_power.png", power_figure(robot, run.log)),
+        *write_figures(OUT, draw(loops)),
         write_playback(
             OUT / "hopping.html", robot, run.log, marks=run.marks, title="Ten hops on lossy gears"
         ),

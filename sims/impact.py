@@ -11,16 +11,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sims.drops import drop, mitigation
 from sims.leg import with_gears
-from sims.plots import Panel, sweep_figure
+from sims.plots import Panel, sweep_figure, write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.metrics import efficiency_sweep, gear_ratio_sweep, impact_mitigation
 from wbc.sim import Plant, simulate
-from wbc.view import write_playback
-from wbc.view.plots import write_figure
+from wbc.view import LIGHT, Theme, write_playback
 
 OUT = Path("out")
 Sweeps = dict[str, dict[float, dict[str, float]]]
@@ -65,19 +65,34 @@ def panels(sweeps: Sweeps) -> list[Panel]:
 
     rows = []
     for name in sweeps:
-        drops = {"": curve(name, "impulse, up [N s]")}
-        rows.append(Panel("impulse of the ground", name, "[N s]", drops, drops))
+        drops = {"simulated drops": curve(name, "impulse, up [N s]")}
+        rows.append(Panel("impulse of the ground", axis(name), "impulse [N s]", drops, drops))
     leg = load_robot("planar_leg")
     site = (leg, leg.pose("paper"), "foot", [0.0, 1.0])
     for name, metric in (
         ("forward efficiency", efficiency_sweep(*site, np.linspace(0.505, 1.0, 100), axes="xz")),
         ("gear ratio", gear_ratio_sweep(*site, np.linspace(1.0, 80.0, 80), axes="xz")),
     ):
-        lines = {"metric": (metric.values, metric.impact_mitigation)}
-        points = {"drops": curve(name, "IMF, measured")}
-        rows.append(Panel("impact mitigation factor", name, "IMF [-]", lines, points))
-    losses = {part: curve(name, f"{part} loss [% of fall]") for part in ("mesh", "ground")}
-    return [*rows, Panel("energy that the impact takes", name, "[% of fall]", losses)]
+        lines = {"predicted": (metric.values, metric.impact_mitigation)}
+        points = {"simulated drops": curve(name, "IMF, measured")}
+        title = "impact mitigation factor (IMF)"
+        rows.append(Panel(title, axis(name), "IMF [-]", lines, points))
+    losses = {
+        f"lost in the {place}": curve(name, f"{part} loss [% of fall]")
+        for part, place in (("mesh", "gears"), ("ground", "contact"))
+    }
+    share = "energy [% of the fall]"
+    return [*rows, Panel("energy that the impact takes", axis(name), share, losses, losses)]
+
+
+def axis(sweep: str) -> str:
+    """Return the name of a sweep with its unit."""
+    return sweep if "[" in sweep else f"{sweep} [-]"
+
+
+def draw(sweeps: Sweeps, theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return the figure of this study."""
+    return {"impact": sweep_figure(panels(sweeps), theme=theme)}
 
 
 def report(sweeps: Sweeps) -> list[Path]:
@@ -89,7 +104,7 @@ def report(sweeps: Sweeps) -> list[Path]:
     q[robot.position_index("base_z")] += 0.15
     fall = simulate(plant, lambda _: np.zeros(2), plant.state(q), 0.3).log
     return [
-        write_figure(OUT / "impact.png", sweep_figure(panels(sweeps))),
+        *write_figures(OUT, draw(sweeps)),
         write_playback(OUT / "impact.html", robot, fall, title="Dropped from 15 cm, unpowered"),
     ]
 

@@ -20,11 +20,10 @@ from sims import closed_loop, legged
 from sims.closed_loop import DEPTH, ERROR, TRAVEL, OwnPlant
 from sims.leg import balanced_pose, squat, stance_controller, stance_references
 from sims.legged import CenterOfMass
-from sims.plots import Panel, sweep_figure
+from sims.plots import Panel, sweep_figure, write_figures
 from wbc import Robot, load_robot
 from wbc.robot import Motion
 from wbc.sim import ClosedLoop, Plant, SensorNoise, TorqueLag, with_wrong_efficiencies
-from wbc.view.plots import write_figure
 
 OUT = Path("out")
 LEG = "planar_leg_strong"
@@ -176,7 +175,7 @@ def report(found: Found, panels: Sequence[Panel]) -> list[Path]:
             table.add_row(robot, label, *cells)
         Console(width=150).print(table)
     print(f"refused ticks: {sum(figures['refused ticks'] for figures in found.values())}")
-    return [write_figure(OUT / "imperfect_loop.png", sweep_figure(panels))]
+    return write_figures(OUT, {"imperfect_loop": sweep_figure(panels)})
 
 
 if __name__ == "__main__":

@@ -14,14 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sims.leg import LegControl, balanced_pose, squat, standing_torque, with_gears
+from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
-from wbc.view import write_playback
-from wbc.view.plots import power_figure, write_figure
+from wbc.view import LIGHT, Theme, write_playback
+from wbc.view.plots import power_figure
 
 OUT = Path("out")
 
@@ -77,15 +79,19 @@ def main(duration: float = 4.0, knee: float = 0.8) -> dict[str, Squat]:
     return {name: run_leg(leg, duration, knee) for name, leg in legs.items()}
 
 
+def draw(legs: dict[str, Squat], theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return the power through the gears of each leg."""
+    return {
+        f"squat_{name}": power_figure(leg.robot, leg.run.log, theme) for name, leg in legs.items()
+    }
+
+
 def report(legs: dict[str, Squat]) -> list[Path]:
     """Print the table; return the plots of power and the playback written."""
     title = "squatting 6 cm: eta_f 0.8 and 0.7, or both 0.75"
     print_columns(title, {name: leg.figures for name, leg in legs.items()})
     shown = {name: legs[name] for name in ("serial", "parallelogram")}
-    files = [
-        write_figure(OUT / f"squat_{name}.png", power_figure(leg.robot, leg.run.log))
-        for name, leg in shown.items()
-    ]
+    files = write_figures(OUT, draw(shown))
     ours = shown["parallelogram"]
     page = OUT / "parallelogram.html"
     return [*files, write_playback(page, ours.robot, ours.run.log, title="Parallelogram")]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
-from wbc.view import LIGHT
-from wbc.view.plots import DASHES, drawing, new_figure
+from wbc.view import LIGHT, Theme
+from wbc.view.plots import DASHES, drawing, new_figure, write_figure
 
 Curves = Mapping[str, tuple[ArrayLike, ArrayLike]]
 
@@ -22,7 +24,8 @@ class Panel:
     Attributes:
         title, across, up: what stands above, below and beside.
         lines: label -> (x, y), drawn as lines.
-        points: label -> (x, y), drawn as marks.
+        points: label -> (x, y), drawn as dots; those that a line's label names have its colour.
+        dots: what such dots are called in the legend.
         log: whether the upward axis is logarithmic.
     """
 
@@ -32,27 +35,41 @@ class Panel:
     lines: Curves
     points: Curves = field(default_factory=dict)
     log: bool = False
+    dots: str = ""
 
 
-def sweep_figure(panels: Sequence[Panel], columns: int = 3) -> Figure:
+def sweep_figure(panels: Sequence[Panel], columns: int = 3, theme: Theme = LIGHT) -> Figure:
     """Return the panels side by side, `columns` in a row."""
     rows = -(-len(panels) // columns)
-    with drawing():
+    with drawing(theme):
         figure, grid = new_figure(rows, columns, 3.7 * columns, 3.2 * rows)
         axes = [ax for row in grid for ax in row]
         for ax, panel in zip(axes, panels, strict=False):
-            for i, (label, (x, y)) in enumerate(panel.lines.items()):
-                ax.plot(x, y, color=LIGHT.series[i], linestyle=DASHES[i], label=label or None)
-            for i, (label, (x, y)) in enumerate(panel.points.items(), len(panel.lines)):
-                ax.plot(x, y, "o", color=LIGHT.series[i], markersize=4.5, label=label or None)
+            _draw(ax, panel, theme)
             ax.set(title=panel.title, xlabel=panel.across, ylabel=panel.up)
             if panel.log:
                 ax.set_yscale("log")
                 ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
                 ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
                 ax.yaxis.set_minor_formatter(NullFormatter())
-            if any([*panel.lines, *panel.points]):
+            if ax.get_legend_handles_labels()[0]:
                 ax.legend()
         for ax in axes[len(panels) :]:
             ax.set_visible(False)
     return figure
+
+
+def _draw(ax: Axes, panel: Panel, theme: Theme) -> None:
+    colours = dict(zip({**panel.lines, **panel.points}, theme.series, strict=False))
+    for i, (label, (x, y)) in enumerate(panel.lines.items()):
+        ax.plot(x, y, color=colours[label], linestyle=DASHES[i], label=label or None)
+    for label, (x, y) in panel.points.items():
+        own = None if label in panel.lines else label or None
+        ax.plot(x, y, "o", color=colours[label], markersize=5.0, label=own)
+    if panel.dots:
+        ax.plot([], [], "o", color=theme.ink, markersize=5.0, label=panel.dots)
+
+
+def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[Path]:
+    """Write every figure as `folder/name.png` and return the files."""
+    return [write_figure(folder / f"{name}.png", figure) for name, figure in figures.items()]

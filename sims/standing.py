@@ -10,14 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sims.leg import LegControl, balanced_pose, squat
+from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
-from wbc.view import write_playback
-from wbc.view.plots import impact_figure, standing_figure, write_figure
+from wbc.view import LIGHT, Theme, write_playback
+from wbc.view.plots import energy_figure, impact_figure, power_figure, standing_figure
 
 OUT = Path("out")
 
@@ -92,17 +94,27 @@ def main(duration: float = 4.0, progress: bool = False) -> dict[str, Loop]:
     }
 
 
+def draw(loops: dict[str, Loop], theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return squat and landing of all loops, and power and energy of the dissipative squat."""
+    robot, ours = load_robot("planar_leg_strong"), loops["dissipative"].squat.log
+    squats = {name: loop.squat.log for name, loop in loops.items()}
+    landings = {name: loop.landing.log for name, loop in loops.items()}
+    return {
+        "squat": standing_figure(robot, squats, theme=theme),
+        "landing": impact_figure(robot, landings, theme=theme),
+        "power": power_figure(robot, ours, theme),
+        "energy": energy_figure(robot, ours, theme, held=True),
+    }
+
+
 def report(loops: dict[str, Loop]) -> list[Path]:
     """Print the table; return the plots and the playback of our landing written."""
     print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
     robot = load_robot("planar_leg_strong")
-    squats = {name: loop.squat.log for name, loop in loops.items()}
-    landings = {name: loop.landing.log for name, loop in loops.items()}
     page, landing = OUT / "standing.html", loops["dissipative"].landing
     title = "Landing from 10 cm on lossy gears"
     return [
-        write_figure(OUT / "standing.png", standing_figure(robot, squats)),
-        write_figure(OUT / "standing_landing.png", impact_figure(robot, landings)),
+        *write_figures(OUT, draw(loops)),
         write_playback(page, robot, landing.log, marks=landing.marks, title=title),
     ]
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -53,3 +55,12 @@ def checked(
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise error(f"{name} holds {array[where]} at index {where}; every value must be finite.")
     return array
+
+
+def remade(thing: Any) -> tuple[type, tuple[Any, ...]]:
+    """Return what makes a frozen dataclass anew, for its `__reduce__`.
+
+    Pickled as they are, its arrays would come back writable; the class makes them read-only.
+    """
+    given = (getattr(thing, part.name) for part in fields(thing) if part.init)
+    return type(thing), tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in given)

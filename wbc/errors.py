@@ -46,6 +46,14 @@ class IdentificationError(WbcError):
     """Logs and robot cannot be compared, or hold too little to identify anything."""
 
 
+class ParallelError(DesignError):
+    """Work cannot be shared out as it was asked for."""
+
+
+class MissingPackageError(WbcError, ImportError):
+    """A package that a bare installation does not have is needed."""
+
+
 class ViewError(WbcError):
     """Something needed to draw or to take a picture is missing."""
 

@@ -36,7 +36,7 @@ def needed(robot: Robot, motion: Motion) -> FloatArray:
 def away_from_null(kind: type[Effect], robot: Robot, where: str) -> Effect:
     """Return the effect one typical size away from where it is not there, inside its bounds."""
     values = kind.null_values(robot, where)
-    for parameter in kind.parameters:
+    for parameter in kind.at(where, values).parameters:  # an effect may have some per link
         value = values[parameter.name]
         outside = value + parameter.scale > parameter.high
         values[parameter.name] = value + (-parameter.scale if outside else parameter.scale)
@@ -83,7 +83,7 @@ def test_at_its_null_value_it_changes_nothing_anywhere(name: str) -> None:
 def test_bounds_and_places_are_kept(name: str) -> None:
     robot, kind = fitting(name, "planar_leg"), EFFECTS[name]
     effect = away_from_null(kind, robot, kind.places(robot)[-1])
-    for parameter in kind.parameters:
+    for parameter in effect.parameters[: len(kind.parameters)]:
         for value in (parameter.low - 1e-3, parameter.high * 1.01 + 1e-3, np.nan):
             with pytest.raises(EffectError, match=f"{name} at .*{parameter.name}"):
                 effect.with_values({parameter.name: value})

@@ -8,7 +8,6 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.effects.joint_effect import JointEffect
@@ -16,6 +15,7 @@ from wbc.identification import diagnose
 from wbc.identification.answer.attainable import attainable
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 

@@ -8,7 +8,6 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.effects import Backlash, JointCompliance, JointEffect, ViscousFriction
@@ -16,6 +15,7 @@ from wbc.identification import diagnose
 from wbc.identification.model.problem import Problem
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Parameter
+from wbc.sim.excitation import record_with
 
 
 @pytest.fixture(scope="module")

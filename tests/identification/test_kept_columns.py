@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.effects import (
     CenterOfMass,
     CoulombFriction,
@@ -28,6 +27,7 @@ from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.kept_columns import KeptColumns
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 PLAIN: list[Effect] = [

@@ -8,11 +8,11 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
 from wbc.identification import diagnose
 from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 LOGS = record_with(LEG, [CoulombFriction("hip", 0.7)], duration=3.0)

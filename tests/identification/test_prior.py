@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.effects import (
     CoulombFriction,
     PayloadMass,
@@ -17,6 +16,7 @@ from wbc.identification import diagnose
 from wbc.identification.choice.prior import asked, implausible
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import wbc
-from sims.excitation import record_with
 from wbc.effects import JointSpring, TorqueRipple
 from wbc.identification.choice.prior import implausible
 from wbc.identification.model.problem import Problem
 from wbc.robot import Motion
+from wbc.sim.excitation import record_with
 
 
 @pytest.mark.parametrize(("order", "known"), [(5.0, False), (7.0, True)])

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import pytest
 
-from sims.excitation import record_with
 from wbc.effects import (
     EFFECTS,
     CoulombFriction,
@@ -23,6 +22,7 @@ from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
 from wbc.identification.log_warnings import moving_bases
 from wbc.measurement import Log, LogSource, SuspiciousLogError
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 

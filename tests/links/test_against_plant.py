@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from sims.excitation import record_with
 from wbc import load_robot
 from wbc.effects import Backlash, JointCompliance
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
+from wbc.sim.excitation import record_with
 
 
 @pytest.mark.parametrize(

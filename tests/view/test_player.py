@@ -113,6 +113,32 @@ def test_the_next_mark_is_the_impact_and_its_force_shows_with_its_cone(
     tab.get_by_label("cones").check()
 
 
+def test_the_force_of_an_impact_stands_at_its_arrow_as_a_number(tab: Any) -> None:
+    tab.evaluate("player.seek(0)")
+    assert tab.inner_text("#mark") == "next impact"
+    tab.click("#mark")
+    label = tab.locator(".force")
+    note = tab.inner_text("#note")  # impact of foot, 9... N at ... s
+    assert label.inner_text() == f"{note.split(', ')[1].split(' at')[0]} (arrow cut)"
+    box = label.bounding_box()
+    assert min(box["x"], box["y"]) >= 0.0
+    assert box["x"] + box["width"] <= 1000.0
+    assert "force arrow: " in tab.locator("#legend").text_content()
+    tab.get_by_label("forces").uncheck()
+    assert not label.is_visible()
+    tab.get_by_label("forces").check()
+
+
+@pytest.mark.parametrize("size", [(1000, 700), (390, 800), (1400, 400)])
+def test_the_camera_fills_the_window_with_the_robot(tab: Any, size: tuple[int, int]) -> None:
+    tab.set_viewport_size({"width": size[0], "height": size[1]})
+    tab.evaluate("window.dispatchEvent(new Event('resize')), pump(20), player.frameCamera()")
+    reach = tab.evaluate("player.reach()")
+    # The border of 6 % is of the nearest depth: what lies behind reaches a little less far.
+    assert 0.85 < max(reach) <= 1.0
+    tab.set_viewport_size({"width": 1000, "height": 700})
+
+
 def test_joints_take_the_colour_of_power_or_of_the_residual(tab: Any, leg: Robot) -> None:
     hubs = {name: ("robot", f"j{leg.model.getJointId(name)}", "hub") for name in ("hip", "knee")}
     tab.evaluate("player.seek(0.45)")

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import wbc
+from sims.leg import LegControl, balanced_pose, squat
 from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
 from wbc.view.gear_flow import gear_flow, tooth_loss
 from wbc.view.plots import (
@@ -71,6 +73,17 @@ def test_the_audit_of_an_exact_motion_closes_while_standing(leg: Robot, squat: L
     # stored or heat, up to the averaging of speeds at the reversals.
     assert np.abs(audit.unexplained).max() < 0.02 * np.abs(audit.motor_work).max()
     assert audit.heat[-1] > 0.5 * np.ptp(audit.potential)
+
+
+def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> None:
+    """Noise makes the controller's torque change at every tick: sampled powers drift by 1 %."""
+    robot = wbc.load_robot("planar_leg_strong")
+    start = balanced_pose(robot)
+    control = LegControl(robot, squat(0.67, 0.025, 0.5))
+    run = simulate(Plant(robot), control, Plant(robot).state(start), 0.3)
+    held, sampled = (energy_audit(robot, run.log, held=held) for held in (True, False))
+    assert held.heat[-1] == pytest.approx(run.audit.flow.mesh, rel=1e-2)  # one step of 300 is less
+    assert np.abs(held.unexplained).max() < 0.2 * np.abs(sampled.unexplained).max()
 
 
 def test_losses_are_what_the_efficiencies_leave(leg: Robot) -> None:

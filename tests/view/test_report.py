@@ -23,11 +23,11 @@ from wbc.identification import (
     Support,
     diagnose,
 )
+from wbc.identification.answer.numbers import plain, with_interval
 from wbc.identification.answer.sentence import what_to_do
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report
-from wbc.view.report.numbers import plain, with_interval
 
 COEFFICIENT = 0.4
 
@@ -94,29 +94,29 @@ def page(
     robot: Robot, logs: list[Log], diagnosis: Diagnosis, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    return write_report(path, robot, logs, diagnosis, command="wbc diagnose a.csv", seed=7)
+    return write_report(path, robot, logs, diagnosis, command="wbc diagnose a.csv")
 
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert verdict_sentence(diagnosis) == (
-        "Viscous friction at knee would explain these logs: 100 % of the squared error is "
-        "explained, 4 -> 0.1 N m at knee. But these logs cannot tell viscous friction from "
-        "coulomb friction."
+        "It would be enough to add viscous friction of 0.4 N m s/rad at knee. That explains more "
+        "than 99 % of the squared error: 4.0 -> 0.10 N m at knee. But these logs cannot tell "
+        "viscous friction from coulomb friction."
     )
     named = replace(diagnosis, verdict="named")
-    assert verdict_sentence(named).startswith("Viscous friction at knee is what was missing")
+    assert verdict_sentence(named).startswith("Missing: viscous friction of 0.4 N m s/rad at knee.")
     assert "--robot fitted.toml" in what_to_do(named)
     none = replace(diagnosis, verdict="none", findings=())
     assert verdict_sentence(none).startswith("Nothing is missing")
     partial = replace(diagnosis, verdict="partial")
-    assert verdict_sentence(partial).startswith("Viscous friction at knee is missing, that is cer")
+    assert verdict_sentence(partial).startswith("Missing, that is certain: viscous friction of")
     assert diagnosis.next_experiment in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
     assert "no known effect explains" in verdict_sentence(unknown)
     assert "disagree" in verdict_sentence(replace(diagnosis, verdict="not_repeatable"))
     said = str(diagnosis)
     assert "viscous_friction at knee, or coulomb_friction" in said
-    assert "knee: 4 -> 0.1 N m" in said
+    assert "knee: 4.00 -> 0.100 N m" in said
 
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
@@ -126,13 +126,14 @@ def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
     )
     both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
     assert verdict_sentence(both).startswith(
-        "Viscous friction at knee and coulomb friction at hip and knee are what was missing"
+        "Missing: viscous friction of 0.4 N m s/rad at knee, coulomb friction of 0.5 N m at hip "
+        "and coulomb friction of 0.5 N m at knee. That explains"
     )
 
 
 def test_numbers_have_the_digits_they_deserve() -> None:
-    assert with_interval(0.40123, 0.3961, 0.4043) == ("0.4012", "0.3961 … 0.4043")
-    assert with_interval(12.34, 10.0, 15.0) == ("12.3", "10.0 … 15.0")
+    assert with_interval(0.40123, 0.3961, 0.4043) == ("0.401", "0.396 … 0.404")
+    assert with_interval(12.34, 10.0, 15.0) == ("12", "10 … 15")
     assert [plain(x) for x in (0.0, 1234.5, -0.012345, 1e-7, float("nan"))] == [
         "0",
         "1234",
@@ -147,20 +148,26 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     assert page.stat().st_size < 10_000_000
     assert not re.search(r'<(script|link|img|iframe)[^>]+(src|href)="(?!data:)', text)
     for part in (
-        "staircase",
+        "next",
+        "left",
         "effects",
         "ambiguity",
-        "next",
-        "ranking",
         "where",
         "motion",
+        "signals",
+        "staircase",
+        "ranking",
         "quality",
         "provenance",
     ):
         assert f'id="{part}"' in text
+    places = [
+        text.index(f'id="{part}"') for part in ("next", "left", "effects", "where", "ranking")
+    ]
+    assert places == sorted(places)  # the answer comes first, what else was tried after it
     for words in (
-        "0.4000 N m s/rad",
-        "0.3960 … 0.4040",
+        "0.400 N m s/rad",
+        "0.396 … 0.404",
         "careful",
         "the second log is short",
         "wbc diagnose a.csv",
@@ -171,7 +178,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
 
 def test_paired_differences_tell_the_effect_from_none_and_from_its_rival(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    table = text[text.index('id="ranking"') : text.index('id="where"')]
+    table = text[text.index('id="ranking"') : text.index('id="quality"')]
     rows = [
         [re.sub("<.*?>", "", cell).strip() for cell in re.findall("<td.*?</td>", row)]
         for row in re.findall("<tr.*?</tr>", table, re.S)[1:]
@@ -238,7 +245,7 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         tab.goto(page.as_uri())
         tab.wait_for_function("window.report && window.report.ready")
         plots = tab.locator("#panels .plot.js-plotly-plot")
-        assert plots.count() == 8
+        assert plots.count() == 10
 
         hidden = tab.locator("#panels details").nth(1)
         hidden.locator("summary").click()
@@ -270,6 +277,24 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         frame.evaluate("player.seek(3.0)")
         assert frame.evaluate("player.time") == pytest.approx(3.0)
         assert frame.evaluate("document.documentElement.dataset.theme") == "dark"
+
+        # The signals beside the playback follow it, and a click on them moves it.
+        line = tab.locator("#signal-residual .cursor")
+        tab.wait_for_function("!document.querySelector('#signal-residual .cursor').hidden")
+        middle = line.bounding_box()["x"]
+        frame.evaluate("player.seek(1.0)")
+        tab.wait_for_function(
+            "x => document.querySelector('#signal-residual .cursor').getBoundingClientRect().x < x",
+            arg=middle,
+        )
+
+        tab.emulate_media(media="print")
+        tab.evaluate("report.toPaper()")
+        assert tab.locator("details:not([open])").count() == 0
+        assert tab.evaluate("document.documentElement.dataset.theme") == "light"
+        assert tab.locator("#shown").inner_text() == "log in memory"
+        tab.evaluate("dispatchEvent(new Event('afterprint'))")
+        tab.emulate_media(media="screen")
 
         tab.set_viewport_size({"width": 390, "height": 800})
         tab.wait_for_timeout(300)

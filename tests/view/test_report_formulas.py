@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 import wbc
-from sims.excitation import record_with
 from wbc.effects import CustomTorque, ViscousFriction
 from wbc.identification import diagnose
 from wbc.identification.formulas import discover
+from wbc.sim.excitation import record_with
 from wbc.view.report import write_report
 
 

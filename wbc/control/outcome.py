@@ -52,7 +52,7 @@ class Outcome:
         if self._deadline is not None and elapsed > self._deadline:
             status = Status.LATE
             message = f"{1e3 * elapsed:.2f} ms of {1e3 * self._deadline:.2f} ms."
-        return Command(
+        return Command.of(
             rotor_torque=drive,
             acceleration=found.acceleration,
             forces=program.contacts.wrenches(forces),
@@ -68,4 +68,5 @@ class Outcome:
             rounds=found.rounds,
             iterations=found.iterations,
             solution=found.solution,
+            refused=None,
         )

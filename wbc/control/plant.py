@@ -8,7 +8,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit
-from wbc.control.program.balance import place_output, place_share
+from wbc.control.program.balance import place_output
 from wbc.control.selection import as_rows
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot
@@ -30,6 +30,7 @@ class Plant:
         mass: M (nv, nv).
         bias: (nv,) [N m], effects included.
         rotor: (m, nv) [kg m^2], N^2 I_r D^-1 in the driven columns.
+        from_joints: D^-1 (m, m).
         rotor_bias: (m,) [N m] at the motor output: rotor friction and coupling.
         weight: of the robot [N].
     """
@@ -41,6 +42,7 @@ class Plant:
         self.driven = as_rows(robot.actuated)
         self.topology = None if _is_identity(gears.topology) else gears.topology
         self.motor_from_joint = None if self.topology is None else gears.motor_from_joint
+        self.from_joints = np.array(gears.motor_from_joint)
         self._driven_rows, self._topology = robot.actuated, np.array(gears.topology)
         self._joint_torque = np.zeros(gears.size)
         self.rotor = np.zeros((gears.size, robot.model.nv))
@@ -71,26 +73,22 @@ class Plant:
         rows = joint_rows[self.driven]
         return rows if self.topology is None else self.topology.T @ rows
 
-    def rotor_share(self, acceleration: FloatArray) -> FloatArray:
-        """Return what the rotors take themselves (m,) [N m]: rotor qdd + rotor_bias."""
-        share = np.empty(len(self.rotor_bias))
-        place_share(self.rotor, self.rotor_bias, acceleration, share)
-        return share
-
-    def output_torque(self, x: FloatArray, jacobian: FloatArray, scale: float) -> FloatArray:
-        """Return T (m,) [N m].
+    def torques(
+        self, x: FloatArray, jacobian: FloatArray, scale: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return T and what the rotors take themselves, rotor qdd + rotor_bias, (m,) [N m].
 
         Args:
             x: accelerations and force variables (nv + k,).
             jacobian: J (k, nv) of the contacts.
             scale: [N] per unit of force variable.
         """
-        output = np.empty(len(self.rotor_bias))
+        output, share = np.empty(len(self.rotor_bias)), np.empty(len(self.rotor_bias))
         place_output(
-            *(self.mass, self.bias, jacobian, scale, x),
-            *(self._driven_rows, self._topology, self._joint_torque, output),
+            *(self.mass, self.bias, jacobian, scale, x, self._driven_rows, self._topology),
+            *(self.rotor, self.rotor_bias, self._joint_torque, output, share),
         )
-        return output
+        return output, share
 
     def remember(self, acceleration: FloatArray, output: FloatArray) -> None:
         """Take qdd (nv,) and T (m,) of a solution; what T does beyond them is load."""
@@ -134,9 +132,9 @@ class Plant:
     def _couple(self, kinematics: Kinematics) -> None:
         coupling = rotor_coupling(self.robot, _terms(kinematics))
         ratio = self.robot.transmission.gear_ratio
-        self.mass = self.mass + coupling.inertia.T @ self._turns
+        self.mass = np.ascontiguousarray(self.mass + coupling.inertia.T @ self._turns)
         self.bias = self.bias + coupling.link_bias
-        self.rotor = self._rotor_own + ratio[:, None] * coupling.inertia
+        self.rotor = np.ascontiguousarray(self._rotor_own + ratio[:, None] * coupling.inertia)
         own = ratio * coupling.rotor_bias
         self.rotor_bias = self.rotor_bias + own if self._rotors_rub else own
 

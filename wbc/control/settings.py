@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from wbc.control.disturbance import DisturbanceObserver
 from wbc.control.safety.policies import LetDown, SafetyPolicy
 from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.torque.gears import RestPolicy
@@ -35,6 +36,7 @@ class ControllerSettings:
             towards a shared load; far below 1e-5 it drowns in the solver's tolerance, and how
             feet share the load then depends on the past.
         safety: what to command when a tick has no solution.
+        disturbance: learns what the model misses; None (the default) learns nothing.
         deadline: [s] that a tick may take before its status is LATE; None for no deadline.
     """
 
@@ -51,6 +53,7 @@ class ControllerSettings:
     force_weight: float = 1e-4
     safety: SafetyPolicy = field(default_factory=LetDown)
     deadline: float | None = None
+    disturbance: DisturbanceObserver | None = None
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -15,12 +15,15 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from wbc.arrays import FloatArray
 from wbc.errors import DesignError
+from wbc.extras import needs
 from wbc.files import atomic_write, write_text
+
+with needs("design", "the table of a design study"):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 _KEY = b"wbc.study"
 

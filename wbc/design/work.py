@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
-
-from joblib import Parallel, delayed
 
 from wbc.arrays import FloatArray
 from wbc.design.study import Study, describe_columns
 from wbc.design.table import DesignTable
 from wbc.errors import DesignError
+from wbc.parallel import run_jobs
+from wbc.progress import Watch
 
 ANALYTIC_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
 SIMULATED_CHUNK = 8  # designs: 1 to 30 s of work, so that little is lost when a run is killed
 
 Columns = dict[str, FloatArray]
 Chunk = tuple[int, int, int]
-Watch = Callable[[int, int], None]
 
 
 def run_study(
@@ -58,7 +58,9 @@ def run_study(
     left = [one for one in ends if one[0] not in done]
     if watch:
         watch(count, study.size)
-    for number, columns in _results(study, left, workers, cluster):
+    for number, columns in run_jobs(
+        partial(evaluate_chunk, study), left, workers=workers, cluster=cluster
+    ):
         table.add(number, columns)
         count += len(columns["design"])
         if watch:
@@ -74,31 +76,3 @@ def evaluate_chunk(study: Study, chunk: Chunk) -> tuple[int, Columns]:
 
 def _starts(total: int, size: int) -> Iterable[tuple[int, int]]:
     return enumerate(range(0, total, size))
-
-
-def _results(
-    study: Study, chunks: Sequence[Chunk], workers: int, cluster: str | None
-) -> Iterator[tuple[int, Columns]]:
-    """Yield the results of chunks as they come, in any order."""
-    if cluster:
-        yield from _on_cluster(study, chunks, cluster)
-        return
-    pool = Parallel(n_jobs=workers, return_as="generator_unordered")
-    yield from pool(delayed(evaluate_chunk)(study, one) for one in chunks)
-
-
-def _on_cluster(
-    study: Study, chunks: Sequence[Chunk], address: str
-) -> Iterator[tuple[int, Columns]]:
-    try:
-        from distributed import Client, as_completed
-    except ImportError as cause:
-        raise DesignError("--cluster needs Dask: pip install 'wbc[cluster]'.") from cause
-    try:
-        client = Client(address, timeout="10s", set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as cause:
-        raise DesignError(f"--cluster '{address}': no Dask scheduler there ({cause}).") from cause
-    with client:
-        futures = [client.submit(evaluate_chunk, study, one, pure=False) for one in chunks]
-        for _, result in as_completed(futures, with_results=True):
-            yield result

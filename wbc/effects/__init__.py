@@ -12,6 +12,8 @@ from wbc.effects.gravity_direction import GravityDirection
 from wbc.effects.joint_compliance import JointCompliance
 from wbc.effects.joint_effect import JointEffect
 from wbc.effects.joint_spring import JointSpring
+from wbc.effects.link_inertia import LinkInertia
+from wbc.effects.link_inertias import LinkInertias
 from wbc.effects.load_friction import LoadFriction
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
@@ -41,6 +43,8 @@ __all__ = [
     "JointCompliance",
     "JointEffect",
     "JointSpring",
+    "LinkInertia",
+    "LinkInertias",
     "LoadFriction",
     "PayloadMass",
     "PositionOffset",

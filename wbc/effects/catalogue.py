@@ -14,6 +14,8 @@ from wbc.effects.force_sensor_gain import ForceSensorGain
 from wbc.effects.gravity_direction import GravityDirection
 from wbc.effects.joint_compliance import JointCompliance
 from wbc.effects.joint_spring import JointSpring
+from wbc.effects.link_inertia import LinkInertia
+from wbc.effects.link_inertias import LinkInertias
 from wbc.effects.load_friction import LoadFriction
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
@@ -43,6 +45,8 @@ _CLASSES: tuple[type[Effect], ...] = (
     QuadraticDrag,
     RotorInertia,
     PayloadMass,
+    LinkInertia,
+    LinkInertias,
     JointSpring,
     TorqueConstant,
     TorqueOffset,

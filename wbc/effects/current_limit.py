@@ -26,8 +26,8 @@ class CurrentLimit(JointEffect):
     name: ClassVar[str] = "current_limit"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("limit", "N m", 1e6, 1e-3, 1e6, 1.0),)
     explanation: ClassVar[str] = (
-        "The drive limits its current, or the motor saturates: beyond a certain torque the log "
-        "shows the wish, not the deed."
+        "The drive limits its current, or the motor saturates: beyond a certain torque the "
+        "motor gives less than the log says."
     )
     experiment: ClassVar[str] = (
         "Ask for slowly growing torques against a fixed stop with a force sensor: beyond the "

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.inertia import add_point_mass, require_physical
+from wbc.effects.link_inertia import mass_left
 from wbc.errors import EffectError
 from wbc.robot import Effect, Parameter, Robot
 
@@ -38,6 +39,17 @@ class PayloadMass(Effect):
         """Every body that has a mass, and every contact point."""
         heavy = [b for b in robot.bodies if robot.model.inertias[robot.body_joint(b)].mass > 0.0]
         return (*heavy, *(c.name for c in robot.contacts))
+
+    def remarks(self, robot: Robot) -> tuple[str, ...]:
+        """Say of a negative mass that it is drawn and not there."""
+        if self.mass >= 0.0:
+            return ()
+        joint = robot.body_joint(self.where) if self.where in robot.bodies else self._carrier(robot)
+        return (mass_left(-self.mass, robot.model.inertias[joint].mass, self.where),)
+
+    def _carrier(self, robot: Robot) -> int:
+        contact = robot.contact(self.where)
+        return int(robot.model.frames[robot.model.getFrameId(contact.frame)].parentJoint)
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot that carries the mass."""

@@ -44,6 +44,14 @@ class TransmissionEfficiency(JointEffect):
         "lowering torque shrinks in proportion to the weight."
     )
 
+    @property
+    def said(self) -> str:
+        """What the gear loses either way."""
+        forward = f"{100.0 * (1.0 - self.forward_efficiency):.2g} % when the motor drives"
+        share = f"{100.0 * (1.0 - self.backward_efficiency):.2g} %"
+        backward = share if self.backward_efficiency > 0.0 else "all of it, it locks,"
+        return f"losses in the gear at {self.where} ({forward}, {backward} when the joint drives)"
+
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
         """Return the robot's present efficiencies."""

@@ -2,7 +2,7 @@
 
 from wbc.identification.answer.breakdown import Breakdown
 from wbc.identification.answer.compare import compare
-from wbc.identification.answer.comparison import Comparison, OutputError, Series
+from wbc.identification.answer.comparison import Comparison, OutputError
 from wbc.identification.answer.contest import Contestant, rank_robots
 from wbc.identification.answer.diagnose import diagnose
 from wbc.identification.answer.diagnosis import (
@@ -16,6 +16,7 @@ from wbc.identification.answer.diagnosis import (
     Verdict,
 )
 from wbc.identification.answer.ranking import Ranked
+from wbc.identification.answer.series import Series
 from wbc.identification.choice.certainty import Support
 
 __all__ = [

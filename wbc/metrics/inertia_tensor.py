@@ -56,7 +56,7 @@ def forward_generalized_inertia(
 
     It is what the motors feel when they accelerate the contact point from rest. Not symmetric
     when the efficiencies differ: the ellipsoid is that of the symmetric part
-    (`inertia_ellipsoid`), and it holds only where every gear runs forward (slip 4 in
+    (`inertia_ellipsoid`), and it holds only where every gear runs forward (correction 4 in
     docs/physics.md).
 
     Raises:

@@ -2,7 +2,14 @@
 
 from wbc.robot.contact import ContactPoint
 from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
-from wbc.robot.effect import ContactForces, Effect, Hook, Parameter
+from wbc.robot.effect import (
+    ContactForces,
+    Effect,
+    Hook,
+    Parameter,
+    Quantity,
+    small_steps,
+)
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
@@ -18,6 +25,7 @@ __all__ = [
     "Memory",
     "Motion",
     "Parameter",
+    "Quantity",
     "Robot",
     "RobotDescription",
     "RobotSource",
@@ -29,4 +37,5 @@ __all__ = [
     "read_description",
     "robot_names",
     "robots_directory",
+    "small_steps",
 ]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, checked
+from wbc.arrays import FloatArray, checked, remade
 from wbc.errors import RobotError
 
 
@@ -28,6 +29,10 @@ class ContactPoint:
     offset: FloatArray
     friction: float = 0.7
     radius: float = 0.0
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Make it anew where it is copied or unpickled."""
+        return remade(self)
 
     def __post_init__(self) -> None:
         """Check and freeze."""

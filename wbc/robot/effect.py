@@ -62,6 +62,25 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Quantity:
+    """A number of a machine that a person can check.
+
+    Attributes:
+        value: in `unit`.
+        unit: SI unit.
+        instead: beginning of the names of what is said in its place where logs do not tell it.
+    """
+
+    value: float
+    unit: str
+    instead: str = ""
+
+
+_USUAL = np.zeros(0)
+_USUAL.flags.writeable = False
+
+
+@dataclass(frozen=True)
 class Effect(ABC):
     """A physical effect at one place of the robot; subclasses are final, small and frozen.
 
@@ -143,20 +162,7 @@ class Effect(ABC):
         where the effect is not there. An effect with a nonlinear shape parameter returns one
         screen per shape worth trying; `evidence` tells which those are.
         """
-        null = cls.null_values(robot, where)
-        steps: dict[str, float] = {}
-        for parameter in cls.parameters:
-            if not parameter.shape:
-                step = 1e-3 * parameter.scale
-                inside = null[parameter.name] + step <= parameter.high
-                steps[parameter.name] = step if inside else -step
-
-        def combine(coefficients: FloatArray) -> dict[str, float]:
-            changes = zip(steps.items(), coefficients, strict=True)
-            return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
-
-        units = tuple({**null, name: null[name] + step} for name, step in steps.items())
-        return (Screen(units, combine),) if units else ()
+        return small_steps(cls.parameters, cls.null_values(robot, where))
 
     @property
     def key(self) -> tuple[str, str]:
@@ -174,9 +180,30 @@ class Effect(ABC):
         return 0.0
 
     @property
+    def departures(self) -> FloatArray:
+        """(k,) how far its numbers lie from what is usual, in standard deviations (default: none).
+
+        A fit counts half their squares beside what the logs say [nats]: what logs do not tell stays
+        usual. They are zero where the effect is not there.
+        """
+        return _USUAL
+
+    @property
     def values(self) -> dict[str, float]:
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
+
+    @property
+    def said(self) -> str:
+        """What it is and how large, as a person would say it: a noun with its place."""
+        name, listed = self.name.replace("_", " "), []
+        for p in self.parameters:
+            unit = "" if p.unit == "1" else f" {p.unit}"
+            listed.append((p.name.replace("_", " "), f"{self.values[p.name]:.2g}{unit}"))
+        if len(listed) == 1 and self.parameters[0].unit != "1":
+            return f"{name} of {listed[0][1]} at {self.where}"
+        numbers = ", ".join(f"{what} {size}" for what, size in listed)
+        return f"{name} at {self.where}" + (f" ({numbers})" if numbers else "")
 
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the same effect with some parameters changed."""
@@ -186,6 +213,18 @@ class Effect(ABC):
                 raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
+
+    def quantities(self, robot: Robot) -> dict[str, Quantity]:
+        """Return the numbers that a person can check, where the parameters are not them.
+
+        Args:
+            robot: that lacks the effect.
+        """
+        return {}
+
+    def remarks(self, robot: Robot) -> tuple[str, ...]:
+        """Return sentences on what these numbers mean on a robot that lacks the effect."""
+        return ()
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless `where` is a place of this effect on `robot`."""
@@ -268,3 +307,25 @@ class Effect(ABC):
     def true_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
         """Return the true forces behind what their sensors report, each (..., 3) [N]."""
         return forces
+
+
+def small_steps(parameters: Sequence[Parameter], null: Mapping[str, float]) -> tuple[Screen, ...]:
+    """Return the screen of a small step of every parameter that is no shape, none without any.
+
+    Args:
+        parameters: of an effect.
+        null: the values with which it changes nothing.
+    """
+    steps: dict[str, float] = {}
+    for parameter in parameters:
+        if not parameter.shape:
+            step = 1e-3 * parameter.scale
+            inside = null[parameter.name] + step <= parameter.high
+            steps[parameter.name] = step if inside else -step
+
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        changes = zip(steps.items(), coefficients, strict=True)
+        return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
+
+    units = tuple({**null, name: null[name] + step} for name, step in steps.items())
+    return (Screen(units, combine),) if units else ()

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.arrays import FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
@@ -53,6 +55,8 @@ class Robot:
             can be added without losing it, because only they can be saved.
         poses: named configurations q (nq,) of the description, the first one its usual one.
         notes: what the loader read but could not use, for the user to see.
+        before_effects: the robot to which the effects were added, None where there is none: no
+            effect was added, or bodies or gears were changed in code since.
     """
 
     name: str
@@ -64,13 +68,20 @@ class Robot:
     source: RobotSource | None = None
     poses: Mapping[str, FloatArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    before_effects: Robot | None = field(default=None, repr=False)
     actuated: IntArray = field(init=False)
     actuated_position: IntArray = field(init=False)
     unactuated: IntArray = field(init=False)
 
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Make it anew where it is copied or unpickled."""
+        return remade(self)
+
     def __post_init__(self) -> None:
         """Resolve names to indices and check that everything refers to something."""
         object.__setattr__(self, "contacts", tuple(self.contacts))
+        poses = {name: frozen(q) for name, q in self.poses.items()}
+        object.__setattr__(self, "poses", MappingProxyType(poses))
         model = self.model
         rows, positions = [], []
         for joint in self.transmission.joints:
@@ -143,7 +154,7 @@ class Robot:
         """b, the number of coordinates that no gear drives."""
         return int(self.unactuated.size)
 
-    @property
+    @cached_property
     def bodies(self) -> tuple[str, ...]:
         """One name per moving joint: the link that the joint carries."""
         return tuple(self.body_of(joint) for joint in self.joints)
@@ -206,29 +217,44 @@ class Robot:
         for effect in effects:
             effect.check_place(changed)
             changed = effect.change(changed)
-        return replace(changed, effects=(*self.effects, *effects), source=self.source)
+        before = self.before_effects if self.effects else self
+        return replace(
+            changed,
+            effects=(*self.effects, *effects),
+            source=self.source,
+            before_effects=before,
+        )
+
+    def without_effects(self) -> Robot:
+        """Return the robot to which the effects were added; itself where that is not known."""
+        return self.before_effects or self
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
-        return replace(self, transmission=transmission, source=None)
+        return replace(self, transmission=transmission, source=None, before_effects=None)
 
     def with_added_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy with `inertia`, given in the frame of that joint, added to its link."""
         model = self.model.copy()
         model.inertias[joint_number] = model.inertias[joint_number] + inertia
-        return replace(self, model=model, source=None)
+        return replace(self, model=model, source=None, before_effects=None)
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
+        return self.with_inertias({joint_number: inertia})
+
+    def with_inertias(self, inertias: Mapping[int, pin.Inertia]) -> Robot:
+        """Return a copy whose links at these joints have these inertias."""
         model = self.model.copy()
-        model.inertias[joint_number] = inertia
-        return replace(self, model=model, source=None)
+        for joint_number, inertia in inertias.items():
+            model.inertias[joint_number] = inertia
+        return replace(self, model=model, source=None, before_effects=None)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """Return a copy in a gravity field `gravity` (3,) [m/s^2], world frame."""
         model = self.model.copy()
         model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
-        return replace(self, model=model, source=None)
+        return replace(self, model=model, source=None, before_effects=None)
 
     def lossless(self) -> Robot:
         """Return the same robot with perfect gears (eta = 1, frictionless rotors).
@@ -238,7 +264,9 @@ class Robot:
         source = None
         if self.source is not None and not self.effects:
             source = replace(self.source, lossless=True)
-        return replace(self, transmission=self.transmission.lossless(), source=source)
+        before = None if self.before_effects is None else self.before_effects.lossless()
+        gears = self.transmission.lossless()
+        return replace(self, transmission=gears, source=source, before_effects=before)
 
     def neutral(self) -> FloatArray:
         """Return pinocchio's neutral configuration, (nq,)."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
-from rich.progress import Progress
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
+from wbc.progress import progress_bar
 from wbc.sim.energy.audit import EnergyAudit
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.plant import Plant
@@ -99,8 +100,7 @@ def simulate(
     impacts: list[Impact] = []
     events: list[StepEvent] = []
     before = plant.mechanical_energy(state)
-    with Progress(disable=progress is None, transient=True) as bar:
-        task = bar.add_task(progress or "", total=ticks)
+    with nullcontext() if progress is None else progress_bar(progress) as watch:
         for tick in range(ticks):
             command = np.asarray(controller(state), dtype=np.float64)
             push = None if external is None else external(state)
@@ -112,8 +112,8 @@ def simulate(
             events.extend(result.events)
             residuals = worst(residuals, *(s.residuals for s in result.solutions))
             fallbacks += sum(s.method in ("sweeps", "qp") for s in result.solutions)
-            if tick % 100 == 99:
-                bar.advance(task, 100)
+            if watch and tick % 100 == 99:
+                watch(tick + 1, ticks)
     audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)
     return Simulation(
         recorder.log(), state, tuple(impacts), audit, residuals, fallbacks, tuple(events)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.arrays import FloatArray, checked, frozen
+from wbc.arrays import FloatArray, checked, frozen, remade
 from wbc.errors import TransmissionError, unknown_name
 from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
@@ -61,6 +61,10 @@ class Transmission:
     damping: FloatArray = None  # type: ignore[assignment]
     backlash: FloatArray = None  # type: ignore[assignment]
     housings: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Make it anew where it is copied or unpickled."""
+        return remade(self)
 
     def __post_init__(self) -> None:
         """Fill defaults, check every array and freeze it."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from wbc.extras import needs
+
 if TYPE_CHECKING:
     from wbc.view.ghost import Ghost, log_ghost, model_ghost
     from wbc.view.ground import GroundSlab, flat_ground, profile_ground
@@ -45,7 +47,8 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     for home, names in _HOMES.items():
         if name in names:
-            return getattr(import_module(f"wbc.view.{home}"), name)
+            with needs("view", f"{name} of wbc.view"):
+                return getattr(import_module(f"wbc.view.{home}"), name)
     raise AttributeError(f"module 'wbc.view' has no attribute '{name}'")
 
 

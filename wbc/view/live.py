@@ -21,6 +21,7 @@ from wbc.view.geometry import along
 from wbc.view.ground import GroundSlab
 from wbc.view.palette import DIRECTION_COLOURS, rgb
 from wbc.view.scene import add_robot_scene
+from wbc.view.shapes import robot_shapes
 
 
 @final
@@ -45,7 +46,7 @@ class LiveView:
         self._root = self.viewer["/wbc"]
         self._root.delete()
         names = [contact.name for contact in robot.contacts]
-        self._size = add_robot_scene(self._root, robot, tuple(ground), names)
+        self._size = add_robot_scene(self._root, robot, robot_shapes(robot), tuple(ground), names)
         self._space = Workspace(robot)
         for part in ("Grid", "Axes"):
             self.viewer[f"/{part}"].set_property("visible", False)

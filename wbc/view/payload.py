@@ -5,9 +5,11 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
@@ -25,9 +27,13 @@ from wbc.view.palette import (
     YELLOW,
 )
 from wbc.view.scene import SceneSize
+from wbc.view.shapes import LinkShape
 from wbc.view.track import ContactTrack, GearTrack, Track
 
 _LEAST_SPAN = 6.0
+_LOADED = 0.02  # weights above which a contact bears something
+_LEAVES = 1.2  # sizes of the robot: one that moves on further is followed, not framed as a whole
+_FRAMED = 12  # frames whose bodies the camera frames: more hardly move its borders
 _COLOURS = {
     "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
     "quiet": "#C9CED6",
@@ -44,6 +50,7 @@ def playback_payload(
     robot: Robot,
     track: Track,
     size: SceneSize,
+    shapes: Sequence[LinkShape],
     slabs: Sequence[GroundSlab],
     commands: Sequence[str],
     marks: Mapping[str, float],
@@ -60,13 +67,14 @@ def playback_payload(
         "contacts": [_contact(contact, slabs) for contact in track.contacts],
         "gears": [_gear(robot, gear, ghost) for gear in track.gears],
         "marks": _marks(track, marks),
+        "mark_name": "mark" if marks else "impact",
         "weight": track.weight,
         "reach": size.reach,
         "arrow_head": size.arrow_head,
-        "metres_per_newton": size.metres_per_newton,
-        "camera": _camera(robot, track, size),
+        "metres_per_newton": _arrow_scale(track, size),
+        "camera": _camera(robot, track, size, shapes),
         "floating": robot.floating_size > 0,
-        "follow": bool(np.ptp(track.center_of_mass[:, :2], axis=0).max() > 1.2 * size.reach),
+        "follow": bool(np.ptp(track.center_of_mass[:, :2], axis=0).max() > _LEAVES * size.reach),
         "residual_span": _residual_span(ghost),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
@@ -120,6 +128,20 @@ def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, 
     }
 
 
+def _arrow_scale(track: Track, size: SceneSize) -> float:
+    """Return the length of a force arrow [m/N], 0.45 reach for a large force that is no impact.
+
+    Many arrows are shorter, so that all of them cover about as much of the robot as one does.
+    """
+    if not track.contacts:
+        return size.metres_per_newton
+    forces = np.array([np.linalg.norm(contact.force, axis=1) for contact in track.contacts])
+    largest = forces.max(axis=0)
+    loaded = largest[largest > _LOADED * track.weight]
+    usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight
+    return size.metres_per_newton * track.weight / usual / float(np.sqrt(len(track.contacts)))
+
+
 def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
     entries: list[dict[str, Any]] = [
         {
@@ -139,22 +161,37 @@ def _floor(track: Track, slabs: Sequence[GroundSlab]) -> list[float] | None:
     return [round(surface_under(slabs, point)[0], 5) for point in track.center_of_mass]
 
 
-def _camera(robot: Robot, track: Track, size: SceneSize) -> dict[str, Any]:
-    """Frame the robot where it starts: seen along +y if it lives in the x-z plane, else askew."""
-    origins = track.poses[:, 1:, :3] if robot.model.njoints > 1 else track.poses[:, :, :3]
-    low, high = origins.min(axis=(0, 1)), origins.max(axis=(0, 1))
-    flat = bool(np.ptp(origins[..., 1]) < 1e-6)
-    for contact in track.contacts:
-        low = np.minimum(low, contact.position.min(axis=0))
-        high = np.maximum(high, contact.position.max(axis=0))
-        high[2] = max(high[2], contact.position[:, 2].max() + 0.45 * size.reach)
-    margin = 0.25 * size.reach
-    center = 0.5 * (low + high)
+def _camera(
+    robot: Robot, track: Track, size: SceneSize, shapes: Sequence[LinkShape]
+) -> dict[str, Any]:
+    """Return the points that the camera frames and its direction.
+
+    The points are the corners of all bodies along the motion; a robot that leaves the picture is
+    framed where it starts. A robot that lives in the x-z plane is seen nearly along y.
+    """
+    flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
+    leaves = np.ptp(track.center_of_mass[:, :2], axis=0).max() > _LEAVES * size.reach
+    frames = [0] if leaves else np.linspace(0, len(track.time) - 1, _FRAMED).astype(int)
+    points = [point for frame in frames for point in _corners(track, shapes, int(frame))]
+    points += [c.position[frame] for frame in frames for c in track.contacts]
     direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
-    span = np.minimum(high - low, 2.0 * size.reach) + 2.0 * margin
     return {
-        "center": [float(x) for x in center],
-        "height": float(span[2]),
-        "width": float(max(span[0], span[1])),
+        "points": np.round(_outermost(np.array(points)), 4).tolist(),
         "direction": [float(x) for x in direction / np.linalg.norm(direction)],
     }
+
+
+def _corners(track: Track, shapes: Sequence[LinkShape], frame: int) -> list[FloatArray]:
+    """Return the corners of the boxes of all bodies at a frame, world."""
+    corners = []
+    for shape in shapes:
+        place = pin.XYZQUATToSE3(track.poses[frame, shape.joint].astype(np.float64))
+        box = np.array([shape.low, shape.high])
+        corners += [place.act(box[pick, [0, 1, 2]]) for pick in product((0, 1), repeat=3)]
+    return corners
+
+
+def _outermost(points: FloatArray) -> FloatArray:
+    """Return those of points (k, 3) that are outermost along some of 200 directions."""
+    random = np.random.default_rng(0).standard_normal((200, 3))
+    return np.asarray(points[np.unique(np.argmax(points @ random.T, axis=0))])

@@ -20,6 +20,7 @@ from wbc.view.ground import GroundSlab, flat_ground, surface_under
 from wbc.view.payload import playback_payload
 from wbc.view.recorder import CommandRecorder
 from wbc.view.scene import add_robot_scene
+from wbc.view.shapes import robot_shapes
 from wbc.view.terrain import terrain_slabs
 from wbc.view.track import Track, make_track
 
@@ -87,9 +88,12 @@ def playback_page(
     root = recorder.visualizer()["/wbc"]
     slabs = _slabs(track, ground)
     contacts = [contact.name for contact in track.contacts]
-    size = add_robot_scene(root, robot, slabs, contacts, _ground_opacity(track, slabs))
+    shapes = robot_shapes(robot)
+    size = add_robot_scene(root, robot, shapes, slabs, contacts, _ground_opacity(track, slabs))
     shadow = None if ghost is None else track_ghost(robot, ghost, track.time)
-    scene = playback_payload(robot, track, size, slabs, recorder.encoded(), marks or {}, shadow, at)
+    scene = playback_payload(
+        robot, track, size, shapes, slabs, recorder.encoded(), marks or {}, shadow, at
+    )
     environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
     return environment.get_template("playback.html.j2").render(
         title=title or robot.name,

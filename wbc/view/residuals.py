@@ -13,7 +13,7 @@ from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.axes import coordinate_names
+from wbc.robot.coordinates import coordinate_names
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,12 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
-from wbc.view.axes import joint_axis
+from wbc.robot.coordinates import joint_axis
 from wbc.view.geometry import UprightCylinder, along
 from wbc.view.ground import GroundSlab
 from wbc.view.impacts import robot_weight
 from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW, rgb
-from wbc.view.shapes import LinkShape, robot_shapes
+from wbc.view.shapes import LinkShape
 
 
 @dataclass(frozen=True)
@@ -137,12 +137,21 @@ def add_ground(root: Any, slabs: tuple[GroundSlab, ...], opacity: float) -> None
 def add_robot_scene(
     viewer: Any,
     robot: Robot,
+    shapes: tuple[LinkShape, ...],
     slabs: tuple[GroundSlab, ...],
     contacts: Sequence[str],
     ground_opacity: float = 1.0,
 ) -> SceneSize:
-    """Add robot, hubs, named contacts, centre of mass and ground to `viewer`; return their size."""
-    shapes = robot_shapes(robot)
+    """Add robot, hubs, named contacts, centre of mass and ground to `viewer`; return their size.
+
+    Args:
+        viewer: where to add them.
+        robot: whose joints and contacts.
+        shapes: its bodies, from `robot_shapes`.
+        slabs: the ground.
+        contacts: names of those with an arrow and a cone.
+        ground_opacity: of the ground, in [0, 1].
+    """
     size = scene_size(robot, shapes)
     add_robot(viewer["robot"], shapes)
     add_hubs(viewer["robot"], robot, shapes, size)

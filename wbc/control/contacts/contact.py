@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
@@ -18,8 +18,9 @@ from wbc.robot import Robot
 class Contact(ABC):
     """A place of the robot that rests on the ground; subclasses are final and frozen.
 
-    The controller demands J qdd + dJ/dt v = -damping J v in the contact's rows and gives it
-    forces in the same rows, J' f on the robot.
+    The controller demands J qdd + dJ/dt v = -damping J v - stiffness d in the contact's rows and
+    gives it forces in the same rows, J' f on the robot. d is how far the contact is from where it
+    was in the first tick with a solution in which it was active.
 
     Attributes:
         name: how forces, statuses and messages call it.
@@ -27,6 +28,8 @@ class Contact(ABC):
         normal_minimum: least normal force while active [N].
         normal_maximum: greatest normal force [N].
         damping: [1/s] with which a contact that still moves is brought to rest.
+        stiffness: [1/s^2] with which drift away from its place is taken back; 0 leaves it to the
+            ground, which holds a foot by itself and may be soft where the foot sinks in.
     """
 
     name: str
@@ -34,6 +37,7 @@ class Contact(ABC):
     normal_minimum: float = 0.0
     normal_maximum: float = np.inf
     damping: float = 10.0
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -44,8 +48,9 @@ class Contact(ABC):
                 f"contact '{self.name}': 0 <= normal_minimum <= normal_maximum is violated: "
                 f"{self.normal_minimum:g}, {self.normal_maximum:g}."
             )
-        if not 0.0 <= self.damping < np.inf:
-            raise ControlError(f"contact '{self.name}': damping must be >= 0.")
+        for gain in ("damping", "stiffness"):
+            if not 0.0 <= getattr(self, gain) < np.inf:
+                raise ControlError(f"contact '{self.name}': {gain} must be >= 0.")
 
     @abstractmethod
     def bind(self, robot: Robot) -> BoundContact:
@@ -91,9 +96,21 @@ class BoundContact(ABC):
         """The contact's name."""
         return self.contact.name
 
-    @abstractmethod
+    @property
+    def state_rows(self) -> StateRows | None:
+        """Its rows where they are those of a frame; None for a contact with a `fill` of its own."""
+        return None
+
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
-        """Write J (k, nv) and dJ/dt v (k,) at the present state."""
+        """Write J (k, nv) and dJ/dt v (k,) at the present state; columns without motion are zero.
+
+        Raises:
+            ControlError: the contact has neither `state_rows` nor a `fill` of its own.
+        """
+        rows = self.state_rows
+        if rows is None:
+            raise ControlError(f"contact '{self.name}' must define state_rows or fill.")
+        FrameTable(kinematics.model, [rows], [0]).fill(kinematics, jacobian, drift)
 
     def frames(self, model: pin.Model) -> tuple[pin.Frame, ...]:
         """Return frames that the contact reads and that `model` does not have; none by default."""

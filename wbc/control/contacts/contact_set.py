@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import BoundContact
-from wbc.control.kinematics import Kinematics
+from wbc.control.contacts.contact import BoundContact
+from wbc.control.contacts.contact_pull import ContactPull
+from wbc.control.kinematics import FrameTable, Kinematics
 from wbc.control.program.stacking import place_rest
 
 
@@ -18,6 +20,7 @@ class ContactSet:
     Attributes:
         contacts: the contacts, in order.
         rows: total number of rows k, which is also that of force components.
+        rank: how many of them are independent.
         jacobian: J (k, nv).
         target: (k,) what J qdd must be: -drift - damping J v.
         cone: (p, k) rows <= 0 on the forces in newtons.
@@ -25,8 +28,17 @@ class ContactSet:
         normals: (c, k), normal force of each contact.
     """
 
-    def __init__(self, contacts: Sequence[BoundContact], nv: int) -> None:
-        """Lay out the rows."""
+    def __init__(
+        self, contacts: Sequence[BoundContact], model: pin.Model, rank: int | None = None
+    ) -> None:
+        """Lay out the rows.
+
+        Args:
+            contacts: the contacts.
+            model: of the `Kinematics` that is read.
+            rank: how many of the rows are independent; all when left out.
+        """
+        nv = model.nv
         self.contacts = tuple(contacts)
         self.slices: list[slice] = []
         start = 0
@@ -34,6 +46,7 @@ class ContactSet:
             self.slices.append(slice(start, start + contact.rows))
             start += contact.rows
         self.rows = start
+        self.rank = start if rank is None else rank
         self._wrenches = [
             (contact.name, contact.wrench, rows)
             for contact, rows in zip(self.contacts, self.slices, strict=True)
@@ -43,7 +56,14 @@ class ContactSet:
         self._drift = np.zeros(start)
         self._placed = False
         self._damping = np.zeros(start)
-        self._places = [(self.jacobian[rows], self._drift[rows]) for rows in self.slices]
+        self._foreign = [i for i, c in enumerate(self.contacts) if c.state_rows is None]
+        known = [
+            (contact.state_rows, rows.start)
+            for contact, rows in zip(self.contacts, self.slices, strict=True)
+        ]
+        wanted = [(rows, first) for rows, first in known if rows is not None]
+        self._table = FrameTable(model, [w[0] for w in wanted], [w[1] for w in wanted])
+        self._pull = ContactPull(self.contacts, self.slices, wanted)
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
         self.normals = np.zeros((len(self.contacts), start))
@@ -61,20 +81,38 @@ class ContactSet:
     def place(self, jacobian: FloatArray, target: FloatArray) -> bool:
         """Keep the rows in the memory of a program from now on; return whether that is granted.
 
-        The first program that asks gets them, the programs of further levels must copy.
+        The first program that asks gets them, the programs of further levels must copy. Rows
+        that repeat each other are not granted: a program holds a basis of them.
         """
-        if self._placed:
+        if self._placed or self.rank < self.rows:
             return False
         self.jacobian, self.target = jacobian, target
-        self._places = [(jacobian[rows], self._drift[rows]) for rows in self.slices]
         self._placed = True
         return True
 
-    def fill(self, kinematics: Kinematics) -> None:
-        """Evaluate the rows at the present state."""
-        for contact, (jacobian, drift) in zip(self.contacts, self._places, strict=True):
-            contact.fill(kinematics, jacobian, drift)
-        place_rest(self.jacobian, kinematics.velocity, self._damping, self._drift, self.target)
+    def fill(self, kinematics: Kinematics, anchors: Mapping[str, FloatArray] | None = None) -> None:
+        """Evaluate the rows at the present state.
+
+        Args:
+            kinematics: of the state.
+            anchors: placement (12,) by name, of contacts whose drift is to be taken back.
+        """
+        jacobian, drift = self.jacobian, self._drift
+        for i in self._foreign:
+            rows = self.slices[i]
+            self.contacts[i].fill(kinematics, jacobian[rows], drift[rows])
+        self._table.fill(kinematics, jacobian, drift)
+        place_rest(jacobian, kinematics.velocity, self._damping, drift, self.target)
+        if anchors and self._pull.names:
+            self._pull.add(self._table.places, anchors, self.target)
+
+    def anchored(self, anchors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return where the contacts that take drift back stood in the first tick, by name.
+
+        Args:
+            anchors: those of the last tick; a contact that is not active loses its own.
+        """
+        return self._pull.kept(self._table.places, anchors) if self._pull.names else {}
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
         """Return the force of every contact as users see it, of all components (k,) [N, N m]."""

@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, checked, frozen
 from wbc.control.contacts.contact import BoundContact, Cone, Contact
 from wbc.control.contacts.friction import ConeApproximation, planar_cone, pyramid
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import RowKind, StateRows
 from wbc.control.selection import Rows, as_rows
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
@@ -22,6 +22,10 @@ from wbc.robot import Robot
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PointContact(Contact):
     """One of the robot's contact points on flat ground, force (3,) along the world axes.
+
+    A contact point with a radius is the centre of a ball that rolls without slipping: at rest is
+    the point of the ball that touches, and the force acts there. `stiffness` then keeps the height
+    of the ball alone.
 
     Axes in which the robot can never move the point (y of a planar robot) get neither rows nor
     forces, so that no row of the program is singular by construction. On a slope the rows stay
@@ -77,7 +81,14 @@ class PointContact(Contact):
             axes=frozen(axes, np.int_),
             frame=f"contact:{self.name}",
             select=as_rows(np.asarray(axes)),
+            arm=self._arm(point.radius),
         )
+
+    def _arm(self, radius: float) -> tuple[float, float, float]:
+        """Return the vector from where a ball touches the ground to its centre [m]."""
+        normal = np.array(self.ground_normal)
+        x, y, z = (radius / np.linalg.norm(normal) * normal).tolist()
+        return x, y, z
 
     def _ground_axes(self, axes: list[int]) -> FloatArray:
         """Return two tangents and the normal of the ground as rows over the movable axes."""
@@ -103,17 +114,21 @@ class BoundPoint(BoundContact):
         axes: the world axes (k,) that it has, the last one z.
         frame: name of the point among the tick's frames.
         select: the same axes as rows of a velocity.
+        arm: (3,) [m] world axes, from where a ball touches the ground to its centre.
     """
 
     axes: IntArray
     frame: str
     select: Rows
+    arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
-        """Copy the point's linear rows."""
-        number, select = kinematics.frame_id(self.frame), self.select
-        jacobian[:] = kinematics.frame_jacobian(number)[select]
-        drift[:] = kinematics.frame_drift(number)[select]
+    @property
+    def state_rows(self) -> StateRows:
+        """The point's linear rows, those of the rolling ball where it has a radius."""
+        chosen = self.axes
+        step = int(chosen[1] - chosen[0]) if len(chosen) > 1 else 1
+        rows = slice(int(chosen[0]), int(chosen[-1]) + 1, step)
+        return StateRows(RowKind.FRAME, self.frame, rows, self.arm)
 
     @property
     def components(self) -> IntArray:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
+    Dense,
     Matrix,
     Nothing,
     Number,
     OutMatrix,
+    OutRow,
     OutVector,
     Places,
-    Vector,
+    Row,
     compiled,
 )
 
 
-@compiled(Nothing, Matrix, Vector, Matrix, Number, Places, OutMatrix, OutVector)
+@compiled(Nothing, Dense, Row, Matrix, Number, Places, OutMatrix, OutVector)
 def place_balance(
     mass: FloatArray,
     bias: FloatArray,
@@ -44,7 +46,23 @@ def place_balance(
             rows[i, nv + k] = -scale * jacobian[k, row]
 
 
-@compiled(Nothing, Matrix, Vector, Matrix, Number, Vector, Places, Matrix, OutVector, OutVector)
+@compiled(Nothing, Dense, Row, Row, OutRow)
+def place_share(
+    rotor: FloatArray, rotor_bias: FloatArray, acceleration: FloatArray, share: FloatArray
+) -> None:
+    """Write what the rotors take themselves, rotor qdd + rotor_bias (m,) [N m], into `share`."""
+    for i in range(len(rotor_bias)):
+        torque = rotor_bias[i]
+        for j in range(rotor.shape[1]):
+            torque += rotor[i, j] * acceleration[j]
+        share[i] = torque
+
+
+@compiled(
+    Nothing,
+    *(Dense, Row, Matrix, Number, Row, Places, Dense, Dense, Row),
+    *[OutRow] * 3,
+)
 def place_output(
     mass: FloatArray,
     bias: FloatArray,
@@ -53,8 +71,11 @@ def place_output(
     x: FloatArray,
     driven: IntArray,
     topology: FloatArray,
+    rotor: FloatArray,
+    rotor_bias: FloatArray,
     joint: FloatArray,
     output: FloatArray,
+    share: FloatArray,
 ) -> None:
     """Write T = D' (M qdd + bias - scale J' f)_driven (m,) at x = [qdd, f].
 
@@ -63,8 +84,10 @@ def place_output(
         x: (n,).
         driven: coordinates (m,) in the order of the gears.
         topology: D (m, m).
+        rotor, rotor_bias: as for `place_share`.
         joint: memory (m,).
         output: result.
+        share: result of `place_share`.
     """
     nv, m = len(bias), len(driven)
     for i in range(m):
@@ -76,19 +99,8 @@ def place_output(
             torque -= scale * jacobian[k, row] * x[nv + k]
         joint[i] = torque
     for i in range(m):
-        torque = 0.0
-        for j in range(m):
-            torque += topology[j, i] * joint[j]
-        output[i] = torque
-
-
-@compiled(Nothing, Matrix, Vector, Vector, OutVector)
-def place_share(
-    rotor: FloatArray, rotor_bias: FloatArray, acceleration: FloatArray, share: FloatArray
-) -> None:
-    """Write what the rotors take themselves, rotor qdd + rotor_bias (m,) [N m], into `share`."""
-    for i in range(len(rotor_bias)):
-        torque = rotor_bias[i]
-        for j in range(len(acceleration)):
-            torque += rotor[i, j] * acceleration[j]
-        share[i] = torque
+        output[i] = 0.0
+    for j in range(m):
+        for i in range(m):
+            output[i] += topology[j, i] * joint[j]
+    place_share(rotor, rotor_bias, x, share)

@@ -16,6 +16,7 @@ from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
 from wbc.control.program.inequality_rows import InequalityRows
 from wbc.control.program.placing import place_tasks
+from wbc.control.program.row_basis import RowBasis
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
@@ -30,7 +31,8 @@ class ContactForceProgram:
               -limit <= e (D'(M qdd + bias - J'f)_m) + rotor qdd + rotor_bias <= limit
               friction cones, normal forces, joint limits
 
-    with e the slope of the mesh law in the direction predicted for each gear. All memory is
+    with e the slope of the mesh law in the direction predicted for each gear. Contact rows that
+    repeat each other are met in the least-squares sense (see `RowBasis`). All memory is
     allocated once; `problem` is overwritten by the next assembly.
 
     Attributes:
@@ -94,7 +96,7 @@ class ContactForceProgram:
         self.efforts = tuple(efforts)
         self.diagonal, self.pull = np.full(self.n, weights[0]), np.zeros(self.n)
         self._take_forces()
-        rest = self.undriven + contacts.rows
+        rest = self.undriven + contacts.rank
         cost_rows = task_rows + robot.transmission.size * len(self.efforts)
         self.unlocked, self.cost_rows = rest, cost_rows
         size = cost_rows + rest + locked
@@ -109,6 +111,10 @@ class ContactForceProgram:
         self._balance, self._balance_right = self.A[balance], self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
         self._copies = not contacts.place(self._contact_rows, self._contact_right)
+        self._basis = None
+        if contacts.rank < contacts.rows:
+            self._basis = RowBasis(contacts.rows, self.nv, contacts.rank)
+            self._contact_softness = self._softness[cost_rows:][contact]
         names = robot.transmission.joints
         gears = [names[i] for i in self.gears]
         scale = self.force_scale
@@ -137,7 +143,12 @@ class ContactForceProgram:
             *(plant.mass, plant.bias, set_.jacobian, self.force_scale),
             *(plant.robot.unactuated, self._balance, self._balance_right),
         )
-        if self._copies:
+        if self._basis is not None:
+            self._basis.place(
+                *(set_.jacobian, set_.target),
+                *(self._contact_rows, self._contact_right, self._contact_softness),
+            )
+        elif self._copies:
             np.copyto(self._contact_rows, set_.jacobian)
             np.copyto(self._contact_right, set_.target)
         if ceilings != self._ceilings:
@@ -246,13 +257,19 @@ class ContactForceProgram:
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""
-        return self.plant.output_torque(x, self.contacts.jacobian, self.force_scale)
+        return self.torques(x)[0]
+
+    def torques(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return T and what the rotors take themselves (m,) [N m] at a solution."""
+        return self.plant.torques(x, self.contacts.jacobian, self.force_scale)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""
         if row < self.undriven:
             coordinate = int(self.plant.robot.unactuated[row])
             return f"balance of undriven coordinate {coordinate}", "N or N m"
+        if self._basis is not None and row < self.unlocked:
+            return "the contacts at rest", "m/s^2"
         for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
             if row - self.undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"

@@ -162,7 +162,7 @@ class Level:
         if self.program.efforts:
             return self._guessed_with_efforts(guess, gears, first)
         start = perf_counter()
-        solution = guess.guess(self.program.unbound)
+        solution = guess.guess(self.program.unbound, self.program.rows.torque.stop)
         if solution is None:
             return None
         return self._found(solution, 1, perf_counter() - start)
@@ -179,7 +179,7 @@ class Level:
                 program.torque_map, slopes.at(positive), gears.speed, gears.last_output
             )
             start = perf_counter()
-            solution = guess.guess(program.unbound)
+            solution = guess.guess(program.unbound, program.rows.torque.stop)
             spent += perf_counter() - start
             if solution is None:
                 return None
@@ -192,14 +192,14 @@ class Level:
         return None
 
     def _found(self, solution: QPSolution, rounds: int, spent: float) -> Found:
-        """Return a solution of the program without torque limits as one of the program."""
-        push = np.zeros(len(self.program.rows.lower))
-        push[self.program.rows.torque.stop :] = solution.z
-        x, y, _, status, iterations = solution
-        solution = QPSolution(x, y, push, status, iterations)
-        self._output = output = self.program.output_torque(solution.x)
+        """Return a solution with its torques."""
+        output, share = self.program.torques(solution.x)
+        self._output = output
         acceleration = solution.x[: self.program.nv]
-        return Found(solution, output, rounds, spent, True, acceleration, solution.iterations)
+        return Found(
+            *(solution, output, share, rounds, spent, True),
+            *(acceleration, solution.iterations),
+        )
 
     def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         self._assemble_whole()
@@ -222,8 +222,7 @@ class Level:
         return Answer(found, self._realise(found, gears), verdict)
 
     def _realise(self, found: Found, gears: GearState) -> Realised:
-        share = self.program.plant.rotor_share(found.acceleration)
-        return self._stage.solve(found.output, share, gears.sigma, gears.limits)
+        return self._stage.solve(found.output, found.share, gears.sigma, gears.limits)
 
     def _assemble_whole(self) -> None:
         self.program.assemble_torque_map()

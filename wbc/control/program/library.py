@@ -9,8 +9,10 @@ from math import inf
 
 from wbc.arrays import BoolArray
 from wbc.control.contacts import BoundContact
+from wbc.control.contacts.contact_ranks import ContactRanks
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit
 from wbc.control.plant import Plant
 from wbc.control.program.contact_force_program import ContactForceProgram
@@ -36,6 +38,7 @@ class Recipe:
 
     Attributes:
         plant: the dynamics.
+        kinematics: of the controller; moved about once when programs are first made.
         contacts: every contact there may be, by name.
         limited: (m,) bool, gears that have a torque limit.
         joint_limit: limits of joints, or None.
@@ -48,6 +51,7 @@ class Recipe:
     """
 
     plant: Plant
+    kinematics: Kinematics
     contacts: Mapping[str, BoundContact]
     limited: BoolArray
     joint_limit: JointLimit | None
@@ -70,6 +74,7 @@ class ProgramLibrary:
         """Remember what programs are made of."""
         self._recipe = recipe
         self._all = tuple(recipe.contacts)
+        self._ranks = ContactRanks(recipe.plant.robot, recipe.kinematics, recipe.contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
         if len(self._all) <= _FEW:
             for count in range(len(self._all) + 1):
@@ -80,12 +85,12 @@ class ProgramLibrary:
         """Return the levels for the contacts that may carry force, all when None."""
         names = self._all
         if active is not None:
-            names = tuple(name for name in names if active.get(name, 0.0) > 0.0)
+            names = tuple([name for name in names if active.get(name, 0.0) > 0.0])
         levels = self._made.get(names)
         if levels is None:
             recipe = self._recipe
-            nv = recipe.plant.robot.model.nv
-            contacts = ContactSet([recipe.contacts[name] for name in names], nv)
+            chosen = [recipe.contacts[name] for name in names]
+            contacts = ContactSet(chosen, recipe.kinematics.model, self._ranks.rank(names))
             levels = tuple(self._level(contacts, rank) for rank in range(len(recipe.stacks)))
             self._made[names] = levels
         return levels

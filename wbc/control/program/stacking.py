@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, Matrix, Nothing, OutVector, Places, Vector, compiled
+from wbc.compiled import (
+    Dense,
+    Matrix,
+    Nothing,
+    OutDense,
+    OutVector,
+    Places,
+    Table,
+    Vector,
+    compiled,
+)
+from wbc.control.kinematics.turning import place_turn
 
 
 @compiled(Nothing, Matrix, Vector, Places, OutVector)
@@ -21,22 +34,68 @@ def place_rates(
         rates[rows + i] = velocity[chosen[i]]
 
 
-@compiled(Nothing, Dense, Dense, Places, Vector, OutVector, OutVector)
+@compiled(
+    Nothing,
+    *(Table, Places, Dense, Dense, Matrix, Vector, Places, Vector, Places, Vector),
+    *(OutDense, Dense, Vector, OutVector, OutVector),
+)
 def place_wanted(
+    plan: IntArray,
+    used: IntArray,
+    places: FloatArray,
+    targets: FloatArray,
+    jacobian: FloatArray,
+    velocity: FloatArray,
+    chosen: IntArray,
+    position: FloatArray,
+    positions: IntArray,
+    goals: FloatArray,
     parts: FloatArray,
     gains: FloatArray,
-    chosen: IntArray,
     weight: FloatArray,
     wanted: FloatArray,
     pull: FloatArray,
 ) -> None:
-    """Write the sum of gains * parts over their first axis (k + c,) into `wanted`.
+    """Write what all tasks want (k + c,): the sum of gains * parts over their first axis.
 
-    The last c of them, of the chosen coordinates, are summed by weight (c,) into `pull` (nv,).
+    Errors of frames and joints, and all rates, are written into `parts` first. The last c rows, of
+    the chosen coordinates, are summed by weight (c,) into `pull` (nv,).
+
+    Args:
+        plan, used, places: of the `FrameTable` (e, ..).
+        targets: placements wanted (e, 12).
+        jacobian, velocity: J (k, nv) and v (nv,).
+        chosen: coordinates of the last rows (c,).
+        position: q (nq,).
+        positions, goals: where those rows find their position in q, -1 where their task says it
+            itself, and where it should be (c,).
+        parts, gains: (5, k + c) error, rate, drift, velocity and acceleration.
+        weight: (c,).
+        wanted, pull: results.
     """
     total = len(wanted)
     rows = total - len(chosen)
-    wanted[:] = 0.0
+    turn = np.empty(3)
+    for e in range(len(plan)):
+        if used[e] == 0:
+            continue
+        row, begin, count, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
+        if begin + (count - 1) * step >= 3:
+            place_turn(places[e], targets[e], turn)
+        for k in range(count):
+            a = begin + k * step
+            parts[0, row + k] = targets[e, 9 + a] - places[e, 9 + a] if a < 3 else turn[a - 3]
+    for i in range(rows):
+        rate = 0.0
+        for j in range(len(velocity)):
+            rate += jacobian[i, j] * velocity[j]
+        parts[1, i] = rate
+    for i in range(len(chosen)):
+        parts[1, rows + i] = velocity[chosen[i]]
+        if positions[i] >= 0:
+            parts[0, rows + i] = goals[i] - position[positions[i]]
+    for i in range(total):
+        wanted[i] = 0.0
     for part in range(len(parts)):
         for i in range(total):
             wanted[i] += gains[part, i] * parts[part, i]

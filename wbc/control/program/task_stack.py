@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.program.stacking import place_rates, place_wanted
 from wbc.control.reference import Reference, Target
 from wbc.control.tasks import Task
@@ -20,15 +21,24 @@ _REST = Reference()
 
 
 class _Entry(NamedTuple):
-    """A task, whether it commands in its own way, and the memory of its rows.
+    """A task, how it is evaluated, and the memory of its rows.
 
-    The memory is the Jacobian (None for a task that selects joints), its rate J v, and what the
-    gains are applied to: error, drift, velocity and acceleration asked for.
+    Attributes:
+        task, name, size: the task, its name, and how many rows it has.
+        own: whether it commands in its own way.
+        number: place of its target in the table of frames, -1 for a task that is asked itself.
+        goals: its part of the joints' targets (k,), None unless it is of joints.
+        weights: of its rows (k,).
+        jacobian: memory of J (k, nv), None for a task that selects joints.
+        rate, error, drift, velocity, acceleration: J v, what the gains are applied to, (k,).
     """
 
     task: Task
-    own: bool
+    name: str
     size: int
+    own: bool
+    number: int
+    goals: FloatArray | None
     weights: FloatArray
     jacobian: FloatArray | None
     rate: FloatArray
@@ -41,8 +51,9 @@ class _Entry(NamedTuple):
 class TaskStack:
     """Weighted rows J qdd = wanted - drift, refilled in place every tick.
 
-    Tasks that select joints go to a diagonal instead of rows. The gains of all tasks are applied
-    at once. A task without weight is not evaluated.
+    Tasks that select joints go to a diagonal instead of rows. Rows that follow from the state
+    (`Task.state_rows`, `Task.positions`) are evaluated all at once, other tasks are asked one by
+    one. The gains of all tasks are applied at once. A task without weight is not evaluated.
 
     Attributes:
         jacobian: J (k, nv) of the tasks with rows.
@@ -53,8 +64,14 @@ class TaskStack:
         pull: (nv,) their weighted wanted accelerations.
     """
 
-    def __init__(self, robot: Robot, tasks: Sequence[Task]) -> None:
-        """Check the tasks on `robot` and make room for them."""
+    def __init__(self, robot: Robot, tasks: Sequence[Task], model: pin.Model) -> None:
+        """Check the tasks on `robot` and make room for them.
+
+        Args:
+            robot: the robot.
+            tasks: of one level.
+            model: of the `Kinematics` that is read.
+        """
         self.tasks = tuple(tasks)
         nv = robot.model.nv
         sizes = [task.check(robot) for task in self.tasks]
@@ -69,11 +86,17 @@ class TaskStack:
         self._asked, self._rates = self._parts[3:], self._parts[1]
         self._weights = np.zeros(whole)
         self.weight, self._chosen_weight = self._weights[:total], self._weights[total:]
+        self._goals = np.zeros(whole - total)
+        self._positions = np.full(whole - total, -1)
         self._entries: list[_Entry] = []
+        table: list[tuple[StateRows, int]] = []
         start = 0
         for i in [*rowed, *selecting]:
-            self._place(self.tasks[i], slice(start, start + sizes[i]), total)
+            self._place(self.tasks[i], slice(start, start + sizes[i]), table, model)
             start += sizes[i]
+        self._table = FrameTable(model, [rows for rows, _ in table], [first for _, first in table])
+        self._targets = np.zeros((len(table), 12))
+        self._packed: dict[str, Target] = {}
         self.chosen = np.concatenate(
             [np.arange(nv)[selections[i]] for i in selecting] or [np.zeros(0, np.int_)]
         )
@@ -83,7 +106,9 @@ class TaskStack:
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
         self.weigh(None, None)
 
-    def _place(self, task: Task, rows: slice, total: int) -> None:
+    def _place(
+        self, task: Task, rows: slice, table: list[tuple[StateRows, int]], model: pin.Model
+    ) -> None:
         """Give a task its rows and gains; one that commands in its own way has no gains here."""
         own = type(task).command is not Task.command
         self._gains[2, rows], self._gains[4, rows] = -1.0, 1.0
@@ -91,11 +116,22 @@ class TaskStack:
             gain = task.velocity_gain
             self._gains[0, rows], self._gains[1, rows] = task.stiffness, -gain
             self._gains[3, rows] = gain
-        size = rows.stop - rows.start
+        size, total = rows.stop - rows.start, len(self.wanted)
         weights = np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
-        jacobian = self.jacobian[rows] if rows.start < total else None
+        jacobian, number, goals = None, -1, None
+        if rows.start < total:
+            jacobian, known = self.jacobian[rows], task.state_rows
+            if known is not None:
+                number = len(table)
+                table.append((known, rows.start))
+        elif task.positions is not None:
+            chosen = slice(rows.start - total, rows.stop - total)
+            goals = self._goals[chosen]
+            self._positions[chosen] = np.arange(model.nq)[task.positions]
         views = (self._parts[part, rows] for part in (1, 0, 2, 3, 4))
-        self._entries.append(_Entry(task, own, size, weights, jacobian, *views))
+        self._entries.append(
+            _Entry(task, task.name, size, own, number, goals, weights, jacobian, *views)
+        )
 
     def weigh(
         self, weights: Mapping[str, float] | None, activation: Mapping[str, float] | None
@@ -111,11 +147,14 @@ class TaskStack:
         self._shares = dict(weights or _NONE), dict(activation or _NONE)
         start, self._active, self._idle = 0, [], []
         for entry in self._entries:
-            name, rows = entry.task.name, slice(start, start + entry.size)
+            rows = slice(start, start + entry.size)
             start = rows.stop
-            own = self._shares[0].get(name, entry.weights)
-            self._weights[rows] = self._shares[1].get(name, 1.0) * own
-            if self._weights[rows].any():
+            own = self._shares[0].get(entry.name, entry.weights)
+            self._weights[rows] = self._shares[1].get(entry.name, 1.0) * own
+            active = bool(self._weights[rows].any())
+            if entry.number >= 0:
+                self._table.used[entry.number] = active
+            if active:
                 self._active.append(entry)
             else:
                 self._idle.append(entry)
@@ -130,9 +169,10 @@ class TaskStack:
 
     def remember(self) -> None:
         """Hold the targets of the last `fill` from now on; tasks without weight hold nothing."""
-        self._held.update(self._pending)
+        if self._pending:
+            self._held.update(self._pending)
         for entry in self._idle:
-            self._held.pop(entry.task.name, None)
+            self._held.pop(entry.name, None)
 
     def fill(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
         """Evaluate every task at the present state.
@@ -145,40 +185,59 @@ class TaskStack:
         """
         self._asked.fill(0.0)
         self._pending.clear()
+        held, packed = self._held, self._packed
         for entry in self._active:
-            self._evaluate(entry, kinematics, references.get(entry.task.name, _REST))
+            name = entry.name
+            reference = references.get(name, _REST)
+            target = held.get(name)
+            if reference is not _REST or target is None or packed.get(name) is not target:
+                self._evaluate(entry, kinematics, reference)
         for entry in self._idle:
-            reference = references.get(entry.task.name)
-            if reference is not None:
+            reference = references.get(entry.name, _REST)
+            if reference is not _REST:
                 self._check_idle(entry, reference)
-        place_rates(self.jacobian, kinematics.velocity, self.chosen, self._rates)
-        for entry in self._own:
-            reference = references.get(entry.task.name, _REST)
-            held = Reference(
-                self._pending[entry.task.name], reference.velocity, reference.acceleration
-            )
-            entry.acceleration[:] = entry.task.command(kinematics, held, entry.rate)
+        self._table.fill(kinematics, self.jacobian, self._parts[2])
+        if self._own:
+            self._ask_own(kinematics, references)
         place_wanted(
-            *(self._parts, self._gains, self.chosen, self._chosen_weight),
-            *(self._all_wanted, self.pull),
+            *(self._table.plan, self._table.used, self._table.places, self._targets),
+            *(self.jacobian, kinematics.velocity, self.chosen),
+            *(kinematics.position, self._positions, self._goals),
+            *(self._parts, self._gains, self._chosen_weight, self._all_wanted, self.pull),
         )
 
+    def _ask_own(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
+        """Take the accelerations of the tasks that command in their own way."""
+        place_rates(self.jacobian, kinematics.velocity, self.chosen, self._rates)
+        for entry in self._own:
+            reference = references.get(entry.name, _REST)
+            target = self._pending.get(entry.name, self._held.get(entry.name))
+            held = Reference(target, reference.velocity, reference.acceleration)
+            entry.acceleration[:] = entry.task.command(kinematics, held, entry.rate)
+
     def _evaluate(self, entry: _Entry, kinematics: Kinematics, reference: Reference) -> None:
-        """Write the rows of one task."""
+        """Take the reference of one task, and write its rows where it says itself where it is."""
         task = entry.task
         target = self._target(entry, kinematics, reference)
-        self._pending[task.name] = target
-        if entry.jacobian is not None:
-            entry.jacobian[:] = task.jacobian(kinematics)
-            entry.drift[:] = task.drift(kinematics)
+        self._pending[entry.name] = target
         if reference.velocity is not None:
             entry.velocity[:] = rates(reference.velocity, "velocity", entry.size, task.name)
         if reference.acceleration is not None:
             entry.acceleration[:] = rates(
                 reference.acceleration, "acceleration", entry.size, task.name
             )
-        if not entry.own:
-            entry.error[:] = task.error(kinematics, target)
+        if entry.goals is not None:
+            entry.goals[:] = target
+        elif entry.number >= 0:
+            task.pack(target, self._targets[entry.number])
+        else:
+            if entry.jacobian is not None:
+                entry.jacobian[:] = task.jacobian(kinematics)
+                entry.drift[:] = task.drift(kinematics)
+            if not entry.own:
+                entry.error[:] = task.error(kinematics, target)
+            return
+        self._packed[entry.name] = target
 
     def _target(self, entry: _Entry, kinematics: Kinematics, reference: Reference) -> Target:
         """Return the target of a reference, else the one held, else the present value."""

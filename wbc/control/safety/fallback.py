@@ -45,7 +45,7 @@ class Fallback:
     def forget(self) -> None:
         """Forget the last good tick."""
         m = self._robot.transmission.size
-        self._last = LastGood(np.zeros(m), None)
+        self._torque = np.zeros(m)
         self._position: FloatArray | None = None
         self._contacts = self._all
         self._ticks, self._time = 0, 0.0
@@ -54,8 +54,7 @@ class Fallback:
         self, motion: Motion, torque: FloatArray, contacts: tuple[BoundContact, ...]
     ) -> None:
         """Take a tick with a solution, N tau_phi = `torque` (m,) [N m], as the last good one."""
-        self._last = LastGood(torque, self._motors.position(motion))
-        self._position = motion.position.copy()
+        self._torque, self._position = torque, motion.position.copy()
         self._contacts = contacts
         self._ticks, self._time = 0, 0.0
 
@@ -112,14 +111,14 @@ class Fallback:
                 if motion is not None:
                     rotor = self._motors.to_drive(motion, torque)
             except Exception:  # a policy or an effect of the user's own may raise anything
-                rotor = self._motors.clipped(self._last.rotor_torque) / ratio
+                rotor = self._motors.clipped(self._torque) / ratio
         limit = self._robot.transmission.torque_limit
         return np.clip(np.where(np.isfinite(rotor), rotor, 0.0), -limit, limit)
 
     def _situation(self, motion: Motion | None, dt: float) -> Situation:
         unknown = np.full(self._robot.transmission.size, np.nan)
         return Situation(
-            last=self._last,
+            last=self._last_good(),
             position=unknown if motion is None else self._motors.position(motion),
             speed=unknown if motion is None else self._plant.motor_speed(motion.velocity),
             ticks=self._ticks,
@@ -127,6 +126,13 @@ class Fallback:
             dt=dt,
             find_statics=lambda: self._statics(motion),
         )
+
+    def _last_good(self) -> LastGood:
+        """Return the last tick with a solution, as policies see it."""
+        if self._position is None:
+            return LastGood(self._torque, None)
+        rest = Motion(self._position, np.zeros(self._robot.model.nv))
+        return LastGood(self._torque, self._motors.position(rest))
 
     def _statics(self, motion: Motion | None) -> Statics:
         """Return the statics of the present pose, or of the last known one."""

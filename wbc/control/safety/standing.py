@@ -73,7 +73,7 @@ class Standing:
         """Return the rows of some contacts, made when they are first asked for."""
         names = tuple(contact.name for contact in contacts)
         if names not in self._sets:
-            self._sets[names] = ContactSet(contacts, self._robot.model.nv)
+            self._sets[names] = ContactSet(contacts, self._kinematics.model)
         return self._sets[names]
 
     def _pushed(self, rows: ContactSet, undriven: FloatArray) -> FloatArray:

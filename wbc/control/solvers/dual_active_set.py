@@ -75,10 +75,13 @@ class DualActiveSet:
         """Take the rows that push in a solution, of multipliers z (r,), as the next guess."""
         self._taken[:] = np.where(np.abs(z) > 10.0 * self._tolerance, np.sign(z), 0.0)
 
-    def guess(self, problem: BlockProblem) -> QPSolution | None:
-        """Return the solution if the binding rows follow from the last ones, None otherwise."""
+    def guess(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
+        """Return the solution if the binding rows follow from the last ones, None otherwise.
+
+        Its multipliers begin with `skipped` zeros, of rows that the problem leaves out.
+        """
         self.steps, self.blocking = 0, -1
-        return self._settled(problem)
+        return self._settled(problem, skipped)
 
     def solve(self, problem: BlockProblem, most: int | None = None) -> QPSolution:
         """Return the solution of a program of the size given on construction.
@@ -101,7 +104,7 @@ class DualActiveSet:
         empty = np.zeros(k), np.zeros(len(problem.lower))
         return QPSolution(np.full(n, np.nan), *empty, status, self.steps)
 
-    def _settled(self, problem: BlockProblem) -> QPSolution | None:
+    def _settled(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
         """Correct the binding rows a few times; return the solution where that ends."""
         x = np.empty(len(problem.pull))
         diagonal, pull, rows, right, softness, _, C, lower, upper = problem
@@ -118,7 +121,7 @@ class DualActiveSet:
         )
         self.steps += _SYSTEM * rounds
         if size >= 0:
-            return self._solution(problem, x, len(right), size)
+            return self._solution(problem, x, size, skipped)
         self.forget()
         return None
 
@@ -155,7 +158,10 @@ class DualActiveSet:
             return QPStatus.INFEASIBLE
         return QPStatus.SOLVED if ended == SOLVED else QPStatus.ITERATION_LIMIT
 
-    def _solution(self, problem: BlockProblem, x: FloatArray, base: int, size: int) -> QPSolution:
-        push = np.zeros(len(problem.lower))
-        push[self._active[: size - base]] = -self._force[base:size]
+    def _solution(
+        self, problem: BlockProblem, x: FloatArray, size: int, skipped: int
+    ) -> QPSolution:
+        base, push = len(problem.right), np.zeros(skipped + len(problem.lower))
+        if size > base:
+            push[skipped + self._active[: size - base]] = -self._force[base:size]
         return QPSolution(x, -self._force[problem.soft : base], push, QPStatus.SOLVED, self.steps)

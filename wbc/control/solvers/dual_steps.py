@@ -14,8 +14,8 @@ from wbc.compiled import (
     Number,
     OutDense,
     OutPlaces,
-    OutVector,
-    Vector,
+    OutRow,
+    Row,
     compiled,
 )
 from wbc.control.solvers.positive_definite import substitute
@@ -29,8 +29,8 @@ _DECIDED, _DEPENDENT = 1e-18, 1e-12
 
 @compiled(
     Nothing,
-    *(Dense, Vector, Vector, Dense, Count, Vector),
-    *(OutVector, OutVector, OutVector),
+    *(Dense, Row, Row, Dense, Count, Row),
+    *(OutRow, OutRow, OutRow),
 )
 def place_direction(
     G: FloatArray,
@@ -76,7 +76,7 @@ def place_direction(
             left[i] = missing
 
 
-@compiled(Number, Dense, Count, OutVector, OutVector)
+@compiled(Number, Dense, Count, OutRow, OutRow)
 def project(basis: FloatArray, count: int, rest: FloatArray, along: FloatArray) -> float:
     """Take `count` orthonormal rows out of `rest`; return what is left of it, squared.
 
@@ -109,7 +109,7 @@ def project(basis: FloatArray, count: int, rest: FloatArray, along: FloatArray) 
     return total
 
 
-@compiled(Nothing, OutDense, OutDense, OutDense, OutVector, OutPlaces, Count, Count)
+@compiled(Nothing, OutDense, OutDense, OutDense, OutRow, OutPlaces, Count, Count)
 def drop(
     basis: FloatArray,
     triangle: FloatArray,
@@ -142,7 +142,7 @@ def drop(
 
 @compiled(
     types.UniTuple(Count, 2),
-    *(Dense, Vector, Vector, Vector, Number, OutPlaces, Vector, OutVector),
+    *(Dense, Row, Row, Row, Number, OutPlaces, Row, OutRow),
 )
 def most_violated(
     C: FloatArray,
@@ -178,7 +178,7 @@ def most_violated(
     return best, side
 
 
-@compiled(Count, Vector, Vector, Count)
+@compiled(Count, Row, Row, Count)
 def first_to_leave(push: FloatArray, fall: FloatArray, count: int) -> int:
     """Return which push (count,) reaches zero first when they fall at rates `fall`; -1 if none."""
     best, shortest, largest = -1, 0.0, 0.0
@@ -194,8 +194,8 @@ def first_to_leave(push: FloatArray, fall: FloatArray, count: int) -> int:
 
 @compiled(
     types.UniTuple(Count, 3),
-    *(Dense, Vector, Vector, Dense, Count, Dense, Vector, Vector, Number, Count),
-    *(OutVector, OutPlaces, OutPlaces, OutVector, OutDense, OutDense, OutDense, OutDense),
+    *(Dense, Row, Row, Dense, Count, Dense, Row, Row, Number, Count),
+    *(OutRow, OutPlaces, OutPlaces, OutRow, OutDense, OutDense, OutDense, OutDense),
 )
 def climb(
     G: FloatArray,

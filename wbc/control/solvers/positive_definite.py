@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutVector, compiled
+from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutRow, compiled
 
 
 @compiled(Flag, OutDense, Count)
@@ -32,7 +32,7 @@ def factorise(matrix: FloatArray, size: int) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, Count, OutVector)
+@compiled(Nothing, Dense, Count, OutRow)
 def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
     """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise`."""
     for i in range(size):

@@ -13,8 +13,8 @@ from wbc.compiled import (
     Number,
     OutDense,
     OutPlaces,
-    OutVector,
-    Vector,
+    OutRow,
+    Row,
     compiled,
 )
 from wbc.control.solvers.positive_definite import factorise, substitute
@@ -24,8 +24,8 @@ _SOLVES = 4  # two suffice but where rows all but repeat each other
 
 @compiled(
     Flag,
-    *(Dense, Vector, Vector, Vector, Vector, Count, Number),
-    *(OutVector, OutVector, OutDense, OutDense, OutVector),
+    *(Dense, Row, Row, Row, Row, Count, Number),
+    *(OutRow, OutRow, OutDense, OutDense, OutRow),
 )
 def meet_rows(
     G: FloatArray,
@@ -91,7 +91,7 @@ def meet_rows(
     return False
 
 
-@compiled(Nothing, *[Dense, *[Vector] * 4, OutDense, *[OutVector] * 4])
+@compiled(Nothing, *[Dense, *[Row] * 4, OutDense, *[OutRow] * 4])
 def place_blocks(
     rows: FloatArray,
     right: FloatArray,
@@ -114,7 +114,7 @@ def place_blocks(
         free[j] = inverse[j] * pull[j]
 
 
-@compiled(Count, Dense, *[Vector] * 2, Count, OutPlaces, OutPlaces, OutDense, *[OutVector] * 2)
+@compiled(Count, Dense, *[Row] * 2, Count, OutPlaces, OutPlaces, OutDense, *[OutRow] * 2)
 def place_active(
     C: FloatArray,
     lower: FloatArray,
@@ -152,7 +152,7 @@ def place_active(
     return size
 
 
-@compiled(Flag, *[Vector] * 2, Number, *[Vector] * 2, Count, Count, OutPlaces, OutPlaces)
+@compiled(Flag, *[Row] * 2, Number, *[Row] * 2, Count, Count, OutPlaces, OutPlaces)
 def revise(
     lower: FloatArray,
     upper: FloatArray,
@@ -188,7 +188,7 @@ def revise(
     return changed
 
 
-@compiled(Nothing, Dense, Vector, OutVector)
+@compiled(Nothing, Dense, Row, OutRow)
 def place_values(rows: FloatArray, x: FloatArray, values: FloatArray) -> None:
     """Write rows @ x (r,) into `values`."""
     for i in range(len(rows)):
@@ -200,8 +200,8 @@ def place_values(rows: FloatArray, x: FloatArray, values: FloatArray) -> None:
 
 @compiled(
     types.UniTuple(Count, 2),
-    *(Dense, *[Vector] * 4, Dense, *[Vector] * 2, Number, Number, Count),
-    *(OutDense, *[OutVector] * 7, OutPlaces, OutPlaces, OutDense, OutDense, OutVector),
+    *(Dense, *[Row] * 4, Dense, *[Row] * 2, Number, Number, Count),
+    *(OutDense, *[OutRow] * 7, OutPlaces, OutPlaces, OutDense, OutDense, OutRow),
 )
 def settle(
     rows: FloatArray,

@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.reference import Target
 from wbc.control.tasks.axes import axis_rows
 from wbc.control.tasks.task import Task
@@ -52,3 +52,12 @@ class CenterOfMassTask(Task):
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return the rows of dJ_com/dt v, (k,) [m/s^2]."""
         return kinematics.center_of_mass_drift()[self._rows]
+
+    @property
+    def state_rows(self) -> StateRows:
+        """The axes of the centre of mass."""
+        return StateRows(RowKind.CENTER_OF_MASS, "", self._rows)
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target (k,) as the origin of a placement (12,)."""
+        place[9:][self._rows] = target

@@ -53,3 +53,7 @@ class FrameOrientationTask(FrameTask):
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the components of R log3(R' R_target), world axes, (k,) [rad]."""
         return turn_missing(self.placement(kinematics), target)[self._rows]
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target (3, 3) as the rotation of a placement (12,)."""
+        place[:9] = target.T.reshape(-1)

@@ -45,3 +45,7 @@ class FramePoseTask(FrameTask):
         result[:3] = target.translation - placement.translation
         result[3:] = turn_missing(placement, target.rotation)
         return result
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target as a placement (12,)."""
+        place[:9], place[9:] = target.rotation.T.reshape(-1), target.translation

@@ -42,3 +42,7 @@ class FramePositionTask(FrameTask):
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return target - value, (k,) [m]."""
         return np.asarray(target - self.value(kinematics))
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target (k,) as the origin of a placement (12,)."""
+        place[9:][self._rows] = target

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.tasks.frames import require_frame
 from wbc.control.tasks.task import Task
 from wbc.robot import Robot
@@ -82,6 +82,13 @@ class FrameTask(Task):
         relative[3:] -= np.cross(omega, rate[3:])
         relative[:3], relative[3:] = turn.T @ relative[:3], turn.T @ relative[3:]
         return relative[self.rows()]
+
+    @property
+    def state_rows(self) -> StateRows | None:
+        """The rows of the frame where it is seen from the world."""
+        if self.relative_to is not None:
+            return None
+        return StateRows(RowKind.FRAME, self.frame, self.rows())
 
     def _between(self, kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:
         """Return the rotation world-from-root (3, 3) and p - p_r in world axes (3,)."""

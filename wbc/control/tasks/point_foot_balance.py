@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.reference import Reference, Target
 from wbc.control.tasks.frames import require_frame
 from wbc.control.tasks.point_foot_feedback import balancing
@@ -95,3 +95,11 @@ class PointFootBalanceTask(Task):
         if reference.acceleration is not None:
             wanted += float(reference.acceleration[0])
         return np.array([wanted])
+
+    @property
+    def state_rows(self) -> StateRows:
+        """The x axis of the centre of mass."""
+        return StateRows(RowKind.CENTER_OF_MASS, "", slice(0, 1))
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write nothing: the pitch is fed back by `command`."""

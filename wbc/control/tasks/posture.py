@@ -100,3 +100,8 @@ class PostureTask(Task):
     def selection(self, robot: Robot) -> Rows:
         """Return the joints' velocity rows."""
         return self._velocities
+
+    @property
+    def positions(self) -> Rows:
+        """The joints' position rows."""
+        return self._positions

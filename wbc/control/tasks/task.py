@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics
+from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.reference import Reference, Target
 from wbc.control.selection import Rows
 from wbc.control.tasks.targets import vector_target
@@ -97,6 +97,32 @@ class Task(ABC):
         """Return the velocity rows that J selects, where it is a selection; None otherwise.
 
         The assembly then adds to a diagonal instead of multiplying matrices.
+        """
+        return None
+
+    @property
+    def state_rows(self) -> StateRows | None:
+        """The rows where they are those of a frame or of the centre of mass; None otherwise.
+
+        The error must then be what is missing in these rows between the present placement and the
+        one that `pack` writes, and such a task is evaluated together with all others.
+        """
+        return None
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write a target as a placement, where the task has `state_rows`.
+
+        Args:
+            target: as `admitted` returns it.
+            place: result (12,), rotation column by column before the translation.
+        """
+        raise NotImplementedError
+
+    @property
+    def positions(self) -> Rows | None:
+        """Where a task that selects joints finds their positions in q; None to be asked itself.
+
+        The error must then be target - position.
         """
         return None
 

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Flag, Nothing, Number, OutVector, Vector, compiled
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import (
+    Flag,
+    Matrix,
+    Nothing,
+    Number,
+    OutVector,
+    Places,
+    Vector,
+    compiled,
+)
 
 
 @compiled(Nothing, Vector, Vector, Number, Number, OutVector)
@@ -16,6 +25,53 @@ def place_corrected(
         corrected[i] = measured[i] - kept * error
 
 
+@compiled(Nothing, Vector, Number, OutVector)
+def place_certainty(speed: FloatArray, full: float, certainty: FloatArray) -> None:
+    """Write clip(speed / full, +-1) (k,) into `certainty`."""
+    for i in range(len(speed)):
+        certainty[i] = min(max(speed[i] / full, -1.0), 1.0)
+
+
+@compiled(
+    Nothing,
+    *(Vector, Vector, *[Number] * 3, Places, Matrix),
+    *[OutVector] * 4,
+)
+def place_judged(
+    expected: FloatArray,
+    measured: FloatArray,
+    trusted: float,
+    kept: float,
+    full: float,
+    driven: IntArray,
+    motor_from_joint: FloatArray,
+    corrected: FloatArray,
+    turning: FloatArray,
+    speed: FloatArray,
+    certainty: FloatArray,
+) -> None:
+    """Write the expected speed of the joints, and what it means for the motors.
+
+    Args:
+        expected, measured: v (nv,).
+        trusted, kept: as for `place_corrected`.
+        full: [rad/s] from which a direction is certain.
+        driven, motor_from_joint: coordinates (m,), and D^-1 (m, m).
+        corrected: result (nv,).
+        turning, speed, certainty: results (m,), expected and measured dpsi, and sigma.
+    """
+    place_corrected(expected, measured, trusted, kept, corrected)
+    for i in range(len(turning)):
+        turns, moves = 0.0, 0.0
+        for j in range(len(driven)):
+            share = motor_from_joint[i, j]
+            if share != 0.0:
+                turns += share * corrected[driven[j]]
+                moves += share * measured[driven[j]]
+        turning[i], speed[i] = turns, moves
+    place_certainty(turning, full, certainty)
+
+
 @compiled(Nothing, Vector, Vector, Number, OutVector)
 def place_advanced(
     speed: FloatArray, acceleration: FloatArray, step: float, advanced: FloatArray
@@ -23,13 +79,6 @@ def place_advanced(
     """Write speed + step acceleration (k,) into `advanced`."""
     for i in range(len(speed)):
         advanced[i] = speed[i] + step * acceleration[i]
-
-
-@compiled(Nothing, Vector, Number, OutVector)
-def place_certainty(speed: FloatArray, full: float, certainty: FloatArray) -> None:
-    """Write clip(speed / full, +-1) (k,) into `certainty`."""
-    for i in range(len(speed)):
-        certainty[i] = min(max(speed[i] / full, -1.0), 1.0)
 
 
 @compiled(Flag, *[Vector] * 8, *[OutVector] * 3)

@@ -28,6 +28,7 @@ class Found(NamedTuple):
     Attributes:
         solution: of the last program solved.
         output: T (m,) [N m].
+        share: what the rotors take themselves (m,) [N m].
         rounds: programs solved.
         solve_time: [s] in the solver.
         proven: whether no other choice of directions can cost less.
@@ -40,6 +41,7 @@ class Found(NamedTuple):
 
     solution: QPSolution
     output: FloatArray
+    share: FloatArray
     rounds: int
     solve_time: float
     proven: bool
@@ -111,7 +113,7 @@ class DirectionSearch:
             if not turned.any():
                 contested = self._contested(slopes, solution)
                 if not contested.size:
-                    return self._found(solution, True, output)
+                    return self._found(solution, True)
                 return self._branch(slopes, limits, solution, contested, positive, solution)
             positive = np.where(turned, ~positive, positive)
         solved = solution.status is QPStatus.SOLVED
@@ -125,14 +127,15 @@ class DirectionSearch:
             return self._found(solution, False)
         return self._branch(slopes, limits, None, _NONE, positive, solution)
 
-    def _found(self, solution: QPSolution, proven: bool, output: FloatArray | None = None) -> Found:
-        if output is None:
-            output = self.program.output_torque(solution.x)
+    def _found(self, solution: QPSolution, proven: bool) -> Found:
+        output, share = self.program.torques(solution.x)
         acceleration = solution.x[: self.program.nv].copy()
         plain, branching = self._plain, self._branching.solver
         rounds, spent = plain.count + branching.count, plain.spent + branching.spent
         steps = max(plain.iterations, branching.iterations)  # the latter goes on from the former
-        return Found(solution, output, rounds, spent, proven, acceleration, steps, self._blocking())
+        return Found(
+            solution, output, share, rounds, spent, proven, acceleration, steps, self._blocking()
+        )
 
     def _blocking(self) -> str:
         """Return what could not be kept beside the other constraints."""

@@ -17,8 +17,7 @@ def beyond_limits(
     program: ContactForceProgram, solution: QPSolution, slopes: Slopes, limits: Limits
 ) -> BoolArray:
     """Return the gears (m,) whose torque by the mesh law is beyond their limits."""
-    output = program.output_torque(solution.x)
-    share = program.plant.rotor_share(solution.x[: program.nv])
+    output, share = program.torques(solution.x)
     torque = slopes.at(output > 0.0) * output + share
     slack = 1e-5 * (1.0 + np.abs(torque))
     return np.asarray((torque < limits[0] - slack) | (torque > limits[1] + slack))

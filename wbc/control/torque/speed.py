@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.control.torque.blending import place_advanced, place_certainty, place_corrected
+from wbc.arrays import FloatArray, IntArray
+from wbc.control.torque.blending import place_advanced, place_certainty, place_judged
 from wbc.errors import ControlError
 
 
@@ -47,12 +47,44 @@ class SpeedBlend:
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise ControlError(f"{name} must be >= 0, got {getattr(self, name):g}.")
 
-    def corrected(self, expected: FloatArray, measured: FloatArray, step: float) -> FloatArray:
-        """Return the expected speed (k,) drawn towards the measured one [rad/s]."""
-        corrected = np.empty(measured.shape)
+    def judged(
+        self,
+        expected: FloatArray,
+        measured: FloatArray,
+        step: float,
+        driven: IntArray,
+        motor_from_joint: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return what to believe of the speeds.
+
+        Args:
+            expected, measured: v (nv,) [rad/s].
+            step: time since the expectation, that of a tick [s].
+            driven: coordinates (m,) of the driven joints.
+            motor_from_joint: D^-1 (m, m).
+
+        Returns:
+            the expected v drawn towards the measured one (nv,), the same of the motor outputs,
+            their measured dpsi, and sigma, (m,).
+        """
+        m = len(driven)
+        corrected, turning = np.empty(measured.shape), np.empty(m)
+        speed, sigma = np.empty(m), np.empty(m)
         kept = 1.0 - min(self.correction * step, 1.0)
-        place_corrected(expected, measured, self.trusted_error, kept, corrected)
-        return corrected
+        place_judged(
+            expected,
+            measured,
+            self.trusted_error,
+            kept,
+            self.full_speed,
+            driven,
+            motor_from_joint,
+            corrected,
+            turning,
+            speed,
+            sigma,
+        )
+        return corrected, turning, speed, sigma
 
     @staticmethod
     def advanced(speed: FloatArray, acceleration: FloatArray, step: float) -> FloatArray:

@@ -9,11 +9,13 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.breakdown import breakdowns, output_names
-from wbc.identification.answer.comparison import HORIZON, Comparison, OutputError, Series
+from wbc.identification.answer.comparison import HORIZON, Comparison, OutputError
+from wbc.identification.answer.series import Series, series_of
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.record import Record
-from wbc.measurement import Log
+from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
+from wbc.robot.coordinates import output_units
 
 
 def compare(robot: Robot, logs: Sequence[Log]) -> Comparison:
@@ -23,25 +25,23 @@ def compare(robot: Robot, logs: Sequence[Log]) -> Comparison:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    return compare_problem(Problem.from_logs(robot, logs))
+    problem = Problem.from_logs(robot, logs)
+    return compare_problem(problem, tuple(log.source for log in logs))
 
 
-def compare_problem(problem: Problem) -> Comparison:
-    """Return the comparison of the robot and logs of a prepared problem."""
+def compare_problem(problem: Problem, sources: tuple[LogSource, ...] = ()) -> Comparison:
+    """Return the comparison of the robot and logs of a prepared problem.
+
+    Args:
+        problem: the robot and the logs.
+        sources: where the logs came from.
+    """
     records = problem.records
     ends = np.cumsum([record.rows for record in records])
     residuals = np.split(problem.residual, ends[:-1])
     whitened = problem.residual @ problem.whitening
     accelerations = [_acceleration_error(r, e) for r, e in zip(records, residuals, strict=True)]
-    series = tuple(
-        Series(
-            record.name,
-            record.time,
-            record.condense_driven(record.torque) * np.abs(problem.robot.transmission.gear_ratio),
-            residual,
-        )
-        for record, residual in zip(records, residuals, strict=True)
-    )
+    series = series_of(problem.robot, records)
     return Comparison(
         robot=problem.robot,
         outputs=_outputs(problem, residuals, accelerations, series),
@@ -50,6 +50,7 @@ def compare_problem(problem: Problem) -> Comparison:
         where=tuple(breakdowns(records, residuals)),
         series=series,
         warnings=problem.warnings,
+        sources=sources,
     )
 
 
@@ -63,14 +64,14 @@ def _outputs(
     record = problem.records[0]
     step = record.stride / record.rate
     measured = np.concatenate([s.measured for s in series])
-    found = []
+    units, found = output_units(problem.robot), []
     for column, name in enumerate(output_names(record)):
         driven = column < gears.size
         rms = _rms([r[:, column] for r in residuals])
         found.append(
             OutputError(
                 output=name,
-                unit="N m" if driven else "N m or N",
+                unit=units[column],
                 rms=rms,
                 rotor_rms=rms / abs(float(gears.gear_ratio[column])) if driven else np.nan,
                 floor=float(problem.floor.values[column]),

@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.answer.breakdown import Breakdown
+from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.series import Series
+from wbc.identification.answer.shown import (
+    data_frame,
+    html_table,
+    on_one_screen,
+    torque_figure,
+)
 from wbc.identification.records.noise_floor import NoiseFloor
+from wbc.measurement import LogSource
 from wbc.robot import Robot
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 HORIZON = 0.2  # [s] over which positions are predicted
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """One log's torques over time, in the band of the residual.
-
-    Attributes:
-        name: of the log.
-        time: (rows,) [s].
-        measured: (rows, m) reported torque at the motor output [N m].
-        residual: (rows, m + b) measured minus modelled [N m, N].
-    """
-
-    name: str
-    time: FloatArray
-    measured: FloatArray
-    residual: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +75,7 @@ class Comparison:
         series: the residual over time, one per log.
         horizon: of the rollout [s].
         warnings: about the logs.
+        sources: where the logs came from.
     """
 
     robot: Robot
@@ -89,6 +86,64 @@ class Comparison:
     series: tuple[Series, ...]
     horizon: float = HORIZON
     warnings: tuple[str, ...] = ()
+    sources: tuple[LogSource, ...] = ()
+
+    @property
+    def worst(self) -> OutputError:
+        """The output with the largest error beside its noise floor."""
+        return max(self.outputs, key=lambda output: output.ratio)
+
+    @property
+    def sentence(self) -> str:
+        """How far the model is off, as a person would say it."""
+        worst = self.worst
+        return (
+            f"The model misses these logs by {plain(worst.rms, 2)} {worst.unit} at {worst.output}, "
+            f"where it is worst: {plain(worst.ratio, 2)} noise floors "
+            f"({plain(self.error, 2)} over all outputs)."
+        )
+
+    def __str__(self) -> str:
+        """Return the sentence, and a line per output."""
+        lines = [self.sentence]
+        lines += [
+            f"  {o.output}: {plain(o.rms)} {o.unit} of {plain(o.size)} measured, "
+            f"{plain(o.ratio, 2)} noise floors"
+            for o in self.outputs
+        ]
+        return "\n".join([*lines, *self.warnings])
+
+    def __repr__(self) -> str:
+        """Return what `print` shows, cut to one screen."""
+        return on_one_screen(str(self))
+
+    def _repr_html_(self) -> str:
+        """Return the answer as a notebook shows it."""
+        heads = ("output", "residual", "measured", "unit", "noise floors")
+        rows = [
+            [o.output, plain(o.rms), plain(o.size), o.unit, plain(o.ratio, 2)] for o in self.outputs
+        ]
+        return f"<p><b>{escape(self.sentence)}</b></p>{html_table(heads, rows)}"
+
+    def to_frame(self) -> Any:
+        """Return a pandas frame with a row per output.
+
+        Raises:
+            MissingPackageError: pandas is not installed.
+        """
+        return data_frame([asdict(o) | {"ratio": o.ratio} for o in self.outputs])
+
+    def plot(self, log: int = 0) -> Figure:
+        """Return measured and modelled torque of one log over time, with the residual.
+
+        Args:
+            log: number of the log.
+
+        Raises:
+            MissingPackageError: matplotlib is not installed.
+        """
+        joints = self.robot.transmission.joints
+        return torque_figure(joints, [("model", self.series)], log)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""
@@ -127,4 +182,5 @@ class Comparison:
             ],
             "logs": [s.name for s in self.series],
             "warnings": list(self.warnings),
+            "provenance": provenance(self.sources),
         }

@@ -11,10 +11,12 @@ import numpy as np
 from wbc.effects import EFFECTS
 from wbc.identification.answer.attainable import Attainable, attainable
 from wbc.identification.answer.breakdown import output_names
+from wbc.identification.answer.correlation import correlation_of
 from wbc.identification.answer.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.ranking import rank_hypotheses
 from wbc.identification.answer.remainder import describe, remainders
+from wbc.identification.answer.series import series_of
 from wbc.identification.answer.verdict import (
     NOTHING_MOVES,
     explained_share,
@@ -34,6 +36,7 @@ from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
+from wbc.robot.coordinates import output_units
 
 _STILL = (
     "{} does not move in these logs: they say nothing about its friction, inertia or gears. Record "
@@ -97,7 +100,8 @@ def diagnose(
     fit = trials.fit(final)
     alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
     left = remainders(problem, fit) if more else ()
-    findings = describe_findings(problem, fit, support, alternatives)
+    correlation = correlation_of(problem, fit)
+    findings = describe_findings(problem, fit, support, alternatives, correlation)
     asked = next_experiment(verdict, findings, left, problem.floor, {c.name: c for c in classes})
     return Diagnosis(
         verdict=verdict,
@@ -116,6 +120,10 @@ def diagnose(
         robot=fit.robot,
         warnings=tuple(warnings),
         ranking=rank_hypotheses(odds, final),
+        correlation=correlation,
+        before=series_of(problem.robot, problem.records),
+        after=series_of(fit.robot, problem.records),
+        sources=tuple(log.source for log in logs),
     )
 
 
@@ -159,8 +167,7 @@ def _believed(
 
 
 def _outputs(problem: Problem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
-    names = output_names(problem.records[0])
-    size = problem.robot.transmission.size
+    names, units = output_names(problem.records[0]), output_units(problem.robot)
     left = condensed_residual(fit.robot, problem.records)
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
@@ -168,7 +175,7 @@ def _outputs(problem: Problem, fit: Fit, level: Attainable) -> tuple[OutputLevel
     return tuple(
         OutputLevel(
             output=name,
-            unit="N m" if k < size else "N m or N",
+            unit=units[k],
             before=float(before[k]),
             after=float(after[k]),
             attainable=float(after[k] * share.get(k, 1.0)),

@@ -3,25 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
+from wbc.identification.answer.correlation import Correlation
+from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.ranking import Ranked
 from wbc.identification.answer.sentence import verdict_sentence, what_to_do
+from wbc.identification.answer.series import Series
+from wbc.identification.answer.shown import (
+    data_frame,
+    html_table,
+    on_one_screen,
+    torque_figure,
+)
 from wbc.identification.choice.certainty import Support
+from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repeatable"]
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter: value with the ends of its 90 % interval, in `unit`."""
+    """A number that was found: value with the ends of its 90 % interval, in `unit`.
+
+    `drawn` is what the robot as given has in its place; None for a parameter of an effect.
+    """
 
     value: float
     unit: str
     low: float
     high: float
+    drawn: float | None = None
 
 
 @dataclass(frozen=True)
@@ -46,6 +67,8 @@ class Finding:
         support: what speaks for it.
         alternatives: the effects it cannot be told from on these logs.
         warnings: at a bound, not identifiable.
+        quantities: what a person can check, by name, where the parameters are not it and logs tell
+            that it differs from the robot as given.
     """
 
     effect: Effect
@@ -53,6 +76,12 @@ class Finding:
     support: Support
     alternatives: tuple[Alternative, ...] = ()
     warnings: tuple[str, ...] = ()
+    quantities: Mapping[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Mapping[str, Estimate]:
+        """What a person reads: the quantities, or else the parameters."""
+        return self.quantities or self.parameters
 
     @property
     def probability(self) -> float:
@@ -130,6 +159,10 @@ class Diagnosis:
         robot: the robot with the effects found.
         warnings: about the logs.
         ranking: the models tried that differ from the one found in one effect, best first.
+        correlation: which of the parameters move together.
+        before: measured torques and those of the robot as given over time, one per log.
+        after: the same with the effects found.
+        sources: where the logs came from.
     """
 
     verdict: Verdict
@@ -143,14 +176,20 @@ class Diagnosis:
     robot: Robot
     warnings: tuple[str, ...] = ()
     ranking: tuple[Ranked, ...] = ()
+    correlation: Correlation = field(default=Correlation((), np.zeros((0, 0))))
+    before: tuple[Series, ...] = ()
+    after: tuple[Series, ...] = ()
+    sources: tuple[LogSource, ...] = ()
 
     def __str__(self) -> str:
         """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
         lines = [f"{self.verdict}: {verdict_sentence(self)}"]
         for finding in self.findings:
             numbers = ", ".join(
-                f"{name} {e.value:.4g} ({e.low:.4g} to {e.high:.4g}) {e.unit}".removesuffix(" 1")
-                for name, e in finding.parameters.items()
+                f"{name} {with_interval(e.value, e.low, e.high)[0]} "
+                f"({with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(" 1")
+                + (f" (drawn {plain(e.drawn)})" if e.drawn is not None else "")
+                for name, e in finding.numbers.items()
             )
             rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
             lines.append(
@@ -158,11 +197,70 @@ class Diagnosis:
                 f"probability {finding.probability:.2f}"
             )
         lines += [
-            f"  {o.output}: {o.before:.3g} -> {o.after:.3g} {o.unit} "
-            f"(attainable {o.attainable:.3g}, sensors {o.sensors:.3g})"
+            f"  {o.output}: {plain(o.before)} -> {plain(o.after)} {o.unit} "
+            f"(attainable {plain(o.attainable)}, sensors {plain(o.sensors)})"
             for o in self.outputs
         ]
         return "\n".join([*lines, f"do this now: {what_to_do(self)}", *self.warnings])
+
+    def __repr__(self) -> str:
+        """Return what `print` shows, cut to one screen."""
+        return on_one_screen(str(self))
+
+    def _repr_html_(self) -> str:
+        """Return the answer as a notebook shows it."""
+        found = [
+            [row["effect"], row["where"], row["parameter"], *with_interval(
+                row["value"], row["low"], row["high"]
+            ), row["unit"], f"{100.0 * row['probability']:.0f} %"]
+            for row in self.rows()
+        ]  # fmt: skip
+        heads = ("effect", "at", "parameter", "value", "90 % interval", "unit", "sure")
+        left = [
+            [o.output, plain(o.before), plain(o.after), plain(o.attainable), o.unit]
+            for o in self.outputs
+        ]
+        return (
+            f"<p><b>{escape(verdict_sentence(self))}</b></p>"
+            f"<p>Do this now: {escape(what_to_do(self))}</p>"
+            + (html_table(heads, found) if found else "")
+            + html_table(("left at", "before", "after", "attainable", "unit"), left)
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one entry per parameter found: what, where, how large, how sure."""
+        return [
+            {
+                "effect": f.effect.name,
+                "where": f.effect.where,
+                "parameter": name,
+                **asdict(estimate),
+                "probability": f.probability,
+            }
+            for f in self.findings
+            for name, estimate in f.parameters.items()
+        ]
+
+    def to_frame(self) -> Any:
+        """Return a pandas frame with a row per parameter found.
+
+        Raises:
+            MissingPackageError: pandas is not installed.
+        """
+        return data_frame(self.rows())
+
+    def plot(self, log: int = 0) -> Figure:
+        """Return torques of one log over time, measured and of both models, with the residuals.
+
+        Args:
+            log: number of the log.
+
+        Raises:
+            MissingPackageError: matplotlib is not installed.
+        """
+        joints = self.robot.transmission.joints
+        models = [("as given", self.before), ("with the effects found", self.after)]
+        return torque_figure(joints, models, log)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -188,6 +286,16 @@ class Diagnosis:
                     "parameters": {
                         name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
                         for name, e in f.parameters.items()
+                    },
+                    "quantities": {
+                        name: {
+                            "value": e.value,
+                            "unit": e.unit,
+                            "low": e.low,
+                            "high": e.high,
+                            "drawn": e.drawn,
+                        }
+                        for name, e in f.quantities.items()
                     },
                     "probability": f.probability,
                     "support": asdict(f.support),
@@ -223,6 +331,11 @@ class Diagnosis:
             "remainder": self.remainder,
             "warnings": list(self.warnings),
             "ranking": [row.to_json() for row in self.ranking],
+            "correlation": {
+                "parameters": [list(name) for name in self.correlation.names],
+                "matrix": self.correlation.matrix.tolist(),
+            },
+            "provenance": provenance(self.sources),
         }
 
     def _alternatives_by_name(self) -> dict[str, list[str]]:

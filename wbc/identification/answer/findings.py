@@ -7,19 +7,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.effects.yielding_gear import YieldingGear
+from wbc.identification.answer.correlation import Correlation
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
+from wbc.identification.answer.quantities import quantities_of
 from wbc.identification.choice.certainty import Support
 from wbc.identification.choice.hypothesis import Key
 from wbc.identification.force_sensors import force_sensor_doubts
 from wbc.identification.log_warnings import disagreements
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import bootstrap_steps, interval_bounds
+from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.link_friction import rubbing_effects
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 
 _CORRELATED = 0.95
-_BLOCKS_PER_PARAMETER = 4  # fewer resampled blocks are correlated by chance
 _VAGUE = 1.0  # half width of an interval, as a share of the value
 _MOTOR_SIDE = (
     "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
@@ -32,6 +33,7 @@ def describe_findings(
     fit: Fit,
     support: Mapping[Key, Support],
     alternatives: Sequence[Sequence[Key]],
+    correlation: Correlation,
 ) -> tuple[Finding, ...]:
     """Return the effects of a model with intervals, alternatives and warnings.
 
@@ -40,9 +42,11 @@ def describe_findings(
         fit: of the hypothesis chosen.
         support: of its causes.
         alternatives: for each effect, names and places of what it cannot be told from.
+        correlation: of the parameters.
     """
-    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
-    related = _correlations(problem, fit)
+    distortion = problem.distortion(fit)
+    bounds = interval_bounds(fit, problem.blocks, distortion)
+    related = _moving_together(fit, correlation)
     stray = disagreements(problem.records, fit)
     sensors = force_sensor_doubts(problem, fit)
     findings = []
@@ -62,10 +66,14 @@ def describe_findings(
             elif high - low > 2.0 * _VAGUE * abs(value):
                 span = f"{low:.3g} to {_with_unit(high, parameter.unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
+        quantities, about = quantities_of(problem, fit, k, distortion)
+        if about:
+            warnings = []  # they are about parameters that nobody checks
+        warnings += [*about, *effect.remarks(problem.robot)]
         warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k], *sensors[k]]
         rivals = tuple(Alternative(*key) for key in alternatives[k])
         own = support[effect.key]
-        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings)))
+        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
     return tuple(findings)
 
 
@@ -77,20 +85,15 @@ def _motor_side(effect: Effect, problem: Problem, fit: Fit) -> list[str]:
     return [_MOTOR_SIDE.format(" and ".join(other.name for other in rubbing))] if rubbing else []
 
 
-def _correlations(problem: Problem, fit: Fit) -> list[list[str]]:
+def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
     """Return for every effect a sentence per parameter of another that moves with one of its."""
     found: list[list[str]] = [[] for _ in fit.effects]
-    count = len(fit.parameters)
-    if count < 2 or np.unique(problem.blocks).size < _BLOCKS_PER_PARAMETER * count:
-        return found
-    steps = bootstrap_steps(fit, problem.blocks)
-    moving = np.std(steps, axis=0) > 0.0
-    matrix = np.zeros((count, count))
-    matrix[np.ix_(moving, moving)] = np.atleast_2d(np.corrcoef(steps[:, moving].T))
+    matrix = correlation.matrix
     for one, other in zip(*np.nonzero(np.triu(np.abs(matrix), 1) > _CORRELATED), strict=True):
         k, parameter = fit.parameters[one]
         partner, shared = fit.parameters[other]
-        if k != partner:
+        drawn = fit.effects[k].departures.size or fit.effects[partner].departures.size
+        if k != partner and not drawn:
             effect = fit.effects[partner]
             found[k].append(
                 f"{parameter.name} and {shared.name} of {effect.name} at {effect.where} move "

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from wbc.identification.answer.numbers import plain
+
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
 
@@ -15,33 +17,31 @@ CERTAIN = 0.95
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return what a diagnosis says, in one or two sentences with its numbers."""
     found = _sum_up(diagnosis.findings)
-    opening = found[:1].upper() + found[1:]
     match diagnosis.verdict:
         case "none":
-            floors = _digits(diagnosis.error.after)
-            return f"Nothing is missing: the robot explains these logs to {floors} noise floors."
+            floors = plain(diagnosis.error.after, 2)
+            return (
+                "Nothing is missing: the robot explains these logs as far as their noise lets it "
+                f"({_left(diagnosis)}, {floors} noise floors)."
+            )
         case "named":
-            verb = _verb(diagnosis.findings)
-            return f"{opening} {verb} what was missing: {_progress(diagnosis)}."
+            return f"Missing: {found}. {_progress(diagnosis)}."
         case "ambiguous":
             rivals = _rivals(diagnosis.findings)
             return (
-                f"{opening} would explain these logs: {_progress(diagnosis)}. But these logs "
-                f"cannot tell {rivals}."
+                f"It would be enough to add {found}. {_progress(diagnosis)}. But these logs cannot "
+                f"tell {rivals}."
             )
         case "partial":
-            certain = certain_findings(diagnosis)
-            sure = _sum_up(certain)
+            certain = _sum_up(certain_findings(diagnosis))
             return (
-                f"{sure[:1].upper()}{sure[1:]} {_verb(certain)} missing, that is certain: "
-                f"{_progress(diagnosis)}. More is missing that no known effect explains."
+                f"Missing, that is certain: {certain}. {_progress(diagnosis)}. More is missing "
+                "that no known effect explains."
             )
         case "unknown":
-            added = f", even with {found}" if found else ""
-            return (
-                "Something is missing that no known effect explains: "
-                f"{_progress(diagnosis)}{added}."
-            )
+            added = f"{found} would help. {_progress(diagnosis)}." if found else ""
+            left = f"Something is missing that no known effect explains ({_left(diagnosis)}). "
+            return left + added[:1].upper() + added[1:]
         case "not_repeatable":
             return (
                 "Repeated runs disagree with one another by more than their noise, so nothing can "
@@ -62,6 +62,8 @@ def what_to_do(diagnosis: Diagnosis, saved: str = "fitted.toml") -> str:
             return f"{use[:1].upper()}{use[1:]}."
         case "partial":
             return f"{use[:1].upper()}{use[1:]}. {diagnosis.next_experiment}"
+        case "none":
+            return "Go on with this robot; faster or loaded motions would show more."
         case _:
             return diagnosis.next_experiment
 
@@ -79,34 +81,32 @@ def spoken(name: str) -> str:
 def _progress(diagnosis: Diagnosis) -> str:
     """Return how far the error falls at the output that missed most beside its sensors."""
     worst = max(diagnosis.outputs, key=_floors, default=None)
+    share = f"That explains {_percent(diagnosis.explained)} of the squared error"
     if worst is None:
-        return f"{_digits(diagnosis.error.after)} noise floors are left"
-    before, after = _digits(worst.before), _digits(worst.after)
-    share = 100.0 * diagnosis.explained
-    return (
-        f"{share:.0f} % of the squared error is explained, {before} -> {after} {worst.unit} at "
-        f"{worst.output}"
-    )
+        return share
+    before, after = plain(worst.before, 2), plain(worst.after, 2)
+    return f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent; all of it only where nothing is left."""
+    return f"{100.0 * share:.0f} %" if share < 0.995 else "more than 99 %"
+
+
+def _left(diagnosis: Diagnosis) -> str:
+    """Return what is left at the output that is furthest above its sensors."""
+    worst = max(diagnosis.outputs, key=lambda o: o.after / max(o.sensors, 1e-300), default=None)
+    if worst is None:
+        return "nothing is left"
+    return f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
 
 
 def _floors(output: OutputLevel) -> float:
     return output.before / max(output.sensors, 1e-300)
 
 
-def _digits(value: float) -> str:
-    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
-
-
 def _sum_up(findings: Sequence[Finding]) -> str:
-    places: dict[str, list[str]] = {}
-    for finding in findings:
-        places.setdefault(finding.effect.name, []).append(finding.effect.where)
-    parts = [f"{spoken(name)} at {_joined(at)}" for name, at in places.items()]
-    return _joined(parts)
-
-
-def _verb(findings: Sequence[Finding]) -> str:
-    return "is" if len({finding.effect.name for finding in findings}) == 1 else "are"
+    return _joined([finding.effect.said for finding in findings])
 
 
 def _rivals(findings: Sequence[Finding]) -> str:

@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
+from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
 from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
@@ -35,12 +37,14 @@ class Atom:
         where: its place.
         screen: unit effects and how coefficients become parameters.
         columns: (rows, outputs, r) what each unit adds to the model's torque.
+        usual: (r, r) normal equations of what is usual before the logs speak.
     """
 
     effect: type[Effect]
     where: str
     screen: Screen
     columns: FloatArray
+    usual: FloatArray
 
     @property
     def key(self) -> tuple[str, str]:
@@ -109,8 +113,20 @@ def make_atoms(
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
-            atoms.append(Atom(effect, where, _only(screen, used), stacked[:, :, used]))
+            kept = _only(screen, used)
+            usual = _usual(robot, effect, where, kept)
+            atoms.append(Atom(effect, where, kept, stacked[:, :, used], usual))
     return atoms
+
+
+def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
+    """Return (r, r) how fast units depart from what is usual; zero for most effects."""
+    first = _made(effect, where, screen, screen.units[0]).departures
+    if not first.size:
+        return np.zeros((len(screen.units), len(screen.units)))
+    null = effect.at(where, effect.null_values(robot, where)).departures
+    slopes = [_made(effect, where, screen, unit).departures - null for unit in screen.units]
+    return np.array([[one @ other for other in slopes] for one in slopes])
 
 
 def _offers(
@@ -173,17 +189,48 @@ def _columns(
     """Return (rows, outputs, r) what the units of every offer change, filtered all at once."""
     swinging = swinging_torque(robot, record)
     base = raw_residual(robot, record, swinging)
-    result: list[FloatArray] = []
-    for first in range(0, len(offers), _BATCH):
+    result: dict[int, FloatArray] = {}
+    if swinging is None:
+        result |= _inertial_columns(robot, record, offers)
+    slow = [k for k in range(len(offers)) if k not in result]
+    for first in range(0, len(slow), _BATCH):
         changes, sizes = [], []
-        for offer in offers[first : first + _BATCH]:
+        batch = slow[first : first + _BATCH]
+        for offer in (offers[k] for k in batch):
             robots = _changed(robot, *offer) or []
             # Another effect hardly changes how a link swings; one more soft gear does.
             held = None if deflects(offer[0]) else swinging
             changes += [base - _residual(changed, record, held, base) for changed in robots]
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
-        result += np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
+        parts = np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
+        result |= dict(zip(batch, parts, strict=True))
+    return [result[k] for k in range(len(offers))]
+
+
+def _inertial_columns(
+    robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
+) -> dict[int, FloatArray]:
+    """Return the columns (rows, outputs, r) of the offers that only change the links' inertias.
+
+    All of them are sums of the columns of the links' parameters.
+    """
+    inertial = {}
+    only: dict[type[Effect], bool] = {}
+    for k, (effect, where, screen) in enumerate(offers):
+        first = _made(effect, where, screen, screen.units[0])
+        if only.setdefault(effect, only_inertial(robot, first)):
+            inertial[k] = offers[k]
+    if not inertial:
+        return {}
+    before = inertial_parameters(robot)
+    unit = inertial_columns(robot, [record], [None], np.eye(before.size))
+    result = {}
+    for k, offer in inertial.items():
+        robots = _changed(robot, *offer) or []
+        changes = [inertial_parameters(changed) - before for changed in robots]
+        # A column is what the unit takes away from the residual.
+        result[k] = -unit @ np.stack(changes, axis=-1)
     return result
 
 

@@ -24,6 +24,7 @@ class DesignMatrix:
         energy: (K,) r_k' r_k.
         count: (K,) entries of r_k.
         expected: (c,) coefficients where a fold alone knows a column.
+        usual: (c, c) and (c,) what is known of the coefficients before, as normal equations.
     """
 
     gram: FloatArray
@@ -31,6 +32,7 @@ class DesignMatrix:
     energy: FloatArray
     count: FloatArray
     expected: FloatArray
+    usual: tuple[FloatArray, FloatArray]
 
     @classmethod
     def from_rows(
@@ -39,6 +41,7 @@ class DesignMatrix:
         residual: FloatArray,
         folds: IntArray,
         expected: FloatArray | None = None,
+        usual: tuple[FloatArray, FloatArray] | None = None,
     ) -> DesignMatrix:
         """Sum up rows.
 
@@ -47,6 +50,7 @@ class DesignMatrix:
             residual: (rows, outputs), whitened.
             folds: (rows,) number of the fold of each row.
             expected: (c,) coefficients to believe in where nothing is known, by default zero.
+            usual: (c, c) and (c,) normal equations of what is known before, by default nothing.
         """
         gram, moment, energy, count = [], [], [], []
         for fold in np.unique(folds):
@@ -57,16 +61,25 @@ class DesignMatrix:
             moment.append(a.T @ r)
             energy.append(r @ r)
             count.append(float(r.size))
-        prior = np.zeros(columns.shape[-1]) if expected is None else expected
-        return cls(np.array(gram), np.array(moment), np.array(energy), np.array(count), prior)
+        size = columns.shape[-1]
+        prior = np.zeros(size) if expected is None else expected
+        known = usual or (np.zeros((size, size)), np.zeros(size))
+        return cls(
+            np.array(gram), np.array(moment), np.array(energy), np.array(count), prior, known
+        )
 
     def fit(self, chosen: Sequence[int]) -> FloatArray:
         """Return the least-squares coefficients of these columns on all folds."""
         index = np.asarray(chosen, dtype=np.int_)
         if index.size == 0:
             return np.zeros(0)
-        gram = self.gram.sum(axis=0)[np.ix_(index, index)]
-        return _solve(gram, self.moment.sum(axis=0)[index])
+        gram, moment = self._whole()
+        return _solve(gram[np.ix_(index, index)], moment[index])
+
+    def _whole(self) -> tuple[FloatArray, FloatArray]:
+        """Return the normal equations of all folds with what is known before."""
+        gram, moment = self.usual
+        return gram + self.gram.sum(axis=0), moment + self.moment.sum(axis=0)
 
     def gains_of_two(self, beside: Sequence[int]) -> FloatArray:
         """Return (n, n) what every two of the first n columns explain beside the last ones.
@@ -77,7 +90,7 @@ class DesignMatrix:
             beside: numbers of the last columns, which stay free.
         """
         n = self.moment.shape[1] - len(beside)
-        gram, moment = self.gram.sum(axis=0), self.moment.sum(axis=0)
+        gram, moment = self._whole()
         if beside:
             taken = _solve(gram[n:, n:], np.column_stack([gram[n:, :n], moment[n:]]).T).T
             moment = moment[:n] - gram[:n, n:] @ taken[:, n]
@@ -101,8 +114,9 @@ class DesignMatrix:
         whole = gram.sum(axis=0)
         # A column that only the held-out fold knows must not be extrapolated from nothing.
         shrink = _RIDGE_HELD_OUT * np.diag(whole)
-        others = moment.sum(axis=0) - moment + shrink * self.expected[index]
-        rest = _solve(whole - gram + np.diag(shrink), others)
+        usual, pull = self.usual[0][np.ix_(index, index)], self.usual[1][index]
+        others = moment.sum(axis=0) - moment + shrink * self.expected[index] + pull
+        rest = _solve(whole - gram + np.diag(shrink) + usual, others)
         explained = 2.0 * np.einsum("ki,ki->", rest, moment)
         model = np.einsum("ki,kij,kj->", rest, gram, rest)
         return float((total - explained + model) / self.count.sum())

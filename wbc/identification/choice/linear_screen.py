@@ -39,6 +39,7 @@ class BeamSearch:
         whitening: FloatArray,
         folds: IntArray,
         width: int = 8,
+        noise: FloatArray | None = None,
     ) -> None:
         """Sum up the columns of all atoms.
 
@@ -48,6 +49,7 @@ class BeamSearch:
             whitening: (outputs, judged outputs) of the fit.
             folds: (rows,) numbers of the folds.
             width: sets kept per size.
+            noise: (outputs,) of the fit's residual: outputs count by it, and what is usual.
         """
         self.robot = fit.robot
         self.atoms = list(atoms)
@@ -59,12 +61,21 @@ class BeamSearch:
         ]
         first = int(ends[-1]) if self.atoms else 0
         self._nuisance = list(range(first, first + fit.jacobian.shape[-1]))
-        whitened = [np.einsum("roc,op->rpc", atom.columns, whitening) for atom in self.atoms]
-        columns = np.concatenate([*whitened, -fit.jacobian], axis=-1)
+        even, size = _even(fit.residual, noise)
+        scaled = whitening * even
+        whitened = [np.einsum("roc,op->rpc", atom.columns, scaled) for atom in self.atoms]
+        columns = np.concatenate([*whitened, -fit.jacobian * even[:, None]], axis=-1)
         expected = np.zeros(columns.shape[-1])
         for atom, places in zip(self.atoms, self._slices, strict=True):
             expected[places] = atom.screen.expected
-        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds, expected)
+        usual = np.zeros((expected.size, expected.size)), np.zeros(expected.size)
+        for atom, places in zip(self.atoms, self._slices, strict=True):
+            usual[0][np.ix_(places, places)] = size * atom.usual
+        own = fit.usual.jacobian
+        usual[0][np.ix_(self._nuisance, self._nuisance)] = size * own.T @ own
+        usual[1][self._nuisance] = -size * own.T @ fit.usual.residual
+        left = fit.residual * even
+        self.matrix = DesignMatrix.from_rows(columns, left, folds, expected, usual)
         self._errors: dict[tuple[int, ...], float] = {}
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
@@ -165,3 +176,15 @@ class BeamSearch:
                 break
             group = kept
         return group
+
+
+def _even(residual: FloatArray, noise: FloatArray | None) -> tuple[FloatArray, float]:
+    """Return (outputs,) factors by which each output counts by its noise, and what one is then.
+
+    The mean square of all outputs stays as it is.
+    """
+    squares = np.mean(residual**2, axis=0)
+    if noise is None:
+        return np.ones(squares.size), 1.0
+    size = float(np.sum(squares) / max(np.sum(squares / noise), 1e-300))
+    return np.sqrt(size / noise), size

@@ -21,14 +21,33 @@ _FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss a
 _LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
 _BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
 _AT_END = 3.0  # [nats] for one that lies there
+_RIDGE = 1e-9  # of information, where two numbers do the same
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
 def asked(fit: Fit) -> float:
     """Return what the names, places and numbers of a fitted set of causes cost [nats]."""
     names = {effect.name for effect in fit.effects}
-    numbers = sum(effect.freedom for effect in fit.effects)
+    numbers = _told(fit)
+    numbers += sum(effect.freedom for effect in fit.effects if not effect.departures.size)
     return _NAME * len(names) + _PLACE * len(fit.effects) + _NUMBER * numbers
+
+
+def _told(fit: Fit) -> float:
+    """Return how many of the numbers that are drawn to what is usual the logs tell.
+
+    The trace of G (G + U)^-1 over these numbers, with the information G of the logs and U of what
+    is usual: numbers that stay usual need no belief.
+    """
+    drawn = [row for row, (k, _) in enumerate(fit.parameters) if fit.effects[k].departures.size]
+    if not drawn:
+        return 0.0
+    usual = fit.usual.jacobian.T @ fit.usual.jacobian
+    information = fit.information + usual
+    size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
+    scaled = information / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    stays = np.linalg.solve(scaled, usual / np.outer(size, size))
+    return float(np.sum(1.0 - np.diagonal(stays)[drawn]))
 
 
 def implausible(problem: Problem, fit: Fit) -> tuple[float, ...]:
@@ -90,8 +109,8 @@ def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
 
 def _lost_mass(problem: Problem, effect: Effect) -> float:
     """Return what masses that leave a link cost."""
-    if "change" not in effect.acts_by:
-        return 0.0
+    if "change" not in effect.acts_by or effect.departures.size:
+        return 0.0  # or it knows itself how usual a mass is
     try:
         robot = effect.change(problem.robot)
     except IMPOSSIBLE:

@@ -51,4 +51,5 @@ def screen(
     atoms += [atom for c in offered if deflects(c) for atom in simulated[c]]
     order = {c: rank for rank, c in enumerate(offered)}
     kept = sorted((a for a in atoms if a.key not in taken), key=lambda a: order[a.effect])
-    return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH), kept
+    noise = problem.row_noise(fit.residual)
+    return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept

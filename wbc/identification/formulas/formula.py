@@ -28,7 +28,7 @@ _LEAST_GAIN = 0.05  # of the floor's mean square
 _LEAST_SHARE = 0.35  # of the excess over the floor: what leaves more is no law of this joint
 _WIDER_SHARE = 0.01  # ... that terms of other joints or of logs alone must add
 _WIDER_REST = 0.5  # ... and of what formulas without them leave
-_SHARE_PER_TERM = 1e-4  # of the square explained: what filters distort pays for no term
+_SHARE_PER_TERM = 1e-4  # of the square explained: filters distort that much
 _STABLE = 0.5  # share of the folds that must choose a term
 _SAME = 0.98  # cosine above which two terms are the same choice
 _SAME_ERROR = 1e-4  # share by which errors of equal terms differ through rounding
@@ -61,7 +61,7 @@ class Formula:
 
 
 def find_formula(table: TermTable) -> Formula | None:
-    """Return the smallest formula that does as well as the best one on unseen folds, if any pays.
+    """Return the smallest formula that does as well as the best one on unseen folds, or none.
 
     Every fold is predicted by terms *and* coefficients that were found without it; formulas of
     zero to four terms are compared block by block. The smallest one within one standard error of

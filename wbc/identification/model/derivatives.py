@@ -9,6 +9,11 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
+from wbc.identification.model.inertial_columns import (
+    inertial_columns,
+    only_inertial,
+    parameter_changes,
+)
 from wbc.identification.model.kept_columns import (
     IMPOSSIBLE,
     STEP,
@@ -93,7 +98,11 @@ def derivatives(
         kept: columns of this robot on these logs; new ones are put there.
     """
     columns = []
+    inertial = _inertial(robot, at, slots, records)  # by number of the column
     for row, (k, parameter) in enumerate(slots):
+        if row in inertial:
+            columns.append(inertial[row] @ whitening)
+            continue
         if known is not None and _swings(robot, at, k, records[0].motion):
             columns.append(known[:, :, row])
             continue
@@ -110,6 +119,34 @@ def derivatives(
         if size[row] < _UNFELT * beside:
             jacobian[:, :, row] = 0.0
     return jacobian
+
+
+def _inertial(
+    robot: Robot, at: Evaluation, slots: Slots, records: Sequence[Record]
+) -> dict[int, FloatArray]:
+    """Return the columns (rows, m + b) by parameters that only change the links' inertias."""
+    if any(deflects(effect) for effect in at.effects):
+        return {}  # how links swing depends on their inertias
+    kinds = {type(effect): effect for effect in at.effects}
+    inertial = {kind for kind, effect in kinds.items() if only_inertial(robot, effect)}
+    own = {k for k, effect in enumerate(at.effects) if type(effect) in inertial}
+    varied = {}
+    for row, (k, parameter) in enumerate(slots):
+        if k not in own:
+            continue
+        for size in (STEP, -STEP):
+            try:
+                changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
+                changed[k].change(robot)
+            except IMPOSSIBLE:
+                continue
+            varied[row] = k, changed[k], size
+            break
+    if not varied:
+        return {}
+    changes = parameter_changes(robot, at.effects, list(varied.values()))
+    columns = inertial_columns(at.robot, records, at.swinging, changes)
+    return {row: columns[:, :, place] for place, row in enumerate(varied)}
 
 
 def _kept(at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns) -> FloatArray | None:
@@ -175,11 +212,15 @@ def with_changes(
         EffectError: a value that the effect cannot have.
     """
     result = list(effects)
-    for (k, name), change in changes.items():
-        effect = result[k]
-        value = effect.values[name] + change
-        if clip:
-            bound = next(p for p in effect.parameters if p.name == name)
-            value = float(np.clip(value, bound.low, bound.high))
-        result[k] = effect.with_values({name: value})
+    for k in dict.fromkeys(k for k, _ in changes):
+        bounds = {p.name: p for p in result[k].parameters}
+        values = result[k].values
+        for (owner, name), change in changes.items():
+            if owner != k:
+                continue
+            value = values[name] + change
+            if clip:
+                value = float(np.clip(value, bounds[name].low, bounds[name].high))
+            values[name] = value
+        result[k] = result[k].with_values(values)
     return result

@@ -17,6 +17,7 @@ from wbc.identification.model.derivatives import (
     with_changes,
 )
 from wbc.identification.model.kept_columns import IMPOSSIBLE, KeptColumns
+from wbc.identification.model.usual import UsualRows
 from wbc.identification.model.yielding import some_deflect
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
@@ -40,6 +41,7 @@ class Fit:
         jacobian: (rows, outputs, p) change of the whitened residual per unit of each parameter's
             scale.
         parameters: the p fitted parameters as (number of effect, parameter).
+        usual: rows of what is usual, which are fitted beside those of the records.
         settled: whether more steps would gain nothing.
         failed: why the robot cannot have these effects on these records, empty if it can; then all
             of the residual is infinite, so that the model loses every comparison.
@@ -50,6 +52,7 @@ class Fit:
     residual: FloatArray
     jacobian: FloatArray
     parameters: tuple[tuple[int, Parameter], ...]
+    usual: UsualRows
     settled: bool = True
     failed: str = ""
 
@@ -67,6 +70,15 @@ class Fit:
     def swings(self) -> bool:
         """Whether links were simulated behind their gears."""
         return some_deflect(self.effects)
+
+    @property
+    def information(self) -> FloatArray:
+        """(p, p) what the records know of the parameters, in units of their scales.
+
+        Beside numbers that are drawn to what is usual: in squared standard deviations.
+        """
+        a = (self.jacobian * self.usual.weights[:, None]).reshape(-1, len(self.parameters))
+        return np.asarray(a.T @ a)
 
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself.
@@ -103,11 +115,17 @@ class Fit:
         else a clipping limit that only one block reached would fly away on the others.
         """
         p = len(self.parameters)
-        norm = np.sqrt(np.sum(self.jacobian**2, axis=(0, 1)))
+        norm = np.sqrt(np.sum(self.jacobian**2, axis=0).T @ (1.0 / self.usual.noise))
         norm = np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
-        a = self.jacobian[rows].reshape(-1, p) / norm
+        weights = self.usual.weights
+        a = (self.jacobian[rows] * weights[:, None]).reshape(-1, p) / norm
         gram = a.T @ a + _KNOWS_NOTHING * np.eye(p)
-        return np.asarray(np.linalg.solve(gram, -(a.T @ self.residual[rows].ravel())) / norm)
+        moment = a.T @ (self.residual[rows] * weights).ravel()
+        if self.usual.residual.size:
+            leaning = self.usual.jacobian / norm
+            gram += leaning.T @ leaning
+            moment += leaning.T @ self.usual.residual
+        return np.asarray(np.linalg.solve(gram, -moment) / norm)
 
 
 def refine(
@@ -117,6 +135,7 @@ def refine(
     whitening: FloatArray,
     iterations: int = ITERATIONS,
     kept: KeptColumns | None = None,
+    samples: FloatArray | None = None,
 ) -> Fit:
     """Fit all parameters of `effects` added to `robot`.
 
@@ -127,6 +146,8 @@ def refine(
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
         kept: derivatives made before of this robot on these records; new ones are put there.
+        samples: (outputs,) independent samples per row, by default one. Where numbers are drawn
+            to what is usual, it says how much the logs weigh beside that.
 
     Raises:
         EffectError: the robot has no place for one of the effects.
@@ -143,8 +164,9 @@ def refine(
     fresh = True  # whether the links that swing were differentiated here
     ended = not slots
     for _ in range(iterations if slots else 0):
-        step = _bounded_step(at.effects, slots, jacobian, at.residual)
-        found = _line_search(robot, at, slots, step, records, whitening)
+        usual = _usual(at, slots, samples)
+        step = _bounded_step(at.effects, slots, jacobian, at.residual, usual)
+        found = _line_search(robot, at, slots, step, records, whitening, usual)
         if found is None:
             if fresh:
                 ended = True
@@ -153,7 +175,8 @@ def refine(
             fresh = True
             continue
         moved, length = found
-        gain = (at.cost - moved.cost) / at.cost
+        before = _cost(at, usual)
+        gain = (before - _cost(moved, usual)) / before
         settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
         change = jacobian @ (length * step)
         if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
@@ -166,7 +189,7 @@ def refine(
         trusted = fresh
         if swings:
             promised = float(np.sum((at.residual + change) ** 2))
-            trusted = abs(gain * at.cost / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
+            trusted = abs((at.cost - moved.cost) / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
         at = moved
         known = jacobian if trusted else None
         jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
@@ -175,7 +198,23 @@ def refine(
             break
         fresh = not trusted or not swings
     whole = robot.with_effects(*at.effects)
-    return Fit(whole, at.effects, at.residual, jacobian, slots, ended)
+    usual = _usual(at, slots, samples)
+    return Fit(whole, at.effects, at.residual, jacobian, slots, usual, ended)
+
+
+def _usual(at: Evaluation, slots: Slots, samples: FloatArray | None) -> UsualRows:
+    if not any(effect.departures.size for effect in at.effects):
+        return UsualRows.none(at.residual.shape[1], len(slots))
+    count = np.ones(at.residual.shape[1]) if samples is None else samples
+    variance = np.maximum(np.mean(at.residual**2, axis=0), 1.0)
+    return UsualRows.of(at.effects, slots, variance / count, count)
+
+
+def _cost(at: Evaluation, beside: UsualRows) -> float:
+    """Return what is minimised, by the weights of the rows beside which it is compared."""
+    if not beside.residual.size:
+        return at.cost
+    return UsualRows.of(at.effects, (), beside.noise, beside.samples).cost(at.residual)
 
 
 def _failed(
@@ -189,7 +228,8 @@ def _failed(
     """Return the fit of what cannot move like these records."""
     shape = sum(record.rows for record in records), whitening.shape[1]
     residual, jacobian = np.full(shape, np.inf), np.zeros((*shape, len(slots)))
-    return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), failed=why)
+    usual = UsualRows.none(whitening.shape[1], len(slots))
+    return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), usual, failed=why)
 
 
 def _norm(values: FloatArray) -> float:
@@ -201,9 +241,14 @@ def _bounded_step(
     slots: Slots,
     jacobian: FloatArray,
     residual: FloatArray,
+    usual: UsualRows,
 ) -> FloatArray:
     """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
     a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
+    if usual.residual.size:
+        a = (jacobian * usual.weights[:, None]).reshape(-1, len(slots))
+        a = np.concatenate([a, usual.jacobian])
+        r = np.concatenate([(residual * usual.weights).ravel(), usual.residual])
     values = np.array([effects[k].values[p.name] for k, p in slots])
     low = np.array([p.low for _, p in slots])
     high = np.array([p.high for _, p in slots])
@@ -227,9 +272,10 @@ def _line_search(
     step: FloatArray,
     records: Sequence[Record],
     whitening: FloatArray,
+    usual: UsualRows,
 ) -> tuple[Evaluation, float] | None:
     """Return the first point along a step that leaves less, and which share of the step it is."""
-    length = 1.0
+    length, before = 1.0, _cost(at, usual)
     for _ in range(5):
         changes = {
             (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
@@ -240,7 +286,7 @@ def _line_search(
         except IMPOSSIBLE:
             length *= 0.4
             continue
-        if after.cost < at.cost:
+        if _cost(after, usual) < before:
             return after, length
         length *= 0.4
     return None

@@ -61,21 +61,27 @@ class Problem:
 
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> Problem:
-        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors."""
+        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors.
+
+        Band, weights and noise floor are those of the robot's links alone, without its losses and
+        effects: so any two models of one machine are measured by the same floor.
+        """
         require_robot_and_logs(robot, logs)
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
-        prepared = prepare(robot, pieces, reversal)
+        prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
-        parts = [condensed_residual(robot, [record]) for record in records]
+        links = records[0].robot
+        parts = [condensed_residual(links, [record]) for record in records]
         floor = noise_floor(records, parts, drawn)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
         floor = replace(floor, aside=aside)
+        believed = tuple(record.believing(robot) for record in records)
         return cls(
             robot=robot,
-            records=records,
-            residual=np.concatenate(parts),
+            records=believed,
+            residual=condensed_residual(robot, believed),
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
             blocks=bootstrap_blocks(records),
@@ -109,7 +115,15 @@ class Problem:
 
         def fit(sided: Sequence[Effect], steps: int) -> Fit:
             logs, floor = self.records, self.whitening
-            return refine(self.robot, sided, logs, floor, steps, kept=self._columns)
+            return refine(
+                self.robot,
+                sided,
+                logs,
+                floor,
+                steps,
+                kept=self._columns,
+                samples=self.white_samples,
+            )
 
         return best_sides(self.robot, effects, self.records[0].motion, fit)
 
@@ -126,7 +140,14 @@ class Problem:
         if not fit.parameters:
             return np.zeros(0)
         narrow = tuple(record.narrowed(0.6) for record in self.records)
-        other = refine(self.robot, fit.effects, narrow, self.whitening, iterations=2)
+        other = refine(
+            self.robot,
+            fit.effects,
+            narrow,
+            self.whitening,
+            iterations=2,
+            samples=self.white_samples,
+        )
         doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
         return np.asarray(np.hypot(other.values - fit.values, doubt * fit.values))
 
@@ -159,6 +180,15 @@ class Problem:
         chance = longest * ROWS_PER_SAMPLE / len(residual)
         lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
         return np.asarray(self._row_share / np.maximum(1.0 + 2.0 * lags, ROWS_PER_SAMPLE))
+
+    def row_noise(self, residual: FloatArray) -> FloatArray:
+        """Return (outputs,) mean squares of a residual over white noise's samples per row.
+
+        Args:
+            residual: (rows, outputs), whitened.
+        """
+        squares = np.maximum(np.mean(residual**2, axis=0), 1.0)
+        return np.asarray(squares / self.white_samples)
 
     @property
     def white_samples(self) -> FloatArray:

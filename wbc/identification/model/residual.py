@@ -16,6 +16,7 @@ from wbc.identification.records.record import Record
 from wbc.links import LinkResponse
 from wbc.robot import Motion, Robot
 
+_STEP = 1e-7  # of the largest load, by which loads are varied
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
 
@@ -61,6 +62,30 @@ def _loads(
     if swinging is not None:
         links = links + swinging
     return motion, links, contacts
+
+
+def by_link_torque(
+    robot: Robot, record: Record, swinging: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return (N, m + b, nv) the change of the residual with what the links need, and Y.
+
+    Y (N, nv, 10 n_links) is the regressor of the links along the true motion. Gears that lose a
+    share of the load make the change depend on its direction.
+
+    Args:
+        robot: with its effects.
+        record: one log.
+        swinging: what `swinging_torque` returned.
+    """
+    motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
+    links = links if swinging is None else links + swinging
+    before = _unexplained(robot, record, motion, links, contacts)
+    step = _STEP * max(float(np.max(np.abs(links))), 1.0)
+    slopes = [
+        (_unexplained(robot, record, motion, links + step * unit, contacts) - before) / step
+        for unit in np.eye(links.shape[1])
+    ]
+    return np.stack(slopes, axis=-1), record.along(motion).regressor
 
 
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:

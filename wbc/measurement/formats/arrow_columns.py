@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from wbc.errors import LogError
+from wbc.extras import needs
 from wbc.measurement.formats.table import Chunk
+
+with needs("logs", "reading CSV and Parquet files"):
+    import pyarrow as pa
+    import pyarrow.compute as pc
 
 
 def batch_columns(batch: Any, numbers: Sequence[str], keys: Sequence[str], label: str) -> Chunk:

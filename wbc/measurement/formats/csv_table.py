@@ -15,13 +15,15 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import pyarrow as pa
-import pyarrow.csv as pc
-
 from wbc.errors import LogError
+from wbc.extras import needs
 from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.formats.arrow_columns import batch_columns
 from wbc.measurement.formats.table import Chunk, Table
+
+with needs("logs", "reading CSV files"):
+    import pyarrow as pa
+    import pyarrow.csv as pc
 
 _BLOCK_BYTES = 1 << 23
 _HEAD_LINES = 200

@@ -8,9 +8,7 @@ from pathlib import Path
 
 from wbc.errors import LogError
 from wbc.measurement.formats.bag_table import BagTable
-from wbc.measurement.formats.csv_table import CsvTable
 from wbc.measurement.formats.npz_table import NpzTable
-from wbc.measurement.formats.parquet_table import ParquetTable
 from wbc.measurement.formats.table import Table
 
 _FORMATS = ".csv (also .csv.gz), .parquet, .npz, .mcap, .db3, or the folder of a rosbag2 recording"
@@ -39,10 +37,15 @@ def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table
     if path.stat().st_size == 0:
         raise LogError(f"'{path}' is empty.")
     if suffix in (".parquet", ".pq"):
+        # pyarrow is no part of a bare installation.
+        from wbc.measurement.formats.parquet_table import ParquetTable
+
         return ParquetTable(path)
     if suffix == ".npz":
         return NpzTable(path)
     if suffix in (".csv", ".txt", ".tsv"):
+        from wbc.measurement.formats.csv_table import CsvTable
+
         return CsvTable(path, header)
     raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
 

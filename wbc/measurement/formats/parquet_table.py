@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from wbc.errors import LogError
+from wbc.extras import needs
 from wbc.measurement.formats.arrow_columns import batch_columns
 from wbc.measurement.formats.table import CHUNK_ROWS, Chunk, Table
+
+with needs("logs", "reading Parquet files"):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 
 class ParquetTable(Table):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pc
-import pyarrow.parquet as pq
 
 from wbc.errors import LogError
+from wbc.extras import needs
 from wbc.files import atomic_write
 from wbc.measurement.log import Log
 from wbc.measurement.schema import TIME
@@ -39,14 +37,18 @@ def save_log(log: Log, path: str | Path) -> Path:
         raise LogError(f"cannot write '{path}': {cause}.") from cause
 
 
-def _table(log: Log) -> pa.Table:
+def _table(log: Log) -> Any:
+    with needs("logs", "writing CSV and Parquet files"):
+        import pyarrow as pa
     return pa.table({TIME: log.time, **log.columns})
 
 
 def _write_csv(log: Log, file: BinaryIO) -> None:
-    names = [TIME, *log.names]
+    table, names = _table(log), [TIME, *log.names]
     file.write((",".join(_quoted(name) for name in names) + "\n").encode("utf-8"))
-    pc.write_csv(_table(log), file, pc.WriteOptions(include_header=False))
+    import pyarrow.csv as pc
+
+    pc.write_csv(table, file, pc.WriteOptions(include_header=False))
 
 
 def _quoted(name: str) -> str:
@@ -56,7 +58,10 @@ def _quoted(name: str) -> str:
 
 
 def _write_parquet(log: Log, file: BinaryIO) -> None:
-    pq.write_table(_table(log), file)
+    table = _table(log)
+    import pyarrow.parquet as pq
+
+    pq.write_table(table, file)
 
 
 def _write_npz(log: Log, file: BinaryIO) -> None:

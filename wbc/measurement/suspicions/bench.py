@@ -26,7 +26,7 @@ class Bench:
         """Return (m,) the log likelihoods of the columns of a reading if they mean nothing."""
         if self._unrelated is None:
             plain = self.reports(as_it_stands(self._rows))
-            self._unrelated = np.array([one.unrelated for one in plain])
+            self._unrelated = np.array([one.idle for one in plain])
         return self._unrelated[reading.torque_order]
 
     def reports(self, reading: Reading) -> tuple[Report, ...]:

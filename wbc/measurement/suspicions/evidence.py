@@ -36,8 +36,12 @@ _ROTOR_WRONG = float(np.log(0.02))  # ... unless it is simply wrong
 _ALIKE = 0.15  # standard deviation of ln g between drives of one kind
 _UNRELATED = float(np.log(0.1))  # a drive that carried nothing: a judgement, TIAGo has three
 _STRANGE = float(np.log(0.002))  # a large report that follows something else: a judgement
+_CAUSES = 6  # offset up and down, speed, direction, loss under load, acceleration
+_EITHER_WAY = -4.0 * float(np.log(2.0))  # four coefficients of either sign: half of the odds each
 _IDLE = 0.1  # share of the need below which a report may well be that of an idle drive
-_PHYSICS = 0.01  # share of a report's power that rigid bodies and friction never explain
+# Share of a report's power below which it does not matter what rigid bodies and friction leave: of
+# 2114 true reports of generated robots with hidden causes 92 % leave less, half of them 0.1 %.
+_PHYSICS = 0.015
 _MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
 _WORST = 1e6  # share of power that a fit leaves, beyond which none is worse
 _INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
@@ -52,8 +56,14 @@ class Report(NamedTuple):
     """The likeliest gain."""
     left: float
     """Share of the report's power that is left there."""
-    unrelated: float
-    """Log likelihood, with its prior, of a report that has nothing to do with the need."""
+    idle: float
+    """Log likelihood, with its prior, of a drive that carried nothing in this log."""
+    causes: FloatArray
+    """(R, 6) what speed, direction, load and acceleration add, over the report's size."""
+    target: FloatArray
+    """(R,) the report in the same coordinates, over its size."""
+    samples: float
+    """Independent samples that count."""
     ratios: FloatArray
     """(F,) log likelihood at each factor of the grid by which the gear ratio may be another."""
 
@@ -81,7 +91,9 @@ def report(
     """
     size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
     if size <= 0.0:
-        return Report(np.zeros(_GAINS.size), 0.0, 1.0, 0.0, np.zeros(_RATIOS.size))
+        nothing = np.zeros((1, _CAUSES))
+        flat = np.zeros(_GAINS.size)
+        return Report(flat, 0.0, 1.0, 0.0, nothing, nothing[:, 0], 0.0, np.zeros(_RATIOS.size))
     causes, drawn = _columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
@@ -95,11 +107,16 @@ def report(
         inertias = rotor / size * _RATIOS ** (power + 2.0)
         pairs = zip(_RATIOS**power / size, inertias, strict=True)
         ratios = np.array([_log(_held(reduced, g, c), count) for g, c in pairs])
+    own, target = reduced[:, :-2] / size, reduced[:, -1]
+    free = _EITHER_WAY + _log(float(_free_misfits([own], [target])[0]), count)
     return Report(
         gains=gains,
         gain=float(_GAINS[best]),
         left=left,
-        unrelated=_unrelated(reduced, count, size, drawn + inertia * need.change[:, joint]),
+        idle=free + _idle(size, drawn + inertia * need.change[:, joint]),
+        causes=own,
+        target=target,
+        samples=count,
         ratios=ratios,
     )
 
@@ -121,7 +138,8 @@ def evidence(logs: Sequence[tuple[Sequence[Report], FloatArray]]) -> float:
     """Return the log evidence of the reports of all joints in all logs.
 
     The gain of a joint is the same in all logs. Gains are drawn apart or alike (one kind of drive,
-    one unit), with equal odds; each report may also be unrelated to the need.
+    one unit), with equal odds. In a log a drive may have carried nothing; and a joint may have
+    something else than the need in its reports, which is then so in all logs.
 
     Args:
         logs: per log, the reports of all joints, read in one way; and (m,) log likelihoods of the
@@ -134,27 +152,39 @@ def evidence(logs: Sequence[tuple[Sequence[Report], FloatArray]]) -> float:
         ],
         axis=0,
     )
-    apart = float(np.sum(logsumexp(_PRIOR + total, axis=1)))
+    joints = zip(*(reports for reports, _ in logs), strict=True)
+    strange = np.array([_STRANGE + _strange(reports) for reports in joints])
+    apart = float(np.sum(np.logaddexp(logsumexp(_PRIOR + total, axis=1), strange)))
     near = -0.5 * (np.log(_GAINS[:, None] / _GAINS) / _ALIKE) ** 2
     near -= logsumexp(near, axis=1, keepdims=True)
-    given = logsumexp(near[None] + total[:, None, :], axis=2)
+    given = np.logaddexp(logsumexp(near[None] + total[:, None, :], axis=2), strange[:, None])
     alike = float(logsumexp(_PRIOR + given.sum(axis=0)))
     return float(np.logaddexp(apart, alike) - np.log(2.0))
 
 
-def _unrelated(reduced: FloatArray, count: float, size: float, need: FloatArray) -> float:
-    """Return the log likelihood of a report that anything but the need may explain.
+def _strange(reports: Sequence[Report]) -> float:
+    """Return the log likelihood that a joint's reports follow anything but what it needs.
 
-    An idle drive reports little, and what it reports may go with speed and acceleration either way.
+    Speed, direction, load and acceleration may go either way, but the same way in all logs.
     """
-    causes, target = reduced[:, :-2], reduced[:, -1]
-    free = np.linalg.lstsq(causes, target, rcond=1e-9)[0]
-    left = float(np.sum((target - causes @ free) ** 2))
+    left = _free_misfits([one.causes for one in reports], [one.target for one in reports])
+    pairs = zip(left.tolist(), reports, strict=True)
+    return _EITHER_WAY + sum(_log(share, one.samples) for share, one in pairs)
+
+
+def _free_misfits(causes: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    """Return the share of each report's power that causes of either sign leave."""
+    whole, target = np.concatenate(causes), np.concatenate(targets)
+    left = target - whole @ np.linalg.lstsq(whole, target, rcond=1e-9)[0]
+    ends = np.cumsum([len(one) for one in targets])[:-1]
+    return np.array([float(part @ part) for part in np.split(left, ends)])
+
+
+def _idle(size: float, need: FloatArray) -> float:
+    """Return the log prior of a drive that carries nothing: what it reports is little."""
     share = size / max(float(np.sqrt(np.sum((need - need.mean()) ** 2))), 1e-300)
     excess = max(0.0, float(np.log(share / _IDLE))) / GAIN_SPREAD
-    # Speed, direction, loss and acceleration may have either sign: half of the odds each.
-    prior = float(np.logaddexp(_UNRELATED - 0.5 * excess**2, _STRANGE) - 4.0 * np.log(2.0))
-    return prior - 0.5 * count * float(np.log(left + _PHYSICS))
+    return _UNRELATED - 0.5 * excess**2
 
 
 def _columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:

@@ -21,6 +21,7 @@ _ROWS = 400  # kept per log: more samples of one motion say no more about a gros
 _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
 _HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
 _MOVES = 5.0  # times the noise of an encoder: white noise itself has one
+_BASE = 6  # coordinates of a free flyer, the first ones
 _EDGE = 0.05  # share of the log at either end, where the filter has not settled
 
 
@@ -66,8 +67,10 @@ class Rows:
         q[:, at] = factor * self.position[:, at[order]]
         v[:, to] = factor * self.velocity[:, to[order]]
         a[:, to] = factor * self.acceleration[:, to[order]]
-        motion = Motion(q, v, a)
         contacts = contact_torque(robot, q, self.forces)
+        motion = Motion(q, v, a)
+        if robot.has_free_flyer:
+            motion = Motion(q, v, _as_the_base_must(robot, motion, contacts))
         rotor, _ = rotor_torque(robot, motion, link_torque(robot, motion), contacts)
         gears = robot.transmission
         lift = gears.motor_from_joint.T
@@ -139,6 +142,25 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
         quantities=quantities,
         samples=np.array([_samples(column) for column in torque[inside].T]),
     )
+
+
+def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> FloatArray:
+    """Return the acceleration (N, nv) with that of a free base by its own equation of motion.
+
+    No motor drives the base: H_bb a_b + H_bj a_j + c_b = J_b' f. In flight gravity and the measured
+    acceleration cancel; what noise and filters leave of 9.81 m/s^2 outweighs what small motions
+    of the joints need.
+    """
+    change = np.zeros_like(motion.velocity)
+    if motion.acceleration is not None:
+        change += motion.acceleration
+    missing = (link_torque(robot, motion) - contacts)[:, :_BASE]
+    data = robot.model.createData()
+    for row, (q, wrench) in enumerate(zip(motion.position, missing, strict=True)):
+        inertia = pin.crba(robot.model, data, q)[:_BASE, :_BASE]
+        whole = np.triu(inertia) + np.triu(inertia, 1).T
+        change[row, :_BASE] -= np.linalg.solve(whole, wrench)
+    return change
 
 
 def _has_all(robot: Robot, log: Log) -> bool:

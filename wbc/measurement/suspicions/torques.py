@@ -22,9 +22,11 @@ LIKELY = 0.9
 """Probability from which a mistake is worth a warning."""
 CERTAIN = 0.99
 """Probability from which a mistake stops a diagnosis."""
-_LOST = 0.3  # share of a report's power left, from which its column may be another joint's
+# Share of a report's power left, from which its column may be another joint's. Of 2114 true reports
+# of generated robots with hidden causes 2 % leave more than 0.13.
+_LOST, _LOST_OF_FEW = 0.3, 0.1
 _TIED = 2.0  # nats: odds of seven to one
-_PAIRS = 7  # driven joints up to which any two may be exchanged: a third of a second per log
+_PAIRS = 7  # driven joints up to which many may be exchanged: a third of a second per log
 _OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
 _MOST = 3  # mistakes that are looked for one after another
@@ -108,8 +110,8 @@ def _judged(robot: Robot, log: Log) -> _Table | None:
         return None
     bench = Bench(rows)
     first = as_it_stands(rows)
-    small = robot.transmission.size <= _PAIRS
-    lost = np.array([small or one.left > _LOST for one in bench.reports(first)])
+    least = _LOST_OF_FEW if robot.transmission.size <= _PAIRS else _LOST
+    lost = np.array([one.left > least for one in bench.reports(first)])
     table: _Table = {}
     for reading in readings(rows, log, lost):
         reports = bench.reports(reading)

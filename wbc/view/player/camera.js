@@ -1,14 +1,26 @@
 // The camera's own frame has y up: (x, y, z) of the world is (x, z, -y) there.
 const target = () => viewer.controls.target;
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+// As near as the window allows: every point of the frame lies inside, with a border of 6 %.
 function frameCamera() {
-  const box = data.camera, [cx, cy, cz] = box.center;
+  const d = data.camera.direction, points = data.camera.points;
   viewer.camera.fov = 32;
-  const aspect = pane.clientWidth / Math.max(pane.clientHeight, 1);
-  const half = Math.tan((viewer.camera.fov * Math.PI) / 360);
-  const distance = Math.max(box.height / half, box.width / (half * aspect)) * 0.5 * 1.2 + 0.5 * box.width;
-  const [dx, dy, dz] = box.direction;
-  target().set(cx, cz, -cy);
-  viewer.camera.position.set(cx + distance * dx, cz + distance * dz, -(cy + distance * dy));
+  const half = Math.tan((viewer.camera.fov * Math.PI) / 360) / 1.06;
+  const wide = half * (pane.clientWidth / Math.max(pane.clientHeight, 1));
+  const flat = Math.hypot(d[0], d[1]), right = [-d[1] / flat, d[0] / flat, 0];
+  const above = [d[1] * right[2] - d[2] * right[1], d[2] * right[0] - d[0] * right[2], d[0] * right[1] - d[1] * right[0]];
+  // A point p is inside if |right p - x| < wide (distance - d p), and likewise up: four planes, whose
+  // tightest pairs give the middle and the distance.
+  const most = (f) => Math.max(...points.map(f));
+  const [r1, r2] = [1, -1].map((s) => most((p) => s * dot(p, right) / wide + dot(p, d)));
+  const [u1, u2] = [1, -1].map((s) => most((p) => s * dot(p, above) / half + dot(p, d)));
+  const distance = Math.max(r1 + r2, u1 + u2) / 2;
+  const x = (wide * (r1 - r2)) / 2, y = (half * (u1 - u2)) / 2;
+  const eye = [0, 1, 2].map((k) => x * right[k] + y * above[k] + distance * d[k]);
+  const depth = distance - points.reduce((sum, p) => sum + dot(p, d), 0) / points.length;
+  const aim = eye.map((e, k) => e - depth * d[k]);
+  target().set(aim[0], aim[2], -aim[1]);
+  viewer.camera.position.set(eye[0], eye[2], -eye[1]);
   viewer.camera.updateProjectionMatrix();
   anchor = null;
   viewer.controls.update();
@@ -22,4 +34,23 @@ function follow(center) {
     viewer.camera.position.x += dx; viewer.camera.position.z += dz;
   }
   anchor = center;
+}
+// The size of every force at the tip of its arrow, largest first; one that would cover another waits.
+function labelForces() {
+  const taken = [], box = [pane.clientWidth, pane.clientHeight];
+  viewer.camera.updateMatrixWorld();
+  for (const c of [...data.contacts].sort((a, b) => b.size - a.size)) {
+    c.label.hidden = !(layers.forces && c.size > 0 && c.tip);
+    if (c.label.hidden) continue;
+    v1.set(c.tip[0], c.tip[2], -c.tip[1]).project(viewer.camera);
+    const x = ((v1.x + 1) / 2) * box[0], y = ((1 - v1.y) / 2) * box[1];
+    c.label.textContent = `${Math.round(c.size)} N${c.cut ? " (arrow cut)" : ""}`;
+    const width = 8 * c.label.textContent.length;
+    c.label.hidden = Math.abs(v1.z) > 1 || taken.some((t) => Math.abs(t[0] - x) < (t[2] + width) / 2 && Math.abs(t[1] - y) < 18);
+    if (c.label.hidden) continue;
+    taken.push([x, y, width]);
+    // Inside the window: a long arrow may leave it.
+    c.label.style.left = `${Math.min(Math.max(x, width / 2), box[0] - width / 2)}px`;
+    c.label.style.top = `${Math.min(Math.max(y, 20), box[1])}px`;
+  }
 }

@@ -46,6 +46,9 @@ function buildControls() {
   $("back").onclick = () => step(-1);
   $("next").onclick = () => step(1);
   $("mark").onclick = nextMark;
+  $("mark").textContent = `next ${data.mark_name}`;
+  $("mark").title = `to the next ${data.mark_name} (m)`;
+  $("mark").setAttribute("aria-label", `to the next ${data.mark_name}`);
   $("marks-nav").hidden = !data.marks.length;
   $("frame").onclick = () => { frameCamera(); drawFrame(); };
   $("theme").onclick = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
@@ -71,4 +74,6 @@ function buildControls() {
     if (keys[e.key]) { e.preventDefault(); keys[e.key](); }
   });
   window.addEventListener("resize", () => { paintBackdrop(); drawFrame(); });
+  // The camera moved: the numbers stay at their arrows.
+  viewer.controls.addEventListener("change", labelForces);
 }

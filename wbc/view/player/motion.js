@@ -3,7 +3,8 @@ const v1 = new MeshCat.THREE.Vector3(), v2 = new MeshCat.THREE.Vector3();
 const q1 = new MeshCat.THREE.Quaternion(), q2 = new MeshCat.THREE.Quaternion();
 let now = start, playing = false, speed = 1, lastTick = 0;
 const layers = { "centre of mass": data.floor !== null };
-if (data.contacts.length) Object.assign(layers, { forces: true, cones: true });
+// The cones of many contacts would hide the robot.
+if (data.contacts.length) Object.assign(layers, { forces: true, cones: data.contacts.length <= 4 });
 if (data.floating) layers.follow = data.follow;
 if (data.ghost) layers.ghost = true;
 if (data.gears.some((g) => g.residual)) layers.residual = true;
@@ -34,16 +35,19 @@ function drawContact(c, i) {
   const force = at3(c.force, i), point = at3(c.position, i), normal = at3(c.normal, i);
   const size = Math.hypot(...force);
   const shown = size > 0.02 * data.weight;
-  const full = Math.min(size * data.metres_per_newton, 1.1 * data.reach);
+  const full = Math.min(size * data.metres_per_newton, 0.7 * data.reach);
   const shaft = Math.max(full - data.arrow_head, 1e-4);
   c.node.shaft.visible = c.node.head.visible = shown && layers.forces;
   c.node.cone.visible = shown && layers.cones;
+  c.size = shown ? size : 0;
+  c.cut = size * data.metres_per_newton > full;
   if (!shown) return;
   v1.set(...force).normalize();
   q1.setFromUnitVectors(up, v1);
   c.node.shaft.position.set(...point); c.node.shaft.quaternion.copy(q1); c.node.shaft.scale.set(1, 1, shaft);
   c.node.head.position.set(point[0] + shaft * v1.x, point[1] + shaft * v1.y, point[2] + shaft * v1.z);
   c.node.head.quaternion.copy(q1);
+  c.tip = [0, 1, 2].map((k) => point[k] + full * [v1.x, v1.y, v1.z][k]);
   v2.set(...normal);
   q2.setFromUnitVectors(up, v2);
   c.node.cone.position.set(...point); c.node.cone.quaternion.copy(q2);
@@ -77,6 +81,7 @@ function drawFrame() {
     com.line.scale.set(1, 1, Math.max(Math.abs(center[2] - floor), 1e-4));
   }
   follow(center);
+  labelForces();
   viewer.set_dirty();
   readout(near);
   drawTimeline();

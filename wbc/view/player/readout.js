@@ -16,6 +16,9 @@ function buildReadout() {
     entry(data.colours.modes["0"], "stuck or idle") +
     (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
       entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} floors)` : "") + ghostNote;
+  // A length that is easy to compare with the robot, and the force that it stands for.
+  const newtons = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((n) => n * data.metres_per_newton > 0.25 * data.reach) || 10000;
+  if (data.contacts.length) $("legend").innerHTML += `${data.gears.length ? "<br>" : ""}force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`;
   if (data.gears.length === 0) $("details").remove();
   else if (window.innerWidth < 560 || window.innerHeight < 500 || data.gears.length > 8) $("details").open = false;
 }

@@ -23,6 +23,7 @@ for (const c of data.contacts) {
              cone: node("contacts", c.name, "cone") };
   for (const part of ["shaft", "head"]) { onTop(c.node[part]); }
   Object.values(c.node).forEach(noShadow);
+  c.label = document.createElement("span"); c.label.className = "force"; pane.append(c.label);
 }
 for (const g of data.gears) g.node = node("robot", "j" + g.number, "hub");
 if (data.ghost) {

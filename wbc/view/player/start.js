@@ -15,5 +15,11 @@ requestAnimationFrame(() => {
     get time() { return now; }, get playing() { return playing; },
     visible: (path) => node(...path).visible,
     colour(path) { const seen = []; node(...path).traverse((o) => { if (o.material) seen.push(o.material.color.toArray()); }); return seen[0]; },
+    // How far the framed points reach towards the border of the window, across and up; 1 is the border.
+    reach() {
+      viewer.camera.updateMatrixWorld();
+      const seen = data.camera.points.map((p) => v1.set(p[0], p[2], -p[1]).project(viewer.camera).toArray());
+      return [0, 1].map((k) => Math.max(...seen.map((p) => Math.abs(p[k]))));
+    },
     picture() { drawFrame(); viewer.render(); } };
 });

@@ -47,11 +47,21 @@ function paintBackdrop() {
     g.beginPath(); g.moveTo(x(t), y); g.lineTo(x(t), y + 3); g.stroke();
     g.fillText(`${+t.toFixed(3)} s`, Math.min(x(t), width - 16), y + 10);
   }
-  for (const mark of data.marks) {
-    g.fillStyle = ink; g.beginPath(); g.moveTo(x(mark.time) - 4, 0); g.lineTo(x(mark.time) + 4, 0);
-    g.lineTo(x(mark.time), 8); g.fill();
-    g.globalAlpha = 0.5; g.fillRect(x(mark.time) - 0.5, 0, 1, y); g.globalAlpha = 1;
+  for (const group of markGroups(x)) {
+    const at = x(group[0].time), many = group.length > 1;
+    g.fillStyle = ink; g.beginPath(); g.moveTo(at - 4, 0); g.lineTo(at + 4, 0); g.lineTo(at, 8); g.fill();
+    if (many) { g.textAlign = "left"; g.fillText(`${group.length}`, at + 6, 5); }
+    g.globalAlpha = 0.5; g.fillRect(at - 0.5, 0, 1, y); g.globalAlpha = 1;
   }
+}
+// Marks that would lie on one another are one triangle with their number.
+function markGroups(x) {
+  const groups = [];
+  for (const mark of data.marks) {
+    const last = groups[groups.length - 1];
+    if (last && x(mark.time) - x(last[0].time) < 16) last.push(mark); else groups.push([mark]);
+  }
+  return groups;
 }
 function drawTimeline() {
   const ratio = window.devicePixelRatio || 1, g = canvas.getContext("2d");
@@ -68,8 +78,9 @@ function drawTimeline() {
   canvas.setAttribute("aria-valuemax", (stop - start).toFixed(3));
 }
 function markNear(px) {
-  const span = canvas.clientWidth - LEFT - 8;
-  return data.marks.find((m) => Math.abs(LEFT + (span * (m.time - start)) / (stop - start) - px) < 6);
+  const span = canvas.clientWidth - LEFT - 8, x = (t) => LEFT + (span * (t - start)) / (stop - start);
+  const group = markGroups(x).find((g) => Math.abs(x(g[0].time) - px) < 8);
+  return group && { time: group[0].time, label: group.map((m) => m.label).join("\n") };
 }
 function scrub(event) {
   const box = canvas.getBoundingClientRect(), px = event.clientX - box.left;

@@ -26,6 +26,8 @@ def plot_mean(
     values: FloatArray,
     style: Mapping[str, Any],
     jumps: Sequence[int] = (),
+    *,
+    samples: bool = True,
 ) -> None:
     """Draw a signal (N,), and where it is rough its mean in front of all its samples.
 
@@ -35,6 +37,8 @@ def plot_mean(
         values: (N,).
         style: of the line.
         jumps: rows that start anew; nothing is averaged across them.
+        samples: whether the samples of a rough signal are drawn; several such signals hide one
+            another.
     """
     rows = round(len(time) * _SHARE)
     mean = window_mean(values, rows, jumps)
@@ -42,5 +46,6 @@ def plot_mean(
     if not rough:
         axes.plot(time, values, **style)
         return
-    axes.plot(time, values, color=style.get("color"), linewidth=0.5, alpha=0.25, zorder=1.5)
+    if samples:
+        axes.plot(time, values, color=style.get("color"), linewidth=0.5, alpha=0.25, zorder=1.5)
     axes.plot(time, mean, **style)

@@ -18,8 +18,8 @@ from wbc.view.plots.style import drawing, new_figure
 def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     """Return mesh power by direction and the heat it leaves, one row per gear.
 
-    Powers are means over a 150th of the log, never across an impact: a controller that hears noise
-    shakes its gears at every tick, and the ticks would hide who drives whom.
+    Powers are means over a 150th of the log, never across an impact: sensor noise makes
+    the power of single ticks change its sign, which would hide whether motor or joint drives.
 
     Args:
         robot: whose efficiencies give the losses.

@@ -64,6 +64,45 @@ def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGH
     return figure
 
 
+def unexplained_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
+    """Return the torque of every driven joint that the model leaves unexplained, over time.
+
+    The title of a panel gives its root mean square before and after, over all logs.
+
+    Args:
+        residuals: from `residuals_of`.
+        fitted_label: what the robot with the effects is called in the legend.
+        theme: page colours.
+    """
+    run, rows = residuals.runs[0], residuals.driven
+    with drawing(theme):
+        figure, grid = new_figure(rows, 1, 7.5, 1.7 * rows + 0.8, share_x=True)
+        for k, (ax,) in enumerate(grid):
+            _over_time(ax, run.time, run.before[:, k], run.after[:, k], theme, 1.4)
+            before, after = (
+                float(
+                    np.sqrt(
+                        np.mean(
+                            np.concatenate([getattr(r, side)[:, k] for r in residuals.runs]) ** 2
+                        )
+                    )
+                )
+                for side in ("before", "after")
+            )
+            unit = residuals.units[k]
+            ax.set_title(
+                f"{residuals.outputs[k]}: {before:.2g} {unit} unexplained, then {after:.1g} {unit}"
+            )
+            ax.set_ylabel(f"measured - model\n[{unit}]")
+        grid[-1][0].set_xlabel("time [s]")
+        entries = [
+            Line2D([], [], color=theme.series[1], label="model as given"),
+            Line2D([], [], color=theme.series[0], label=fitted_label),
+        ]
+        figure.legend(handles=entries, loc="outside upper center", ncols=2)
+    return figure
+
+
 def staircase_figure(
     steps: list[tuple[str, float]], floor_source: str, theme: Theme = LIGHT
 ) -> Figure:
@@ -80,12 +119,11 @@ def staircase_figure(
         ax = grid[0][0]
         rows = np.arange(len(steps))
         ax.barh(rows, errors, color=theme.series[0], height=0.62)
-        ax.set_xscale("log")
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.set_xlim(0.5, 2.2 * max(errors.max(), 2.0))
+        # From zero and linear: the length of a bar is the error, twice as long is twice as much.
+        ax.set_xlim(0.0, 1.12 * max(errors.max(), 2.0))
         ax.axvline(1.0, color=theme.series[1], linestyle="--")
         ax.annotate(
-            f"noise floor ({floor_source})",
+            f"1 = noise floor ({floor_source})",
             (1.0, -0.62),
             xytext=(3, 0),
             textcoords="offset points",
@@ -109,10 +147,15 @@ def staircase_figure(
 
 
 def _over_time(
-    ax: Axes, time: FloatArray, before: FloatArray, after: FloatArray, theme: Theme
+    ax: Axes,
+    time: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    theme: Theme,
+    width: float = 0.8,
 ) -> None:
-    ax.plot(time, before, color=theme.series[1], linewidth=0.8)
-    ax.plot(time, after, color=theme.series[0], linewidth=0.8)
+    ax.plot(time, before, color=theme.series[1], linewidth=width)
+    ax.plot(time, after, color=theme.series[0], linewidth=width)
     ax.set_xlim(time[0], time[-1])
 
 

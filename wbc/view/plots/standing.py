@@ -20,6 +20,7 @@ from wbc.view.plots.noisy import plot_mean
 from wbc.view.plots.shading import mark_impacts
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
 
+_CUT = 4.0  # weights at which the axis of the force ends where something lands
 _QUANTITY = {"m": "height", "mm": "sway", "deg": "pitch", "N m": "torque", "N": "force"}
 
 
@@ -31,8 +32,8 @@ def standing_figure(
 ) -> Figure:
     """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
 
-    Torque and force that noise shakes are shown as their mean in front of every sample; the axis
-    of the force is logarithmic above the weight where something lands.
+    Torque and force that noise shakes are shown as their mean, of a single run in front of every
+    sample. Where something lands the axis of the force ends at four weights.
 
     Args:
         robot: the robot of all runs (its links; the gears may differ from run to run).
@@ -50,16 +51,9 @@ def standing_figure(
                 *height_reference, color=theme.ink, linewidth=2.6, alpha=0.3, label="reference"
             )
         for i, (label, log) in enumerate(runs.items()):
-            style: dict[str, Any] = {
-                "color": theme.series[i % len(theme.series)],
-                "linestyle": DASHES[i % len(DASHES)],
-                # Later runs are wider and lie behind, so that one that coincides shows as a rim.
-                "linewidth": 1.3 + 0.9 * min(i, 3),
-                "zorder": 3.0 - 0.1 * i,
-                "label": label,
-            }
-            _plot_run(axes, robot, log, style)
+            _plot_run(axes, robot, log, run_style(i, label, theme), alone=len(runs) == 1)
         first = next(iter(runs.values()))
+        impacts = [impact for log in runs.values() for impact in log_impacts(robot, log)]
         for ax in axes:
             mark_impacts(ax, log_impacts(robot, first), theme.ink)
         titles = ["height of the centre of mass", "sway of the centre of mass", "pitch of the base"]
@@ -69,6 +63,11 @@ def standing_figure(
         for ax, title, unit in zip(axes, titles, units, strict=True):
             ax.set_title(title)
             ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
+        if impacts:
+            # The force of an impact would flatten all others.
+            axes[-1].set_ylim(-0.1 * robot_weight(robot), _CUT * robot_weight(robot))
+            peak = max(impact.force for impact in impacts)
+            axes[-1].set_title(f"{titles[-1]} (impacts up to {peak:.0f} N are cut off)")
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(first.time[0], first.time[-1])
         figure.align_ylabels(axes)
@@ -76,7 +75,22 @@ def standing_figure(
     return figure
 
 
-def _plot_run(axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any]) -> None:
+def run_style(number: int, label: str, theme: Theme) -> dict[str, Any]:
+    """Return the line of a run; from the third on wide and pale behind those that coincide."""
+    behind = number >= 2
+    return {
+        "color": theme.series[number % len(theme.series)],
+        "linestyle": "-" if behind else DASHES[number],
+        "linewidth": 4.5 if behind else 1.4,
+        "alpha": 0.4 if behind else 1.0,
+        "zorder": 3.0 - 0.1 * number,
+        "label": label,
+    }
+
+
+def _plot_run(
+    axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any], alone: bool
+) -> None:
     position = configuration(robot, log)
     center = center_of_mass(robot, position)
     axes[0].plot(log.time, center[:, 2], **style)
@@ -85,18 +99,14 @@ def _plot_run(axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any]
     torque = rotor_torque(robot, log)
     hits = [int(np.searchsorted(log.time, impact.time)) for impact in log_impacts(robot, log)]
     for i in range(robot.transmission.size):
-        plot_mean(axes[3 + i], log.time, torque[:, i], style, hits)
+        plot_mean(axes[3 + i], log.time, torque[:, i], style, hits, samples=alone)
         limit = robot.transmission.torque_limit[i]
         if np.isfinite(limit) and np.nanmax(np.abs(torque[:, i])) > 0.5 * limit:
             for end in (-limit, limit):
                 axes[3 + i].axhline(end, color="0.5", linewidth=0.8, linestyle=":")
     forces = contact_forces(robot, log)
     total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
-    plot_mean(axes[-1], log.time, total, style, hits)
-    if hits:
-        # The blow of a landing and the standing force on one axis.
-        axes[-1].set_yscale("symlog", linthresh=robot_weight(robot), linscale=1.0)
-        axes[-1].yaxis.set_major_formatter("{x:g}")
+    plot_mean(axes[-1], log.time, total, style, hits, samples=alone)
 
 
 def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -56,12 +56,27 @@ def drawing(theme: Theme = LIGHT) -> Iterator[None]:
 
 
 def new_figure(
-    rows: int, columns: int, width: float, height: float, *, share_x: bool = False
+    rows: int,
+    columns: int,
+    width: float,
+    height: float,
+    *,
+    share_x: bool = False,
+    heights: Sequence[float] | None = None,
 ) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure of `width` x `height` inches and its axes, row by row."""
+    """Return a figure of `width` x `height` inches and its axes, row by row.
+
+    Args:
+        rows, columns: of axes.
+        width, height: [inch].
+        share_x: one x axis per column.
+        heights: (rows,) relative heights; all alike when left out.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if share_x else False)
+    axes = figure.subplots(
+        rows, columns, squeeze=False, sharex="col" if share_x else False, height_ratios=heights
+    )
     return figure, [list(row) for row in np.asarray(axes)]
 
 

@@ -3,27 +3,78 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, Ranked
-from wbc.identification.answer.sentence import spoken, verdict_sentence
-from wbc.measurement import LogQuality
-from wbc.view.report.numbers import plain, with_interval
+from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.sentence import spoken, verdict_sentence, what_to_do
+from wbc.measurement import LogQuality, LogSource
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
 
 
 def headline(comparison: Comparison, diagnosis: Diagnosis | None) -> dict[str, str]:
-    """Return verdict, sentence and the line below it."""
+    """Return verdict, sentence and what to do now."""
     if diagnosis is None:
-        worst = max(comparison.outputs, key=lambda output: output.ratio)
-        text = (
-            f"The model misses these logs by {plain(comparison.error)} noise floors; worst at "
-            f"{worst.output}, {plain(worst.ratio)} floors."
-        )
-        return {"verdict": "compared", "sentence": text}
-    return {"verdict": diagnosis.verdict, "sentence": verdict_sentence(diagnosis)}
+        return {"verdict": "compared", "sentence": comparison.sentence, "to_do": ""}
+    return {
+        "verdict": diagnosis.verdict,
+        "sentence": verdict_sentence(diagnosis),
+        "to_do": what_to_do(diagnosis),
+    }
+
+
+def left_rows(comparison: Comparison, diagnosis: Diagnosis | None) -> list[list[str]]:
+    """Return what is left at each output in its unit, the worst first."""
+    if diagnosis is None:
+        worst = sorted(comparison.outputs, key=lambda o: -o.ratio)
+        return [
+            [o.output, plain(o.rms, 2), plain(o.size), plain(o.floor, 2), o.unit] for o in worst
+        ]
+    order = sorted(diagnosis.outputs, key=lambda o: -o.before / max(o.sensors, 1e-300))
+    return [
+        [o.output, *(plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors)), o.unit]
+        for o in order
+    ]
+
+
+def correlation_table(diagnosis: Diagnosis | None) -> dict[str, Any]:
+    """Return names and cells (text, size from 0 to 1) of the correlations; empty without any."""
+    if diagnosis is None or not diagnosis.correlation.matrix.size:
+        return {}
+    found = diagnosis.correlation
+    names = [f"{spoken(name)} of {spoken(effect)} at {at}" for effect, at, name in found.names]
+    cells = [
+        [{"text": plain(round(float(x), 2), 2), "size": round(abs(float(x)), 2)} for x in row]
+        for row in found.matrix
+    ]
+    return {"names": names, "rows": list(zip(names, cells, strict=True))}
+
+
+def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str]:
+    """Return label -> text of how to reproduce a result."""
+    facts = provenance(sources, command)
+    rows = {"command": command} if command else {}
+    rows["seed"] = f"{facts['seed']} (of the blocks drawn for the intervals)"
+    rows["versions"] = ", ".join(f"{name} {number}" for name, number in facts["versions"].items())
+    rows["python"] = facts["python"]
+    if facts["commit"]:
+        rows["commit"] = facts["commit"]
+    rows["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    for source in sources:
+        digest = f"sha256 {source.sha256}" if source.sha256 else "made in memory"
+        rows[f"data: {log_name(source.label)}"] = digest
+    return rows
+
+
+def log_name(label: str) -> str:
+    """Return the name of a log without its folders."""
+    path, mark, part = label.partition("#")
+    return Path(path).name + mark + part
 
 
 def output_rows(comparison: Comparison) -> list[list[str]]:
@@ -32,13 +83,13 @@ def output_rows(comparison: Comparison) -> list[list[str]]:
         [
             o.output,
             f"{plain(o.rms)} {o.unit}",
-            plain(o.floor),
-            plain(o.ratio),
+            plain(o.floor, 2),
+            plain(o.ratio, 2),
             plain(o.size),
-            plain(o.acceleration),
-            plain(o.rollout),
-            plain(o.correlation_time),
-            plain(o.frequency),
+            plain(o.acceleration, 2),
+            plain(o.rollout, 2),
+            plain(o.correlation_time, 2),
+            plain(o.frequency, 2),
         ]
         for o in comparison.outputs
     ]
@@ -69,9 +120,11 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     cards = []
     for finding in findings:
         parameters = []
-        for name, estimate in finding.parameters.items():
+        for name, estimate in finding.numbers.items():
             value, interval = with_interval(estimate.value, estimate.low, estimate.high)
             unit = "" if estimate.unit == "1" else estimate.unit
+            if estimate.drawn is not None:
+                unit += f" (drawn {plain(estimate.drawn)})"
             parameters.append(
                 {"name": spoken(name), "value": value, "interval": interval, "unit": unit}
             )
@@ -79,6 +132,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
             {
                 "effect": spoken(finding.effect.name),
                 "where": finding.effect.where,
+                "sure": f"{100.0 * finding.probability:.0f} % sure",
                 "explanation": finding.effect.explanation,
                 "parameters": parameters,
                 "warnings": [spoken(warning) for warning in finding.warnings],
@@ -109,7 +163,7 @@ def quality_rows(qualities: Sequence[LogQuality]) -> list[dict[str, Any]]:
     """Return clock and findings of every log."""
     return [
         {
-            "label": quality.label.rsplit("/", 1)[-1],
+            "label": log_name(quality.label),
             "rows": quality.rows,
             "duration": plain(quality.duration),
             "rate": plain(quality.rate, 4),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from wbc.identification.answer.numbers import plain, with_interval
 from wbc.identification.formulas import Discovery
-from wbc.view.report.numbers import plain, with_interval
 
 
 def formula_part(discovery: Discovery | None) -> dict[str, Any] | None:

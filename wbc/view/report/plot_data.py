@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification import Series
 from wbc.view.explained import explained_curves
-from wbc.view.residuals import Residuals
+from wbc.view.report.content import log_name
+from wbc.view.residuals import ResidualRun, Residuals
 
-_ROWS = 700
+_ROWS = 700  # of one line: about as many as a screen has points across
+_NUMBERS = 500_000  # of all lines together: some 3 MB of text
 _POINTS = 450
 
 
-def residual_plots(residuals: Residuals) -> dict[str, Any]:
-    """Return per output: residuals over time of every run, and over speed, position and load."""
+def residual_plots(
+    residuals: Residuals, before: Sequence[Series], after: Sequence[Series]
+) -> dict[str, Any]:
+    """Return per output: torques and residuals over time, residuals over speed, position and load.
+
+    Args:
+        residuals: of the robot as given and of the one with the effects found.
+        before: torques of the robot as given, one per log.
+        after: torques of the robot with the effects found.
+    """
     runs = residuals.runs
+    rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(residuals.outputs))))
     stacked = {
         name: np.concatenate([getattr(run, name) for run in runs])
         for name in ("speed", "position", "load", "before", "after")
@@ -48,23 +61,28 @@ def residual_plots(residuals: Residuals) -> dict[str, Any]:
                 "over": over,
                 "before": _short(stacked["before"][::every, k]),
                 "after": _short(stacked["after"][::every, k]),
-                "runs": [_over_time(run.time, run.before[:, k], run.after[:, k]) for run in runs],
+                "runs": [
+                    _over_time(run, first, second, k, k < residuals.driven, rows)
+                    for run, first, second in zip(runs, before, after, strict=True)
+                ],
             }
         )
-    return {"logs": [_name(run.name) for run in runs], "panels": panels}
+    return {"logs": [log_name(run.name) for run in runs], "panels": panels}
 
 
-def _over_time(time: FloatArray, before: FloatArray, after: FloatArray) -> dict[str, Any]:
-    every = max(1, -(-len(time) // _ROWS))
-    return {
-        "t": _short(time[::every], 6),
-        "before": _short(before[::every]),
-        "after": _short(after[::every]),
-    }
-
-
-def _name(label: str) -> str:
-    return label.rsplit("/", 1)[-1]
+def _over_time(
+    run: ResidualRun, before: Series, after: Series, k: int, driven: bool, rows: int
+) -> dict[str, Any]:
+    every = slice(None, None, max(1, -(-len(run.time) // rows)))
+    lines = {"before": run.before[:, k], "after": run.after[:, k]}
+    if driven:
+        lines |= {
+            "measured": before.measured[:, k],
+            "given": before.modelled[:, k],
+            "fitted": after.modelled[:, k],
+        }
+    short = {name: _short(values[every]) for name, values in lines.items()}
+    return {"t": _short(run.time[every], 6), **short}
 
 
 def _short(values: FloatArray, digits: int = 4) -> list[float]:

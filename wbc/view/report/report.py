@@ -14,25 +14,28 @@ from plotly.offline import get_plotlyjs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis
 from wbc.identification.answer.compare import compare_problem
+from wbc.identification.answer.series import series_of
 from wbc.identification.formulas import Discovery
-from wbc.identification.model.intervals import BOOTSTRAP_SEED
 from wbc.identification.model.problem import Problem
 from wbc.measurement import Log, check_logs
 from wbc.robot import Robot
 from wbc.view.ghost import model_ghost
 from wbc.view.playback import playback_page
 from wbc.view.report.content import (
+    correlation_table,
     dependence_rows,
     finding_cards,
     headline,
+    left_rows,
+    log_name,
     output_rows,
+    provenance_rows,
     quality_rows,
     ranking_rows,
     step_rows,
 )
 from wbc.view.report.formulas import formula_part
 from wbc.view.report.plot_data import residual_plots
-from wbc.view.report.provenance import provenance
 from wbc.view.residuals import residuals_in
 
 _PAGE = Path(__file__).parent / "page"
@@ -45,16 +48,16 @@ def write_report(
     diagnosis: Diagnosis | None = None,
     *,
     command: str = "",
-    seed: int = BOOTSTRAP_SEED,
     theme: str = "",
     discovery: Discovery | None = None,
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
 
-    Top to bottom: the verdict in a sentence, the staircase of the error, the effects with their
-    parameters, the ranked table with paired differences, the next experiment, formulas proposed
-    for the rest, where the model fails, the log with the model as a ghost, the quality of the
-    logs, and how to reproduce it.
+    Top to bottom: the verdict in a sentence, what to do now, what is left at each joint in its
+    unit, the effects with their parameters, measured and modelled torque over time with the
+    residual, the log with the model as a ghost, formulas proposed for the rest, the staircase of
+    the error, which parameters move together, the ranked table of what else was tried, the quality
+    of the logs, and how to reproduce it.
 
     Args:
         path: the file to write (whole or not at all).
@@ -62,7 +65,6 @@ def write_report(
         logs: the logs, in the same order; the first one is played.
         diagnosis: what `diagnose` returned; a report of the comparison alone when left out.
         command: how to run it again, for the last section.
-        seed: of the bootstrap behind the intervals, for the last section.
         theme: "light", "dark", or "" for what the reader's system prefers.
         discovery: what `discover` proposes for what the effects leave.
 
@@ -70,7 +72,7 @@ def write_report(
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    page = report_page(robot, logs, diagnosis, command, seed, theme, discovery)
+    page = report_page(robot, logs, diagnosis, command, theme, discovery)
     return write_text(path, page)
 
 
@@ -79,7 +81,6 @@ def report_page(
     logs: Sequence[Log],
     diagnosis: Diagnosis | None,
     command: str,
-    seed: int,
     theme: str,
     discovery: Discovery | None = None,
 ) -> str:
@@ -96,13 +97,17 @@ def report_page(
         "quality": quality_rows(check_logs(logs, robot)),
         "floor_source": comparison.floor.source,
         "notes": list(robot.notes),
-        "provenance": provenance(logs, command, None if diagnosis is None else seed),
-        "logs": [Path(series.name).name for series in comparison.series],
+        "left": left_rows(comparison, diagnosis),
+        "diagnosed": diagnosis is not None,
+        "correlation": correlation_table(diagnosis),
+        "provenance": provenance_rows([log.source for log in logs], command),
+        "logs": [log_name(series.name) for series in comparison.series],
     }
     context |= _diagnosis_part(diagnosis, comparison) | {"formulas": formula_part(discovery)}
     context["playback"] = _embedded(_playback(robot, logs[0], comparison))
     fitted = robot if diagnosis is None else diagnosis.robot
-    plots = residual_plots(residuals_in(problem, fitted))
+    after = series_of(fitted, problem.records)
+    plots = residual_plots(residuals_in(problem, fitted), comparison.series, after)
     context["data"] = _embedded(
         {**plots, "steps": context["steps"], "fitted": bool(context["cards"])}
     )
@@ -119,7 +124,6 @@ def _diagnosis_part(diagnosis: Diagnosis | None, comparison: Comparison) -> dict
         return {key: [] for key in ("steps", "cards", "ranking")} | {
             "warnings": list(comparison.warnings),
             "remainder": "",
-            "next_experiment": "",
         }
     return {
         "steps": step_rows(diagnosis),
@@ -127,13 +131,12 @@ def _diagnosis_part(diagnosis: Diagnosis | None, comparison: Comparison) -> dict
         "ranking": ranking_rows(diagnosis.ranking),
         "warnings": list(diagnosis.warnings),
         "remainder": diagnosis.remainder,
-        "next_experiment": diagnosis.next_experiment,
     }
 
 
 def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:
     ghost = model_ghost(robot, log, comparison.floor.values, "the model as given")
-    title = f"{Path(log.source.label).name} and the model as given"
+    title = f"{log_name(log.source.label)} and the model as given"
     size = np.max(np.abs(np.array(list(ghost.residual.values()))), axis=0)
     worst = float(ghost.residual_time[int(np.argmax(size))])
     return playback_page(robot, log, ghost=ghost, title=title, at=worst)

@@ -26,8 +26,10 @@ function drawStairs() {
   if (!data.steps.length) return;
   const steps = data.steps.slice().reverse(), narrow = window.innerWidth < 560;
   const shown = layout("held-out error [noise floors]", "");
-  const end = 2.5 * Math.max(...steps.map((s) => s.error), 2);
-  Object.assign(shown.xaxis, { type: "log", dtick: end < 50 ? "D2" : 1, range: [Math.log10(0.5), Math.log10(end)] });
+  const most = Math.max(...steps.map((s) => s.error));
+  // Over less than a decade a linear axis from zero reads best; over more, powers of ten.
+  if (most < 5) Object.assign(shown.xaxis, { range: [0, 1.25 * Math.max(most, 1.2)], rangemode: "tozero", nticks: 6 });
+  else Object.assign(shown.xaxis, { type: "log", dtick: most < 20 ? "D2" : 1, range: [Math.log10(0.5), Math.log10(2.5 * most)] });
   Object.assign(shown.yaxis, { title: "", tickfont: { size: narrow ? 10 : 12 } });
   shown.margin.t = 20;
   shown.shapes = [{ type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: { color: style("--before"), dash: "dash" } }];
@@ -43,13 +45,33 @@ function band(panel) {
 }
 const hover = (unit, x) => `${x}: %{x:.4g}<br>%{y:.4g} ${unit}`;
 
+function line(panel, run, values, color, name, more) {
+  return { x: run.t, y: values, mode: "lines", line: Object.assign({ color, width: 1.3 }, more), name,
+    hovertemplate: hover(panel.unit, "time") + `<extra>${name}</extra>` };
+}
+// Plots one below the other share their time axis: their left margins must be equal.
+function aligned(shown) {
+  shown.margin.l = 62; shown.yaxis.automargin = false;
+  return shown;
+}
+function drawTorque(place, panel, run) {
+  place.hidden = !run.measured;
+  if (!run.measured) return;
+  const traces = [line(panel, run, run.measured, style("--ink"), "measured", { width: 2 }),
+    line(panel, run, run.given, style("--before"), "model as given")];
+  if (data.fitted) traces.push(line(panel, run, run.fitted, style("--after"), "with effects", { dash: "dot", width: 2 }));
+  Plotly.react(place, traces, aligned(layout("", `torque [${panel.unit}]`)), config);
+}
+function drawResidual(place, panel, run) {
+  const traces = [line(panel, run, run.before, style("--before"), "as given")];
+  if (data.fitted) traces.push(line(panel, run, run.after, style("--after"), "with effects"));
+  Plotly.react(place, traces, aligned(layout("time [s]", `residual [${panel.unit}]`, { shapes: band(panel) })), config);
+}
+
 function drawPanel(panel, places) {
-  const run = panel.runs[$("log").selectedIndex], y = `residual [${panel.unit}]`;
-  const line = (values, color, name) => ({ x: run.t, y: values, mode: "lines", line: { color, width: 1.3 }, name,
-    hovertemplate: hover(panel.unit, "time") + `<extra>${name}</extra>` });
-  const traces = [line(run.before, style("--before"), "as given")];
-  if (data.fitted) traces.push(line(run.after, style("--after"), "with effects"));
-  Plotly.react(places[0], traces, layout("time [s]", y, { shapes: band(panel) }), config);
+  const run = panel.runs[$("log").selectedIndex];
+  drawTorque(places[0], panel, run);
+  drawResidual(places[1], panel, run);
   panel.over.forEach((over, k) => {
     const dots = (values, color, name) => ({ x: over.x, y: values, mode: "markers", name, marker: { color, size: 4, opacity: 0.55 },
       hovertemplate: hover(panel.unit, over.name) + `<extra>${name}</extra>` });
@@ -57,7 +79,7 @@ function drawPanel(panel, places) {
     if (data.fitted) both.push(dots(panel.after, style("--after"), "with effects"));
     for (const curve of over.explained) both.push({ x: curve.x, y: curve.y, mode: "lines", name: "explained", line: { color: style("--ink"), width: 2 },
       hovertemplate: hover(panel.unit, over.name) + "<extra>what the effects explain</extra>" });
-    Plotly.react(places[k + 1], both, layout(`${over.name} [${over.unit}]`, k === 0 ? `residual [${panel.unit}]` : "", { shapes: band(panel) }), config);
+    Plotly.react(places[k + 2], both, layout(`${over.name} [${over.unit}]`, k === 0 ? `residual [${panel.unit}]` : "", { shapes: band(panel) }), config);
   });
 }
 
@@ -70,9 +92,9 @@ function buildPanels() {
     summary.textContent = panel.output;
     box.append(summary, grid);
     $("panels").append(box);
-    const places = [0, ...panel.over].map((_, k) => {
+    const places = [0, 1, ...panel.over].map((_, k) => {
       const place = document.createElement("div");
-      place.className = k === 0 ? "plot wide" : "plot";
+      place.className = k < 2 ? "plot wide" : "plot";
       grid.append(place);
       return place;
     });
@@ -87,7 +109,72 @@ function buildPanels() {
 function drawAll() {
   drawStairs();
   for (const [panel, places] of opened) drawPanel(panel, places);
+  drawSignals();
 }
+
+// The signals of the log that is played, with a line at the instant shown.
+const cursors = [];
+function drawSignals() {
+  const panel = data.panels[$("joint").selectedIndex];
+  if (!panel) return;
+  drawTorque($("signal-torque"), panel, panel.runs[0]);
+  drawResidual($("signal-residual"), panel, panel.runs[0]);
+}
+function player() {
+  const frame = $("playback").contentWindow;
+  return frame && frame.player;
+}
+function followPlayback() {
+  const shown = player();
+  for (const { place, line } of cursors) {
+    const full = place._fullLayout;
+    line.hidden = !shown || !full || place.hidden;
+    if (line.hidden) continue;
+    const x = full.xaxis.l2p(shown.time - shown.start), size = full._size;
+    line.hidden = x < 0 || x > size.w;
+    line.style.left = `${size.l + x}px`; line.style.top = `${size.t}px`; line.style.height = `${size.h}px`;
+  }
+  requestAnimationFrame(followPlayback);
+}
+function buildSignals() {
+  for (const panel of data.panels) $("joint").add(new Option(panel.output));
+  const worst = data.panels.map((p) => Math.max(...p.before.map(Math.abs)) / p.floor);
+  $("joint").selectedIndex = Math.max(0, worst.indexOf(Math.max(...worst)));
+  $("joint").onchange = drawSignals;
+  drawSignals();
+  for (const id of ["signal-torque", "signal-residual"]) {
+    const place = $(id), line = document.createElement("div");
+    line.className = "cursor"; line.hidden = true;
+    place.append(line);
+    cursors.push({ place, line });
+    if (place.on) place.on("plotly_click", (event) => { const shown = player(); if (shown) shown.seek(shown.start + event.points[0].x); });
+  }
+  requestAnimationFrame(followPlayback);
+}
+
+// On paper: everything open, light, as wide as the sheet.
+let before = null;
+function toPaper() {
+  before = { theme: root.dataset.theme, closed: [...document.querySelectorAll("details:not([open])")] };
+  for (const box of before.closed) box.open = true;
+  data.panels.forEach((panel, k) => { const box = $("panels").children[k], places = [...box.querySelectorAll(".plot")];
+    opened.set(panel, places); });
+  root.dataset.theme = "light";
+  $("shown").textContent = data.logs[$("log").selectedIndex];
+  drawAll();
+  for (const plot of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(plot, { autosize: false, width: plot.clientWidth });
+}
+function fromPaper() {
+  if (!before) return;
+  for (const box of before.closed) box.open = false;
+  root.dataset.theme = before.theme;
+  before = null;
+  for (const plot of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(plot, { autosize: true, width: null });
+  drawAll();
+}
+addEventListener("beforeprint", toPaper);
+addEventListener("afterprint", fromPaper);
+
 function setTheme(name) {
   root.dataset.theme = name;
   drawAll();
@@ -111,6 +198,7 @@ $("theme").onclick = () => setTheme(root.dataset.theme === "dark" ? "light" : "d
 $("log").onchange = drawAll;
 buildPanels();
 drawStairs();
+buildSignals();
 loadPlayback();
-window.report = { ready: true, setTheme };
+window.report = { ready: true, setTheme, toPaper };
 })();

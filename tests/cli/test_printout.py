@@ -1,0 +1,116 @@
+"""What a command prints: the answer first, a screen of detail, all of it when asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from wbc import load_robot
+from wbc.cli import main
+from wbc.cli.logs.diagnose import print_diagnosis
+from wbc.effects import CoulombFriction
+from wbc.identification import (
+    Alternative,
+    Diagnosis,
+    ErrorLevel,
+    Estimate,
+    Finding,
+    OutputLevel,
+    Ranked,
+    Step,
+    Support,
+)
+
+
+def finding(joint: str) -> Finding:
+    return Finding(
+        CoulombFriction(joint, 0.5),
+        {"level": Estimate(0.5012, "N m", 0.48, 0.52)},
+        Support(0.9, 1.0, 0.0, 0.0, explained=True),
+        (Alternative("viscous_friction", joint),),
+        (f"level is hardly identifiable at {joint}: 0.1 to 9 N m; move it faster and further",),
+    )
+
+
+@pytest.fixture(scope="module")
+def long_answer() -> Diagnosis:
+    """A robot of thirty joints about which there is much to say."""
+    joints = [f"joint_{k}" for k in range(30)]
+    return Diagnosis(
+        verdict="named",
+        findings=tuple(map(finding, joints[:12])),
+        next_experiment="Turn every joint.",
+        error=ErrorLevel(40.0, 1.02, 1.0, "repeats"),
+        outputs=tuple(OutputLevel(joint, "N m", 4.0, 0.1, 0.1, 0.1) for joint in joints),
+        explained=0.98,
+        steps=tuple(Step("coulomb_friction", joint, 30.0) for joint in joints[:12]),
+        remainder="",
+        robot=load_robot("planar_leg_fixed"),
+        warnings=tuple(f"the log run{k}.csv is short" for k in range(20)),
+        ranking=tuple(
+            Ranked((("backlash", joint),), (), 2.0, 3.0, 0.1, -20.0, "worse") for joint in joints
+        ),
+    )
+
+
+def printed(diagnosis: Diagnosis, **how: bool) -> list[str]:
+    file = StringIO()
+    print_diagnosis(Console(file=file, width=80), diagnosis, **how)
+    return file.getvalue().splitlines()
+
+
+def test_the_answer_comes_first_and_fits_a_screen(long_answer: Diagnosis) -> None:
+    usual = printed(long_answer)
+    assert usual[0] == "verdict: named"
+    assert usual[1].startswith("Missing: coulomb friction of 0.5 N m at joint_0")
+    assert len(usual) < 57  # and three files written: below 60
+    assert "not shown: the rest of what was found, what is left" in "\n".join(usual)
+    everything = printed(long_answer, verbose=True)
+    assert len(everything) > 150
+    assert sum("backlash at joint_" in line for line in everything) == 30
+    quiet = printed(long_answer, quiet=True)
+    assert quiet == usual[: len(quiet)]
+    assert "fitted.toml" in quiet[-1] + quiet[-2]
+
+
+def test_parts_keep_their_order_where_all_fits(long_answer: Diagnosis) -> None:
+    short = replace(
+        long_answer,
+        findings=long_answer.findings[:1],
+        outputs=long_answer.outputs[:2],
+        warnings=(),
+        steps=long_answer.steps[:1],
+        ranking=long_answer.ranking[:3],
+    )
+    text = "\n".join(printed(short))
+    places = [text.index(word) for word in ("effect at", "left at", "added", "what else was tried")]
+    assert places == sorted(places)
+    assert "0.48 … 0.52" in text  # as deep as the interval says
+    assert "not shown" not in text
+
+
+def test_quiet_commands_print_the_answer_alone(
+    rubbing: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = ["--robot", "planar_leg_fixed", "--lossless"]
+    assert main(["compare", *rubbing, *robot, "--quiet"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert shown.startswith("The model misses these logs by 0.6")
+    assert "N m at hip" in shown
+    assert "where it fails" not in shown
+    assert main(["check", *rubbing, "--robot", "planar_leg_fixed", "--quiet"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1
+    with pytest.raises(SystemExit):
+        main(["check", *rubbing, "--robot", "planar_leg_fixed", "--quiet", "--verbose"])
+
+
+def test_numbers_are_as_deep_as_they_are_known() -> None:
+    from wbc.identification.answer.numbers import plain, with_interval
+
+    assert with_interval(0.80028, 0.79995, 0.8006)[0] == "0.8003"
+    assert with_interval(30.0, 12.0, 55.0)[0] == "30"
+    assert plain(np.nan) == "–"

@@ -1,0 +1,138 @@
+"""A wrong drawing must be named as that: not shifted centres, payloads or torque constants.
+
+The logs are those of generated six-axis arms, by MuJoCo; the robot that is given has wrong
+inertias. What could imitate them is on offer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.excitation import Excitation
+from benchmarks.corpus.families import draw_machine
+from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.machine import Link, Machine
+from benchmarks.corpus.record import record_cases
+from benchmarks.corpus.sensors import Sensors
+from benchmarks.corpus.signature import Signatures
+from benchmarks.corpus.trial import logs_of, robot_of
+from wbc.effects import (
+    CenterOfMass,
+    CoulombFriction,
+    GravityDirection,
+    LinkInertia,
+    LinkInertias,
+    PayloadMass,
+    PositionOffset,
+    RotorInertia,
+    TorqueConstant,
+    ViscousFriction,
+)
+from wbc.identification import Diagnosis, diagnose
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+CANDIDATES = (
+    ViscousFriction, CoulombFriction, RotorInertia, PayloadMass, LinkInertia, LinkInertias,
+    TorqueConstant, CenterOfMass, PositionOffset, GravityDirection,
+)  # fmt: skip
+RUNS = ("multisine", "fast")
+
+
+def misdrawn(link: Link, random: np.random.Generator, size: float) -> Link:
+    """Return a link as a drawing has it that is off by about `size` in everything."""
+    mass = link.mass * np.exp(size * random.normal())
+    com = link.com + 0.5 * size * np.linalg.norm(link.com) * random.normal(size=3)
+    second = 0.5 * np.trace(link.inertia) * np.eye(3) - link.inertia
+    stretch = np.eye(3) + size * random.normal(size=(3, 3))
+    second = stretch @ second @ stretch.T * mass / link.mass
+    return replace(link, mass=mass, com=com, inertia=np.trace(second) * np.eye(3) - second)
+
+
+def arm(
+    seed: int, links: Sequence[int], size: float, flaws: Sequence[Flaw] = ()
+) -> tuple[Robot, list[Log], Machine]:
+    """Return a robot whose drawing is wrong, logs of the true one, and the true one."""
+    random = np.random.default_rng(seed)
+    true = draw_machine(random, "arm6")
+    sensors = Sensors(rate=250.0, position=3e-5, bits=16, velocity=3e-3, torque=0.005, force=0.5)
+    runs = tuple(
+        Excitation(kind, 100 * seed + k, 4.0, 100 * seed + k) for k, kind in enumerate(RUNS)
+    )
+    drawn = true
+    for k in links:
+        drawn = drawn.with_link(k, misdrawn(true.links[k], random, size))
+    noise = Signatures(true, runs, sensors).torque_noise
+    case = Case(0, true, tuple(flaws), runs, "fair", sensors, noise)
+    return robot_of(replace(case, machine=drawn)), logs_of(record_cases([(case, runs)])[0]), true
+
+
+def found(diagnosis: Diagnosis) -> set[tuple[str, str]]:
+    return {(effect.name, effect.where) for effect in diagnosis.effects}
+
+
+@pytest.fixture(scope="module")
+def forearm() -> tuple[Diagnosis, Machine, Robot]:
+    robot, logs, true = arm(3, [2], 0.2)
+    return diagnose(robot, logs, CANDIDATES), true, robot
+
+
+def test_one_wrong_link_is_named_and_nothing_else(
+    forearm: tuple[Diagnosis, Machine, Robot],
+) -> None:
+    diagnosis = forearm[0]
+    assert diagnosis.verdict == "named"
+    assert found(diagnosis) == {("link_inertia", "l3")}
+    assert diagnosis.findings[0].probability > 0.9
+
+
+def test_its_numbers_are_those_of_the_link(forearm: tuple[Diagnosis, Machine, Robot]) -> None:
+    diagnosis, true, robot = forearm
+    (finding,) = diagnosis.findings
+    link = true.links[2]
+    truth = {"mass": link.mass}
+    truth |= {f"center_{axis}": value for axis, value in zip("xyz", link.com, strict=True)}
+    moments = np.sort(np.linalg.eigvalsh(link.inertia))
+    truth |= {f"principal_inertia_{k}": value for k, value in enumerate(moments, start=1)}
+    told = finding.quantities
+    assert {"mass", "center_x", "center_y"} <= told.keys()
+    inside = [e.low <= truth[name] <= e.high for name, e in told.items() if name in truth]
+    assert np.mean(inside) >= 0.8
+    assert told["mass"].value == pytest.approx(link.mass, rel=0.01)
+    joint = robot.body_joint("l3")
+    assert told["mass"].drawn == pytest.approx(robot.model.inertias[joint].mass)
+    # Physical by construction: some distribution of positive mass has this inertia.
+    fitted = diagnosis.robot.model.inertias[joint]
+    smallest, middle, largest = np.linalg.eigvalsh(fitted.inertia)
+    assert 0.0 < smallest <= middle <= largest <= smallest + middle
+
+
+def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
+    robot, logs, _ = arm(4, range(6), 0.04)
+    diagnosis = diagnose(robot, logs, CANDIDATES)
+    assert diagnosis.verdict == "named"
+    assert found(diagnosis) == {("link_inertias", "robot")}
+    assert diagnosis.findings[0].probability > 0.9
+    assert any("these logs tell" in warning for warning in diagnosis.findings[0].warnings)
+
+
+def test_a_payload_stays_a_payload() -> None:
+    robot, logs, _ = arm(5, [], 0.0, [Flaw("payload_mass", "l3", {"mass": 0.4})])
+    diagnosis = diagnose(robot, logs, (PayloadMass, LinkInertia, LinkInertias, CenterOfMass))
+    assert diagnosis.verdict == "named"
+    assert found(diagnosis) == {("payload_mass", "l3")}
+    assert diagnosis.findings[0].probability > 0.9
+
+
+def test_a_tool_that_is_drawn_and_not_mounted_is_said_to_be_missing() -> None:
+    _, logs, true = arm(6, [], 0.0)
+    tool = true.links[5].with_point(1.5 * true.links[5].mass, np.array([0.02, 0.0, 0.1]))
+    drawn = robot_of(Case(0, true.with_link(5, tool), (), (), "fair", None, None))  # type: ignore[arg-type]
+    diagnosis = diagnose(drawn, logs, (PayloadMass, LinkInertia, LinkInertias, CenterOfMass))
+    assert found(diagnosis) == {("link_inertia", "l6")}
+    assert any("are not there" in warning for warning in diagnosis.findings[0].warnings)

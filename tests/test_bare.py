@@ -1,0 +1,121 @@
+"""A bare installation: the controller runs without the extras, and messages name the one to add."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from wbc.extras import EXTRAS
+
+ROOT = Path(__file__).resolve().parents[1]
+EXTRA_PACKAGES = sorted({package for packages in EXTRAS.values() for package in packages})
+_WITHOUT = f"""
+import sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {EXTRA_PACKAGES!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Absent())
+"""
+_CONTROLLER = """
+from wbc import load_robot
+from wbc.control import Controller, PointContact, PointFootBalanceTask, PostureTask, Reference
+from wbc.sim import Plant
+
+robot = load_robot("planar_leg_strong")
+tasks = [PointFootBalanceTask(contact="foot", frame="base", weight=100.0)]
+tasks.append(PostureTask.of(robot, weight=1e-3))
+controller = Controller(robot, tasks, contacts=[PointContact(name="foot")])
+plant = Plant(robot)
+state = plant.state(robot.pose())
+for tick in range(5):
+    command = controller.step(state, {"balance": Reference(0.0)})
+    state = plant.step(state, command.rotor_torque, dt=1e-3).state
+assert command.status.name == "SOLVED", command.status
+"""
+_LOGS = """
+import wbc.identification, wbc.view
+import numpy as np
+from wbc.errors import MissingPackageError
+from wbc.measurement import Log, load_log, save_log
+
+log = Log(0.01 * np.arange(9.0), {"hip.position": np.sin(np.arange(9.0))})
+save_log(log, "run.npz")
+assert np.array_equal(load_log("run.npz").column("hip.position"), log.column("hip.position"))
+with open("run.csv", "w") as file:
+    file.write("time,hip.position\\n0,0\\n1,1\\n")
+
+def refused(call):
+    try:
+        call()
+    except MissingPackageError as error:
+        return str(error)
+    raise SystemExit(f"{call} was not refused")
+
+def draw():
+    import wbc.view.plots
+
+def design():
+    import wbc.design
+
+print(refused(lambda: load_log("run.csv")))
+print(refused(lambda: save_log(log, "run.parquet")))
+print(refused(lambda: wbc.view.write_playback))
+print(refused(draw))
+print(refused(design))
+"""
+
+
+def run(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=folder, check=False
+    )
+
+
+def test_a_controller_runs_in_its_loop_without_any_extra(tmp_path: Path) -> None:
+    done = run(_WITHOUT + _CONTROLLER, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_controller_loads_no_extra_where_they_are_installed(tmp_path: Path) -> None:
+    shown = f"print(sorted(set({EXTRA_PACKAGES!r}) & set(sys.modules)))"
+    done = run(f"import sys\n{_CONTROLLER}\nimport wbc.identification\n{shown}", tmp_path)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_what_needs_an_extra_says_which(tmp_path: Path) -> None:
+    done = run(_WITHOUT + _LOGS, tmp_path)
+    assert done.returncode == 0, done.stderr
+    csv, parquet, playback, plots, design = done.stdout.splitlines()
+    assert "pip install 'wbc[logs]'" in csv
+    assert "pip install 'wbc[logs]'" in parquet
+    assert "pip install 'wbc[view]'" in playback
+    assert "pip install 'wbc[view]'" in plots
+    assert "pip install 'wbc[design]'" in design
+
+
+def test_the_command_without_its_extra_says_which(tmp_path: Path) -> None:
+    done = run(_WITHOUT + "from wbc.cli import main; sys.exit(main(['list', 'robots']))", tmp_path)
+    assert done.returncode == 2
+    assert "pip install 'wbc[cli]'" in done.stderr
+
+
+def test_every_extra_that_a_message_names_can_be_installed() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert set(EXTRAS) <= set(project["optional-dependencies"])
+    core = " ".join(project["dependencies"])
+    assert not [package for package in EXTRA_PACKAGES if package in core]
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_an_import_of_something_else_stays_what_it_is(extra: str) -> None:
+    from wbc.extras import needs
+
+    with pytest.raises(ModuleNotFoundError, match="of_ours"), needs(extra, "this"):
+        raise ModuleNotFoundError("no of_ours", name="wbc.of_ours")

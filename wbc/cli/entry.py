@@ -1,0 +1,89 @@
+"""Entry point of the `wbc` command."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from rich.console import Console
+
+from wbc.cli import completion
+from wbc.cli.logs import check, compare, diagnose, identify, init, play, trend
+from wbc.cli.robots import design, experiment, listing, metrics
+from wbc.cli.shared.inputs import write_fix
+from wbc.errors import WbcError
+from wbc.measurement import SuspiciousLogError
+
+_COMMANDS = (
+    init,
+    check,
+    compare,
+    diagnose,
+    identify,
+    trend,
+    play,
+    metrics,
+    design,
+    experiment,
+    listing,
+)
+
+_EPILOG = """\
+example (others: wbc COMMAND --help):
+  wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
+
+exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input or wrong columns,
+3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="wbc",
+        description="Compare a robot model with logs, learn which physics is missing, see it.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for command in _COMMANDS:
+        command.add_to(commands)
+    completion.add_to(commands, build_parser)
+    return parser
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        arguments: command line without the program's name; the process's own when left out.
+    """
+    options = build_parser().parse_args(arguments)
+    try:
+        return int(options.run(options, Console(markup=False)))
+    except SuspiciousLogError as error:
+        _complain(str(error))
+        try:
+            write_fix(options, error.findings, Console(stderr=True, markup=False, highlight=False))
+        except (WbcError, OSError) as cause:
+            _complain(str(cause))
+        return 2
+    except WbcError as error:
+        _complain(str(error))
+        return 2
+    except BrokenPipeError:
+        # The reader of our output has left (wbc ... | head); there is nobody to complain to.
+        sys.stderr.close()
+        return 0
+    except OSError as error:
+        place = f"'{error.filename}': " if error.filename else ""
+        _complain(f"{place}{error.strerror or error}.")
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+def _complain(text: str) -> None:
+    Console(stderr=True, markup=False, highlight=False).print(f"wbc: {text}", soft_wrap=True)

@@ -1,0 +1,120 @@
+"""`wbc check`: what a log is good for, before anything is computed from it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+
+from wbc.cli.shared.inputs import (
+    add_log_options,
+    gear_ratios,
+    robot_from,
+    table_console,
+    write_fix,
+    write_json,
+)
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.printout import Part, print_out
+from wbc.measurement import LogQuality, check_logs, find_repeats, read_logs
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "check",
+        help="what logs are good for, and which columns are wrong",
+        epilog="example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
+    )
+    add_log_options(parser)
+    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Print the quality of every log; exit code 1 if one of them would give wrong results."""
+    require_outputs(options)
+    robot = robot_from(options)
+    logs = read_logs(options.logs, options.columns, gear_ratios=gear_ratios(robot))
+    qualities = check_logs(logs, robot)
+    shown = table_console(options, console)
+    said = [
+        f"{_short(quality)}: {finding}" if len(qualities) > 1 else str(finding)
+        for quality in qualities
+        for finding in quality.findings
+    ]
+    answer = [_answer(qualities)]
+    parts = [Part("remarks", Padding(text, (0, 0, 0, 2))) for text in said]
+    for group in find_repeats(logs):
+        names = ", ".join(_short(qualities[k]) for k in group)
+        parts.append(Part("repeats", f"repeats of one run: {names}"))
+    parts.append(Part("the clocks", _clock_table(qualities)))
+    print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
+    wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
+    write_fix(options, list(wrong.values()), shown)
+    write_json(
+        options.json,
+        {
+            quality.label: {
+                "rows": quality.rows,
+                "duration": quality.duration,
+                "rate": quality.rate,
+                "jitter": quality.jitter,
+                "longest_gap": quality.longest_gap,
+                "findings": [
+                    {
+                        "severity": finding.severity,
+                        "kind": finding.kind,
+                        "column": finding.column,
+                        "text": finding.text,
+                        "way_out": finding.way_out,
+                        "mend": finding.mend,
+                        "probability": finding.probability,
+                    }
+                    for finding in quality.findings
+                ],
+            }
+            for quality in qualities
+        },
+        console,
+    )
+    return 0 if all(quality.usable for quality in qualities) else 1
+
+
+def _answer(qualities: Sequence[LogQuality]) -> str:
+    """Return in a sentence whether the logs can be used."""
+    wrong = [_short(quality) for quality in qualities if not quality.usable]
+    if wrong:
+        return f"do not use yet: {', '.join(wrong)} would give wrong results."
+    if any(quality.findings for quality in qualities):
+        return "these logs can be used, with the remarks below."
+    return "nothing to complain about"
+
+
+def _short(quality: LogQuality) -> str:
+    """Return the name of a log without its folders."""
+    path, mark, part = quality.label.partition("#")
+    return Path(path).name + mark + part
+
+
+def _clock_table(qualities: Sequence[LogQuality]) -> Table:
+    """Return length and clock of every log."""
+    table = Table("log", "rows", "[s]", "[Hz]", "jitter", "longest gap", box=None)
+    table.columns[0].overflow = "fold"
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for q in qualities:
+        table.add_row(
+            _short(q),
+            str(q.rows),
+            f"{q.duration:.3f}",
+            f"{q.rate:.1f}",
+            f"{100.0 * q.jitter:.1f} %",
+            f"{1e3 * q.longest_gap:.1f} ms",
+        )
+    return table

@@ -1,0 +1,216 @@
+"""`wbc diagnose`: which physical effect the model lacks."""
+
+from __future__ import annotations
+
+import argparse
+from math import inf
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from wbc.cli.logs.discovery import print_discovery
+from wbc.cli.shared.inputs import (
+    add_log_options,
+    add_output_options,
+    command_line,
+    logs_from,
+    robot_from,
+    table_console,
+    working,
+    write_json,
+    write_report_file,
+)
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.printout import Part, print_out
+from wbc.effects import effect_class, save_robot
+from wbc.errors import EffectError
+from wbc.identification import Diagnosis, diagnose
+from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.sentence import verdict_sentence, what_to_do
+from wbc.identification.formulas import discover
+from wbc.robot import Effect
+
+_RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
+
+_EPILOG = """example:
+  wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
+
+--add auto considers every effect there is (`wbc list effects`);
+--add NAME,NAME only these."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "diagnose",
+        help="which physical effect the model lacks; add it, save it",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_log_options(parser)
+    parser.add_argument(
+        "--add", default="auto", metavar="auto|NAME,...", help="effects to consider (default auto)"
+    )
+    parser.add_argument(
+        "--save", metavar="FILE.toml", help="write the robot with the effects found"
+    )
+    parser.add_argument(
+        "--budget",
+        type=float,
+        default=inf,
+        metavar="SECONDS",
+        help="end the search after this time with the best answer so far (as Ctrl-C does)",
+    )
+    parser.add_argument(
+        "--discover",
+        action="store_true",
+        help="propose formulas for what no effect explains (--save then writes them, too)",
+    )
+    add_output_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
+    shown = table_console(options, console)
+    require_outputs(options)
+    robot = robot_from(options)
+    candidates = _candidates(options.add)
+    logs = logs_from(options, robot)
+    with working(shown, "diagnosing") as progress:
+        diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
+    print_diagnosis(
+        shown,
+        diagnosis,
+        options.save or "fitted.toml",
+        quiet=options.quiet,
+        verbose=options.verbose,
+    )
+    content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
+    discovery = None
+    if options.discover:
+        with working(shown, "discovering") as progress:
+            discovery = discover(robot, logs, progress, diagnosis.effects)
+        print_discovery(shown, discovery)
+        content["discovery"] = discovery.to_json()
+        if discovery.proposals:
+            fitted, intervals = discovery.robot, dict(discovery.intervals)
+    content["provenance"] = provenance(diagnosis.sources, command_line())
+    write_json(options.json, content, console)
+    if options.save:
+        facts = {
+            "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
+            "command": command_line(),
+        }
+        path = save_robot(fitted, options.save, intervals, facts)
+        shown.print(f"wrote {path}")
+    write_report_file(options, robot, logs, shown, diagnosis, discovery)
+    return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+
+
+def _candidates(choice: str) -> list[type[Effect]] | None:
+    if choice == "auto":
+        return None
+    names = [name.strip() for name in choice.split(",") if name.strip()]
+    if not names:
+        raise EffectError("--add names no effect; 'auto' considers all (wbc list effects).")
+    return [effect_class(name) for name in names]
+
+
+def print_diagnosis(
+    console: Console,
+    diagnosis: Diagnosis,
+    saved: str = "fitted.toml",
+    *,
+    quiet: bool = False,
+    verbose: bool = False,
+) -> None:
+    """Print the answer in a sentence, what to do now, then as much of the detail as fits.
+
+    Args:
+        console: where.
+        diagnosis: the answer.
+        saved: file in which the robot with the effects found is, or would be.
+        quiet: print the answer alone.
+        verbose: print all of the detail.
+    """
+    answer: list[RenderableType] = [
+        Text(f"verdict: {diagnosis.verdict}", style="bold"),
+        verdict_sentence(diagnosis),
+    ]
+    if to_do := what_to_do(diagnosis, saved):
+        answer.append(f"do this now: {to_do}")
+    parts = [Part("what is left", _outputs_table(diagnosis))]
+    if diagnosis.findings:
+        parts.insert(0, Part("what was found", _effects_table(diagnosis)))
+    for name, text in (
+        ("what the rest looks like", diagnosis.remainder),
+        ("warnings", "\n".join(diagnosis.warnings)),
+    ):
+        parts += [Part(name, text)] if text else []
+    parts += [Part("how the error falls", _steps_table(diagnosis))]
+    if len(diagnosis.ranking) > 1:
+        parts.append(Part("what else was tried", _ranking_table(diagnosis, verbose)))
+    print_out(console, answer, parts, quiet=quiet, verbose=verbose)
+
+
+def _outputs_table(diagnosis: Diagnosis) -> Table:
+    table = Table("left at", "before", "after", "attainable", "sensors", "", box=None)
+    for column in table.columns[1:5]:
+        column.justify = "right"
+    for o in diagnosis.outputs:
+        numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
+        table.add_row(o.output, *numbers, o.unit)
+    table.caption = "rms torque that the model does not explain; attainable by any model of motion"
+    return table
+
+
+def _effects_table(diagnosis: Diagnosis) -> Table:
+    table = Table("effect at place, parameter", "value", "90 % interval", "unit", box=None)
+    table.columns[0].overflow = "fold"
+    table.columns[1].justify = "right"
+    for finding in diagnosis.findings:
+        sure = f"{100.0 * finding.probability:.0f} % sure"
+        table.add_row(f"{finding.effect.name} at {finding.effect.where}", "", sure)
+        for number, e in finding.numbers.items():
+            value, interval = with_interval(e.value, e.low, e.high)
+            unit = "" if e.unit == "1" else e.unit
+            drawn = "" if e.drawn is None else f" (drawn {plain(e.drawn)})"
+            table.add_row(f"  {number}", value, interval, f"{unit}{drawn}".strip())
+        if finding.alternatives:
+            table.add_row("  or " + ", or ".join(finding.rivals))
+        for warning in finding.warnings:
+            table.add_row(f"  warning: {warning}")
+    return table
+
+
+def _steps_table(diagnosis: Diagnosis) -> Table:
+    table = Table("added", "where", "held-out error", box=None)
+    table.columns[2].justify = "right"
+    for step in diagnosis.steps:
+        table.add_row(step.added or "(the model as given)", step.where, plain(step.error))
+    table.caption = f"in noise floors (floor from {diagnosis.error.floor_source})"
+    return table
+
+
+def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
+    """Return the models tried, with what they leave beyond the one found."""
+    table = Table("what else was tried", "error", "difference", "", box=None)
+    for column in table.columns[1:3]:
+        column.justify = "right"
+    tried = [row for row in diagnosis.ranking if row.standing != "found"]
+    for row in tried if whole else tried[:_RANKED]:
+        sign = "+" if row.difference > 0.0 else ""
+        paired = f"{sign}{plain(row.difference, 2)} ± {plain(row.deviation, 1)}"
+        short = "tie" if row.standing == "not distinguishable" else row.standing
+        table.add_row(row.text, plain(row.error), paired, short)
+    if len(tried) > _RANKED and not whole:
+        table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
+    table.caption = (
+        "error: held out, in noise floors; difference of its mean square from that of what was "
+        "found, ± standard error; tie: not distinguishable"
+    )
+    return table

@@ -1,0 +1,78 @@
+"""`wbc identify`: all parameters of a robot at once, without a search for causes."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from wbc.cli.shared.inputs import (
+    add_log_options,
+    logs_from,
+    robot_from,
+    table_console,
+    working,
+    write_json,
+)
+from wbc.cli.shared.outputs import require_outputs
+from wbc.identification.classic import ClassicFit, identify
+
+_EPILOG = """example:
+  wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
+
+One linear least squares for base parameters of the links, rotor inertia, viscous and
+Coulomb friction and offset of every joint. It says how large each number is, not
+which of them are needed: `wbc diagnose` does that."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "identify",
+        help="all parameters at once: links, rotors, friction",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_log_options(parser)
+    parser.add_argument("--json", metavar="FILE", help="the result for programs ('-' prints it)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Fit, print, write."""
+    shown = table_console(options, console)
+    require_outputs(options)
+    robot = robot_from(options)
+    logs = logs_from(options, robot)
+    with working(shown, "identifying"):
+        fit = identify(robot, logs)
+    shown.print(_parameters(fit))
+    shown.print(_errors(fit))
+    for warning in fit.warnings:
+        shown.print(warning)
+    write_json(options.json, fit.to_json(), console)
+    return 0
+
+
+def _parameters(fit: ClassicFit) -> Table:
+    table = Table("parameter", "value", "90 % interval", "drawn", "unit", "with it", box=None)
+    table.columns[1].justify = table.columns[3].justify = "right"
+    table.columns[0].no_wrap = table.columns[2].no_wrap = True
+    for p in fit.parameters:
+        interval = f"{p.low:.4g} .. {p.high:.4g}"
+        table.add_row(p.name, f"{p.value:.4g}", interval, f"{p.drawn:.4g}", p.unit, p.combination)
+    table.caption = (
+        "m mass, mx mass times centre, Ixx about the joint's origin; 'with it': what the logs do "
+        "not tell from this number, which is their sum"
+    )
+    return table
+
+
+def _errors(fit: ClassicFit) -> Table:
+    table = Table("left at", "before", "after", box=None)
+    for joint, before, after in zip(fit.joints, fit.before, fit.left, strict=True):
+        table.add_row(joint, f"{before:.3g}", f"{after:.3g}")
+    table.caption = "rms [N m], after: on parts of the logs that the fit did not see"
+    return table

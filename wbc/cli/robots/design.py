@@ -1,0 +1,207 @@
+"""`wbc design`: sweep gears, links and pose of a robot; maps and the best compromises."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.cli.shared.inputs import table_console, watching, write_json
+from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.sites import checked_axes, first_contact, main_direction, pose_from
+from wbc.design import (
+    SIMULATIONS,
+    Objective,
+    Study,
+    describe_columns,
+    pareto_front,
+    parse_objective,
+    parse_sweep,
+    read_designs,
+    run_study,
+)
+from wbc.design.sweep_parameter import NAMES
+from wbc.effects import load_robot
+from wbc.errors import WbcError
+
+_SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
+
+_EPILOG = f"""\
+parameters: {", ".join(NAMES[:4])},
+{", ".join(NAMES[4:6])}, length.LINK, mass.LINK, joint.JOINT;
+a gear parameter takes .JOINT for one gear alone. Without backward_efficiency, a
+swept forward_efficiency brings the wedge's 2 - 1/eta_f.
+
+example: wbc design planar_leg --sweep reduction=6:160:40:log
+  --sweep forward_efficiency=0.5:0.98:40 --figures out
+
+A run that was interrupted goes on when the same command is given again."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "design",
+        help="sweep gears, links and pose: maps and the best compromises",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
+    add("--sweep", action="append", required=True, metavar="NAME=LOW:HIGH[:COUNT[:log]]",
+        help="what varies, or NAME=V,V,...; give it once per parameter")  # fmt: skip
+    add("--samples", type=int, default=0, metavar="N", help="N Sobol samples instead of a grid")
+    add("--seed", type=int, default=0, help="of the samples (default 0)")
+    add("--simulate", default="", metavar="NAME,...",
+        help=f"also simulate: {', '.join(SIMULATIONS)}")  # fmt: skip
+    add("--contact", metavar="NAME", help="or a frame; default: the first contact")
+    add("--pose", metavar="NAME|J=V,...", help="a named pose or joint positions [rad, m]")
+    add("--axes", default="xz", help="world axes (default xz)")
+    add("--load", type=float, metavar="N", help="force to hold [N]; default: each one's weight")
+    add("--objective", action="append", metavar="COLUMN:max|min",
+        help="of the Pareto front; default lift:max and impact_mitigation:max")  # fmt: skip
+    add("--workers", type=int, default=1, metavar="N", help="processes; -1 for all cores")
+    add("--cluster", metavar="ADDRESS", help="Dask scheduler to work on instead")
+    add("--out", default="designs.parquet", metavar="FILE.parquet", help="the table of all designs")
+    add("--figures", nargs="?", const="out", metavar="DIR", help="write map and front (PNG)")
+    add("--theme", choices=("light", "dark"), default="light", help="of the figures")
+    add("--json", metavar="FILE", help="the front for machines ('-' prints it)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Run or resume the study, print the front, write figures and JSON."""
+    require_outputs(options)
+    if Path(options.out).suffix.lower() != ".parquet":
+        raise WbcError(f"--out '{options.out}': the name must end in .parquet.")
+    if options.workers == 0:
+        raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
+    study = _study(options)
+    units = describe_columns(study)
+    objectives = _objectives(options, study, units)
+    shown = table_console(options, console)
+    with watching("designs", shown) as watch:
+        path = run_study(
+            study, options.out, workers=options.workers, cluster=options.cluster, watch=watch
+        )
+    table = read_designs(path)
+    front = pareto_front(table, objectives)
+    _print(study, table, front, objectives, units, shown)
+    shown.print(f"wrote {path}: {study.size} designs")
+    write_json(options.json, _json(study, path, table, front, objectives, units), console)
+    if options.figures:
+        _draw(options, study, table, front, objectives, units, shown)
+    return 0
+
+
+def _study(options: argparse.Namespace) -> Study:
+    robot = load_robot(options.robot)
+    axes = checked_axes(options.axes)
+    return Study(
+        robot=options.robot,
+        parameters=tuple(parse_sweep(text) for text in options.sweep),
+        contact=options.contact or first_contact(robot),
+        position=tuple(pose_from(robot, options.pose).tolist()),
+        axes=axes,
+        direction=tuple(main_direction(axes).tolist()),
+        samples=options.samples,
+        seed=options.seed,
+        simulations=tuple(name for name in options.simulate.split(",") if name),
+        load=options.load,
+    )
+
+
+def _objectives(
+    options: argparse.Namespace, study: Study, units: Mapping[str, str]
+) -> list[Objective]:
+    if options.objective:
+        return [parse_objective(text, list(units)) for text in options.objective]
+    floating = load_robot(study.robot).floating_size > 0
+    # On a fixed base the impact mitigation is 1 whatever the gears.
+    other = Objective("impact_mitigation") if floating else Objective("backward_inertia", False)
+    return [Objective("lift"), other]
+
+
+def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:
+    varied = [p.column for p in study.parameters if p.low < p.high]
+    return list(dict.fromkeys([*varied, *(objective.column for objective in objectives)]))
+
+
+def _print(
+    study: Study,
+    table: Mapping[str, FloatArray],
+    front: IntArray,
+    objectives: Sequence[Objective],
+    units: Mapping[str, str],
+    console: Console,
+) -> None:
+    aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
+    title = f"Pareto front: {len(front)} of {study.size} designs ({aims})"
+    columns = _columns(study, objectives)
+    shown = Table(title=title, box=None)
+    for name in columns:
+        unit = "" if units[name] == "1" else f"\n[{units[name]}]"
+        shown.add_column(name.replace("_", " ") + unit, justify="right")
+    chosen = front
+    if len(front) > _SHOWN:
+        chosen = front[np.linspace(0, len(front) - 1, _SHOWN).round().astype(np.int_)]
+    for row in chosen:
+        shown.add_row(*(f"{table[name][row]:.4g}" for name in columns))
+    console.print(shown)
+    if len(front) > _SHOWN:
+        console.print(f"{_SHOWN} of {len(front)} rows, evenly spread; --json and --out hold all")
+
+
+def _json(
+    study: Study,
+    path: Path,
+    table: Mapping[str, FloatArray],
+    front: IntArray,
+    objectives: Sequence[Objective],
+    units: Mapping[str, str],
+) -> dict[str, Any]:
+    def plain(value: float) -> float | str | None:
+        if np.isnan(value):
+            return None
+        return float(value) if np.isfinite(value) else "unlimited"
+
+    rows = [{name: plain(values[row]) for name, values in table.items()} for row in front]
+    return {
+        "robot": study.robot,
+        "contact": study.contact,
+        "designs": study.size,
+        "table": str(path),
+        "units": dict(units),
+        "objectives": [f"{o.column}:{'max' if o.more else 'min'}" for o in objectives],
+        "front": rows,
+    }
+
+
+def _draw(
+    options: argparse.Namespace,
+    study: Study,
+    table: Mapping[str, FloatArray],
+    front: IntArray,
+    objectives: Sequence[Objective],
+    units: Mapping[str, str],
+    console: Console,
+) -> None:
+    from wbc.view import DARK, LIGHT
+    from wbc.view.plots import design_map, pareto_figure, write_figure
+
+    theme = DARK if options.theme == "dark" else LIGHT
+    varied = [p.column for p in study.parameters if p.low < p.high] or ["design"]
+    logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
+    figures = {"map": design_map(table, varied, units, logarithmic=logarithmic, theme=theme)}
+    if len(objectives) > 1:
+        aims = [objective.column for objective in objectives[:2]]
+        figures["front"] = pareto_figure(table, front, aims, varied[0], units, theme=theme)
+    for name, figure in figures.items():
+        target = Path(options.figures) / f"{load_robot(study.robot).name}_design_{name}.png"
+        console.print(f"wrote {write_figure(target, figure)}")

@@ -1,0 +1,1 @@
+"""Options, loading and writing that several commands share."""

@@ -1,0 +1,81 @@
+"""An answer on a screen: the answer itself, then as much of the detail as fits."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.console import Console, RenderableType
+from rich.segment import Segment, Segments
+
+LINES = 54
+"""Of a printout that nobody asked to be longer; with the names of files written it is below 60."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the detail.
+
+    Attributes:
+        name: what is said to be missing where it does not fit.
+        shown: what is printed.
+    """
+
+    name: str
+    shown: RenderableType
+
+
+def add_depth_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how much is printed."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument("--quiet", action="store_true", help="print the answer alone")
+    group.add_argument("--verbose", action="store_true", help="print all of the detail")
+
+
+def print_out(
+    console: Console,
+    answer: Sequence[RenderableType],
+    detail: Sequence[Part],
+    *,
+    quiet: bool = False,
+    verbose: bool = False,
+) -> None:
+    """Print an answer, then its detail, the most important part first, until the screen is full.
+
+    Args:
+        console: where.
+        answer: printed whole.
+        detail: a part that does not fit whole is cut; the parts after it are named instead.
+        quiet: print the answer alone.
+        verbose: print everything.
+    """
+    left = LINES
+    for one in answer:
+        left -= len(_lines(console, one))
+        console.print(one)
+    if quiet:
+        return
+    absent: list[str] = []
+    for part in detail:
+        lines = _lines(console, part.shown)
+        room = max(left - 2, 0)  # for what is said of the parts left out
+        if verbose or (len(lines) <= room and not absent):
+            console.print(part.shown)
+        else:
+            kept = lines[: room if room > 3 and not absent else 0]
+            _print_lines(console, kept)
+            absent.append(f"the rest of {part.name}" if kept else part.name)
+        left -= len(lines)
+    if absent:
+        names = ", ".join(dict.fromkeys(absent))
+        console.print(f"not shown: {names} (--verbose, --json and --report have all)")
+
+
+def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:
+    return console.render_lines(shown, pad=False)
+
+
+def _print_lines(console: Console, lines: Sequence[Sequence[Segment]]) -> None:
+    segments = [segment for line in lines for segment in (*line, Segment.line())]
+    console.print(Segments(segments), end="")

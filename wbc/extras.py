@@ -1,0 +1,41 @@
+"""Packages that a bare installation does not have, and the extra of `wbc` that brings each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from wbc.errors import MissingPackageError
+
+EXTRAS = {
+    "logs": ("pyarrow",),
+    "rosbags": ("rosbags",),
+    "design": ("joblib", "pyarrow"),
+    "view": ("meshcat", "umsgpack", "matplotlib", "mpl_toolkits", "plotly", "jinja2", "PIL"),
+    "cli": ("rich", "shtab"),
+    "cluster": ("distributed",),
+}
+"""Extra -> the packages by which this library knows it."""
+
+
+@contextmanager
+def needs(extra: str, what: str) -> Iterator[None]:
+    """Turn an import of a package that is not installed into a message with the way out.
+
+    Args:
+        extra: of `wbc`, a key of `EXTRAS`.
+        what: that needs the package, as the subject of a sentence.
+
+    Raises:
+        MissingPackageError: a package of the extra is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as cause:
+        package = (cause.name or "").partition(".")[0]
+        if package not in EXTRAS[extra]:
+            raise
+        raise MissingPackageError(
+            f"{what} needs the package {package}, which a bare installation does not have; "
+            f"install it with: pip install 'wbc[{extra}]'"
+        ) from cause

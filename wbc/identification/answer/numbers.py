@@ -1,0 +1,31 @@
+"""Numbers as people read them, and as deep as they are known."""
+
+from __future__ import annotations
+
+import math
+
+
+def plain(value: float, digits: int = 3) -> str:
+    """Return a number with `digits` significant digits, without an exponent where it is short."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    size = math.floor(math.log10(abs(value)))
+    if -4 <= size < 6:
+        return f"{value:.{max(0, digits - 1 - size)}f}".replace("-", "−")
+    return f"{value:.{digits - 1}e}".replace("-", "−")
+
+
+def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
+    """Return a value and its interval with as many digits as the interval deserves."""
+    width = abs(high - low)
+    if not (math.isfinite(width) and width > 0.0):
+        return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
+    size = math.floor(math.log10(width))
+    # Two digits of a narrow interval, one of a wide one: as errors of measurements are written.
+    places = max(0, -size + (1 if width < 3.0 * 10.0**size else 0))
+    if places > 6:
+        return plain(value, 6), f"{plain(low, 6)} … {plain(high, 6)}"
+    texts = [f"{number:.{places}f}".replace("-", "−") for number in (value, low, high)]
+    return texts[0], f"{texts[1]} … {texts[2]}"

@@ -1,0 +1,85 @@
+"""Answers in a notebook: tables as HTML, as a data frame, and as a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from wbc.errors import MissingPackageError
+from wbc.extras import needs
+from wbc.identification.answer.series import Series
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LINES = 24
+"""Of a screen: what `repr` shows at most."""
+
+
+def html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as HTML; every cell is escaped."""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def on_one_screen(text: str) -> str:
+    """Return a text cut to what a screen shows."""
+    lines = text.splitlines()
+    if len(lines) <= _LINES:
+        return text
+    left = len(lines) - _LINES + 1
+    return "\n".join([*lines[: _LINES - 1], f"... {left} more lines: print(...) shows all"])
+
+
+def data_frame(rows: Sequence[dict[str, Any]]) -> Any:
+    """Return rows as a pandas frame.
+
+    Raises:
+        MissingPackageError: pandas is not installed.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError as cause:
+        raise MissingPackageError(
+            "to_frame needs pandas, which no extra brings; install it with: pip install pandas. "
+            "to_json() holds the same without it."
+        ) from cause
+    return pandas.DataFrame(list(rows))
+
+
+def torque_figure(
+    outputs: Sequence[str], models: Sequence[tuple[str, Sequence[Series]]], log: int = 0
+) -> Figure:
+    """Return measured and modelled torque over time, with the residual below, per driven joint.
+
+    Args:
+        outputs: names of the driven joints.
+        models: label and series of each model, of the same logs.
+        log: number of the log.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    with needs("view", "plot()"):
+        from matplotlib.figure import Figure
+    count = len(outputs)
+    figure = Figure(figsize=(8.0, 2.6 * count + 0.5), layout="constrained")
+    axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.0, 1.0] * count)
+    for k, output in enumerate(outputs):
+        torque, rest = axes[2 * k], axes[2 * k + 1]
+        first = models[0][1][log]
+        torque.plot(first.time, first.measured[:, k], color="0.15", label="measured")
+        for number, (label, series) in enumerate(models):
+            one, colour = series[log], f"C{1 - number % 2}"
+            torque.plot(one.time, one.modelled[:, k], color=colour, linewidth=1.0, label=label)
+            rest.plot(one.time, one.residual[:, k], color=colour, linewidth=1.0)
+        torque.set_ylabel(f"{output} [N m]")
+        rest.set_ylabel("residual")
+        torque.legend(loc="upper right", ncols=3)
+    axes[-1].set_xlabel("time [s]")
+    axes[0].set_title(models[0][1][log].name.rsplit("/", 1)[-1])
+    return figure

@@ -1,0 +1,232 @@
+"""Base parameters, rotor inertias, friction and offsets by weighted least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.coulomb_friction import CoulombFriction
+from wbc.effects.rotor_coulomb_friction import RotorCoulombFriction
+from wbc.effects.rotor_inertia import RotorInertia
+from wbc.effects.rotor_viscous_friction import RotorViscousFriction
+from wbc.effects.torque_offset import TorqueOffset
+from wbc.effects.viscous_friction import ViscousFriction
+from wbc.identification.classic.base_parameters import base_columns, combination, link_names
+from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.inertial_columns import inertial_columns
+from wbc.identification.model.problem import Problem
+from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.measurement import Log
+from wbc.robot import Effect, Robot
+
+KINDS: tuple[type[Effect], ...] = (
+    ViscousFriction,
+    CoulombFriction,
+    RotorViscousFriction,
+    RotorCoulombFriction,
+    TorqueOffset,
+    RotorInertia,
+)
+"""What is fitted at every joint beside the links; rotor friction where gears are coupled."""
+
+_TAIL = 1.645  # standard deviations of a normal distribution's 90 % interval
+
+
+@dataclass(frozen=True)
+class BaseParameter:
+    """A number, or a combination of numbers, that the logs tell.
+
+    Attributes:
+        name: such as `viscous_friction at knee`, or `m shin`; mx is mass times centre, Ixx about
+            the joint's origin.
+        combination: what it stands for beside itself, as text; empty for itself alone.
+        value: of the robot with it.
+        drawn: of the robot as given.
+        low, high: 90 % interval.
+        unit: SI.
+    """
+
+    name: str
+    combination: str
+    value: float
+    drawn: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class ClassicFit:
+    """The classic identification.
+
+    Attributes:
+        parameters: friction, offsets, rotor inertias and base parameters of the links.
+        joints: outputs that were judged.
+        before: (outputs,) rms of the robot as given [N m].
+        left: (outputs,) rms held out: each fold predicted by a fit without it [N m].
+        warnings: about the logs.
+    """
+
+    parameters: tuple[BaseParameter, ...]
+    joints: tuple[str, ...]
+    before: FloatArray
+    left: FloatArray
+    warnings: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain texts and numbers."""
+        rows = zip(self.joints, self.before.tolist(), self.left.tolist(), strict=True)
+        return {
+            "parameters": [asdict(parameter) for parameter in self.parameters],
+            "joints": {joint: {"before": one, "after": other} for joint, one, other in rows},
+            "warnings": list(self.warnings),
+        }
+
+
+def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
+    """Return all parameters of a robot with perfect gears that its logs tell.
+
+    The residual is linear in all of them. Columns that depend on those before are left out, so that
+    the numbers of the links are base parameters (Gautier & Khalil, 1990). Outputs are weighted by
+    what a first fit leaves. Nothing is chosen, nothing is bounded: a number may be one that no
+    machine has.
+
+    Args:
+        robot: the robot; losses of its gears are left out.
+        logs: one or several of the same machine.
+
+    Raises:
+        IdentificationError: logs that cannot be compared with this robot, or too short ones.
+        LogError: a channel is missing.
+    """
+    return classic_fit(Problem.from_logs(robot.lossless(), logs))
+
+
+def classic_fit(problem: Problem) -> ClassicFit:
+    """Return the classic fit of a problem whose robot has perfect gears; see `identify`."""
+    robot = problem.robot
+    table = _Columns.of(problem)
+    target = problem.residual @ problem.whitening
+    weights = _weights(problem, target, table.values)
+    a = (table.values * weights[:, None]).reshape(-1, table.values.shape[-1])
+    b = -(target * weights).ravel()
+    solution = _solve(a, b)
+    deviation = _deviations(a, b - a @ solution)
+    parameters = []
+    for k, (name, unit, drawn) in enumerate(table.names):
+        value = drawn + float(solution[k])
+        half = _TAIL * float(deviation[k])
+        text = table.combinations[k]
+        parameters.append(BaseParameter(name, text, value, drawn, value - half, value + half, unit))
+    held = held_out_residual(
+        problem, lambda rows: target[~rows] + table.values[~rows] @ _fold(a, b, rows)
+    )
+    names = [*robot.transmission.joints, *_undriven(robot)]
+    kept = [k for k in range(len(names)) if k not in problem.floor.aside]
+    return ClassicFit(
+        parameters=tuple(parameters),
+        joints=tuple(names[k] for k in kept),
+        before=np.sqrt(np.mean(problem.residual[:, kept] ** 2, axis=0)),
+        left=np.sqrt(np.mean(held**2, axis=0)),
+        warnings=problem.warnings,
+    )
+
+
+def held_out_residual(
+    problem: Problem, predicted: Callable[[np.ndarray], FloatArray]
+) -> FloatArray:
+    """Return (rows, judged outputs) what is left in the outputs' units, each fold held out.
+
+    Args:
+        problem: the logs.
+        predicted: (rows,) used for the fit -> whitened residual of the others, (rest, outputs).
+    """
+    left = np.empty((problem.folds.size, problem.whitening.shape[1]))
+    for fold in np.unique(problem.folds):
+        used = problem.folds != fold
+        left[~used] = predicted(used)
+    kept = [k for k in range(len(problem.whitening)) if k not in problem.floor.aside]
+    return np.asarray(left @ np.linalg.inv(problem.whitening[kept]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What each parameter changes.
+
+    Attributes:
+        values: (rows, outputs, p), whitened, per unit.
+        names: name, unit and value as given of each.
+        combinations: what each stands for beside itself.
+    """
+
+    values: FloatArray
+    names: tuple[tuple[str, str, float], ...]
+    combinations: tuple[str, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> _Columns:
+        robot, records = problem.robot, problem.records
+        effects = [_small(kind, robot, where) for kind in KINDS for where in kind.places(robot)]
+        slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
+        at = evaluate(robot, effects, records, problem.whitening)
+        joint = derivatives(robot, at, slots, records, problem.whitening)
+        joint = joint / np.array([parameter.scale for _, parameter in slots])
+        links = link_names(robot)
+        unit = inertial_columns(robot, records, [None] * len(records), np.eye(len(links)))
+        inertial = np.einsum("rop,oj->rjp", unit, problem.whitening)
+        given = [effects[k].null_values(robot, effects[k].where)[p.name] for k, p in slots]
+        own = [
+            (f"{effects[k].name} at {effects[k].where}", p.unit, value)
+            for (k, p), value in zip(slots, given, strict=True)
+        ]
+        names = [*own, *links]
+        values = np.concatenate([joint, inertial], axis=-1)
+        kept, mixing = base_columns(values.reshape(-1, values.shape[-1]))
+        drawn = np.array([value for _, _, value in names])
+        whole = drawn[kept] + mixing @ drawn[[k for k in range(len(names)) if k not in kept]]
+        rest = [names[k][0] for k in range(len(names)) if k not in kept]
+        return cls(
+            values[:, :, kept],
+            tuple((names[k][0], names[k][1], float(v)) for k, v in zip(kept, whole, strict=True)),
+            tuple(combination(row, rest) for row in mixing),
+        )
+
+
+def _small(kind: type[Effect], robot: Robot, where: str) -> Effect:
+    """Return an effect of a typical size, so that dry friction has a slope."""
+    null = kind.null_values(robot, where)
+    return kind.at(where, {p.name: null[p.name] + p.scale for p in kind.parameters})
+
+
+def _undriven(robot: Robot) -> list[str]:
+    return [f"coordinate {row}" for row in robot.unactuated]
+
+
+def _weights(problem: Problem, target: FloatArray, values: FloatArray) -> FloatArray:
+    """Return (outputs,) one over what a first fit leaves, in floors and never below one."""
+    a = values.reshape(-1, values.shape[-1])
+    left = (target.ravel() + a @ _solve(a, -target.ravel())).reshape(target.shape)
+    return np.asarray(1.0 / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1.0))
+
+
+def _fold(a: FloatArray, b: FloatArray, used: np.ndarray) -> FloatArray:
+    rows = np.repeat(used, len(b) // len(used))
+    return _solve(a[rows], b[rows])
+
+
+def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
+    size = np.sqrt(np.sum(a**2, axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.linalg.lstsq(a / size, b, rcond=1e-10)[0] / size)
+
+
+def _deviations(a: FloatArray, left: FloatArray) -> FloatArray:
+    """Return (p,) standard deviations; neighbouring rows share their noise."""
+    size = np.sqrt(np.maximum(np.sum(a**2, axis=0), 1e-300))
+    inverse = np.linalg.pinv((a / size).T @ (a / size))
+    variance = ROWS_PER_SAMPLE * float(left @ left) / max(len(left) - a.shape[1], 1)
+    return np.asarray(np.sqrt(variance * np.diagonal(inverse)) / size)

@@ -1,0 +1,54 @@
+"""Axis, name and unit of the coordinates of a robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.robot.robot import Robot
+
+
+def joint_axis(robot: Robot, joint: str) -> FloatArray:
+    """Return the axis (3,) of a joint with one degree of freedom, in the joint's frame."""
+    linear, angular = _unit_twist(robot, joint)
+    axis = angular if np.linalg.norm(angular) > 0.5 else linear
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
+def slides(robot: Robot, joint: str) -> bool:
+    """Return whether a joint with one degree of freedom is prismatic."""
+    return bool(np.linalg.norm(_unit_twist(robot, joint)[1]) < 0.5)
+
+
+def coordinate_names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return a name and the unit of the force ("N m" or "N") of every coordinate, (nv,) each."""
+    names, units = [""] * robot.model.nv, ["N m"] * robot.model.nv
+    for number in range(1, robot.model.njoints):
+        joint, name = robot.model.joints[number], str(robot.model.names[number])
+        if joint.nv == 1:
+            names[joint.idx_v] = name
+            units[joint.idx_v] = "N" if slides(robot, name) else "N m"
+            continue
+        for part in range(joint.nv):
+            force = joint.nv == 6 and part < 3
+            names[joint.idx_v + part] = f"{name} {'force' if force else 'moment'} {'xyz'[part % 3]}"
+            units[joint.idx_v + part] = "N" if force else "N m"
+    return tuple(names), tuple(units)
+
+
+def output_units(robot: Robot) -> tuple[str, ...]:
+    """Return the unit of every output of a residual: driven joints, then the other coordinates."""
+    _, units = coordinate_names(robot)
+    return tuple(units[row] for row in (*robot.actuated, *robot.unactuated))
+
+
+def _unit_twist(robot: Robot, joint: str) -> tuple[FloatArray, FloatArray]:
+    model = robot.model
+    data = model.createData()
+    v = np.zeros(model.nv)
+    v[robot.velocity_index(joint)] = 1.0
+    pin.forwardKinematics(model, data, robot.neutral(), v)
+    twist = data.v[model.getJointId(joint)]
+    # The parents stand still: this is the joint's own motion.
+    return np.asarray(twist.linear), np.asarray(twist.angular)
