@@ -112,11 +112,10 @@ def report(loops: dict[str, Loop]) -> list[Path]:
     print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
     robot = load_robot("planar_leg_strong")
     page, landing = OUT / "standing.html", loops["dissipative"].landing
+    title = "Landing from 10 cm on lossy gears"
     return [
         *write_figures(OUT, draw(loops)),
-        write_playback(
-            page, robot, landing.log, marks=landing.marks, title="Landing from 10 cm on lossy gears"
-        ),
+        write_playback(page, robot, landing.log, marks=landing.marks, title=title),
     ]
 
 
