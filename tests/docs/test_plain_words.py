@@ -22,6 +22,7 @@ NEWCOMERS = [
     "discovery",
     "command-line",
     "control",
+    "embedding",
     "simulation",
 ]
 TWO_SCREENS = 900  # words of prose: two windows of a 27-inch display hold about 1000
