@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.excitation import record_with
 from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
 from wbc.identification.classic import ClassicFit, identify
 from wbc.identification.classic.base_parameters import base_columns
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 HIDDEN = (
