@@ -134,7 +134,11 @@ def agree(robot, tasks, contacts, limits, states, wish):
             contacts,
             limits,
             ControllerSettings(
-                speed_blend=certain, solver=solver, warm_start=start, tolerance=1e-9
+                speed_blend=certain,
+                solver=solver,
+                warm_start=start,
+                tolerance=1e-9,
+                max_iterations=1000,  # solutions are compared here, not what a tick may cost
             ),
         )
         for solver, start in choices

@@ -63,7 +63,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> N
 
 
 def test_no_workers_and_no_scheduler_are_named() -> None:
-    with pytest.raises(ParallelError, match="not 0"):
+    with pytest.raises(ParallelError, match="workers is 0"):
         list(run_jobs(len, ["a"], workers=0))
     with pytest.raises(ParallelError, match="no Dask scheduler"):
         list(run_jobs(len, ["a"], cluster="tcp://127.0.0.1:1"))

@@ -43,7 +43,7 @@ names them, + joins several. found.json is what `wbc diagnose --json` wrote: the
 causes are what it found and what it could not tell from that. One cause alone:
 the motion that shrinks its intervals.
 
-The odds are those of the cause, if true, over the other one after its parameters
+The odds are those of the cause, if true, over the other one after its numbers
 are refitted: equal odds before, white noise of the torque, and nothing else
 wrong with the model.
 
