@@ -110,8 +110,8 @@ class LinkInertias(Effect):
 
     @property
     def implausibility(self) -> float:
-        """What a drawing costs that is more wrong than drawings usually are [nats]."""
-        return excess(self.departures)
+        """What links cost that are more wrong than drawings usually are [nats], each its own."""
+        return sum(excess(departures(numbers)) for _, numbers in self.links)
 
     def quantities(self, robot: Robot) -> dict[str, Quantity]:
         """Mass, centre of mass and moments of every link, `BODY.mass` and so on."""

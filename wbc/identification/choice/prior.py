@@ -94,8 +94,8 @@ def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
 
 def _lost_mass(problem: Problem, effect: Effect) -> float:
     """Return what masses that leave a link cost."""
-    if "change" not in effect.acts_by or effect.departures.size:
-        return 0.0  # or it knows itself how usual a mass is
+    if "change" not in effect.acts_by:
+        return 0.0
     try:
         robot = effect.change(problem.robot)
     except IMPOSSIBLE:

@@ -11,6 +11,7 @@ from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.proposals import Proposer
 
 _MOST_MOVES = 60
+_AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
 _MASKS = 2  # times that what explains most and is not believed is put aside
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
@@ -30,14 +31,22 @@ class Search:
     path: list[Hypothesis] = field(default_factory=list)
 
     def climb(self, start: Hypothesis) -> Hypothesis:
-        """Return the hypothesis from which no move adds to the evidence."""
-        current = start
+        """Return the hypothesis from which no move adds to the evidence.
+
+        Which hypothesis says how many samples are independent differs from move to move, so that
+        moves may lead back to causes that were left: of such a circle the best one is returned.
+        """
+        current, been = start, {frozenset(start.keys): start}
         for _ in range(_MOST_MOVES):
             better = self._next(current)
             if better is None:
                 break
             self._tell(current, better)
+            before = been.get(frozenset(better.keys))
+            if before is not None and better.error > _AGAIN * before.error:
+                return best_of(self, list(been.values()))
             current = better
+            been[frozenset(current.keys)] = current
             self.path.append(current)
         return current
 
