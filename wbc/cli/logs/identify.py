@@ -17,6 +17,7 @@ from wbc.cli.shared.inputs import (
     write_json,
 )
 from wbc.cli.shared.outputs import require_outputs
+from wbc.identification.answer.numbers import plain, with_interval
 from wbc.identification.classic import ClassicFit, identify
 
 _EPILOG = """example:
@@ -25,6 +26,13 @@ _EPILOG = """example:
 One linear least squares for base parameters of the links, rotor inertia, viscous and
 Coulomb friction and offset of every joint. It says how large each number is, not
 which of them are needed: `wbc diagnose` does that."""
+
+
+_LEGEND = (
+    "m is a mass, mx a mass times its centre, Ixx an inertia about the joint's origin. 'with': the "
+    "logs tell only the sum of the number and this. What is left is the rms [N m] on parts of the "
+    "logs that the fit did not see."
+)
 
 
 def add_to(commands: Any) -> None:
@@ -49,6 +57,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     with working(shown, "identifying"):
         fit = identify(robot, logs)
     shown.print(_parameters(fit))
+    shown.print(_LEGEND)
     shown.print(_errors(fit))
     for warning in fit.warnings:
         shown.print(warning)
@@ -57,16 +66,15 @@ def run(options: argparse.Namespace, console: Console) -> int:
 
 
 def _parameters(fit: ClassicFit) -> Table:
-    table = Table("parameter", "value", "90 % interval", "drawn", "unit", "with it", box=None)
+    table = Table("parameter", "value", "90 % interval", "drawn", "unit", box=None)
     table.columns[1].justify = table.columns[3].justify = "right"
-    table.columns[0].no_wrap = table.columns[2].no_wrap = True
+    for column in table.columns:
+        column.no_wrap = True
     for p in fit.parameters:
-        interval = f"{p.low:.4g} .. {p.high:.4g}"
-        table.add_row(p.name, f"{p.value:.4g}", interval, f"{p.drawn:.4g}", p.unit, p.combination)
-    table.caption = (
-        "m mass, mx mass times centre, Ixx about the joint's origin; 'with it': what the logs do "
-        "not tell from this number, which is their sum"
-    )
+        value, interval = with_interval(p.value, p.low, p.high)
+        table.add_row(p.name, value, interval, plain(p.drawn), p.unit)
+        if p.combination:
+            table.add_row(f"  with {p.combination}")
     return table
 
 
@@ -74,5 +82,4 @@ def _errors(fit: ClassicFit) -> Table:
     table = Table("left at", "before", "after", box=None)
     for joint, before, after in zip(fit.joints, fit.before, fit.left, strict=True):
         table.add_row(joint, f"{before:.3g}", f"{after:.3g}")
-    table.caption = "rms [N m], after: on parts of the logs that the fit did not see"
     return table
