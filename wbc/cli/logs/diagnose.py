@@ -27,7 +27,7 @@ from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
-from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.sentence import verdict_sentence, what_to_do
 from wbc.identification.formulas import discover
@@ -173,8 +173,9 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
     table.columns[0].overflow = "fold"
     table.columns[1].justify = "right"
     for finding in diagnosis.findings:
-        sure = f"{100.0 * finding.probability:.0f} % sure"
-        table.add_row(f"{finding.effect.name} at {finding.effect.where}", "", sure)
+        table.add_row(
+            f"{finding.effect.name} at {finding.effect.where}", "", sure(finding.probability)
+        )
         for number, e in finding.numbers.items():
             value, interval = with_interval(e.value, e.low, e.high)
             unit = "" if e.unit == "1" else e.unit

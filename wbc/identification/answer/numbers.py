@@ -29,3 +29,9 @@ def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
         return plain(value, 6), f"{plain(low, 6)} … {plain(high, 6)}"
     texts = [f"{number:.{places}f}".replace("-", "−") for number in (value, low, high)]
     return texts[0], f"{texts[1]} … {texts[2]}"
+
+
+def sure(probability: float) -> str:
+    """Return a probability as a person says it; nothing is quite certain."""
+    percent = round(100.0 * probability)
+    return "> 99 % sure" if percent >= 100 else f"{percent} % sure"

@@ -58,7 +58,7 @@ def what_to_do(diagnosis: Diagnosis, saved: str = "fitted.toml") -> str:
         diagnosis: the answer.
         saved: name of the file in which the robot with the effects found is, or would be.
     """
-    use = f"write the robot with --save {saved} and name it with --robot {saved}"
+    use = f"repeat this with --save {saved}, then use the corrected robot: --robot {saved}"
     match diagnosis.verdict:
         case "named":
             return f"{use[:1].upper()}{use[1:]}."

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, Ranked
-from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.sentence import spoken, verdict_sentence, what_to_do
 from wbc.measurement import LogQuality, LogSource
@@ -132,7 +132,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
             {
                 "effect": spoken(finding.effect.name),
                 "where": finding.effect.where,
-                "sure": f"{100.0 * finding.probability:.0f} % sure",
+                "sure": sure(finding.probability),
                 "explanation": finding.effect.explanation,
                 "parameters": parameters,
                 "warnings": [spoken(warning) for warning in finding.warnings],
