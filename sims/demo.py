@@ -61,7 +61,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     logs = record_with(leg, hidden, duration=duration)
     console.print(error_table(compare(leg, logs)))
     diagnosis = diagnose(leg, logs)
-    print_diagnosis(console, diagnosis)
+    print_diagnosis(console, diagnosis, str(OUT / "fitted.toml"))
     console.print(error_table(compare(diagnosis.robot, logs)))
     written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(logs)]
     written += [

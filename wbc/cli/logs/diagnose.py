@@ -85,7 +85,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     print_diagnosis(
         shown,
         diagnosis,
-        options.save or "fitted.toml",
+        options.save,
         quiet=options.quiet,
         verbose=options.verbose,
     )
@@ -123,7 +123,7 @@ def _candidates(choice: str) -> list[type[Effect]] | None:
 def print_diagnosis(
     console: Console,
     diagnosis: Diagnosis,
-    saved: str = "fitted.toml",
+    saved: str | None = None,
     *,
     quiet: bool = False,
     verbose: bool = False,
@@ -133,7 +133,7 @@ def print_diagnosis(
     Args:
         console: where.
         diagnosis: the answer.
-        saved: file in which the robot with the effects found is, or would be.
+        saved: file in which the robot with the effects found is, None if in none.
         quiet: print the answer alone.
         verbose: print all of the detail.
     """

@@ -51,14 +51,16 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             )
 
 
-def what_to_do(diagnosis: Diagnosis, saved: str = "fitted.toml") -> str:
+def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
     """Return what to do now.
 
     Args:
         diagnosis: the answer.
-        saved: name of the file in which the robot with the effects found is, or would be.
+        saved: name of the file in which the robot with the effects found is, None if in none.
     """
-    use = f"repeat this with --save {saved}, then use the corrected robot: --robot {saved}"
+    use = f"use the corrected robot: --robot {saved or 'fitted.toml'}"
+    if not saved:
+        use = f"repeat this with --save fitted.toml, then {use}"
     match diagnosis.verdict:
         case "named":
             return f"{use[:1].upper()}{use[1:]}."
