@@ -160,12 +160,15 @@ function toPaper() {
   data.panels.forEach((panel, k) => { const box = $("panels").children[k], places = [...box.querySelectorAll(".plot")];
     opened.set(panel, places); });
   root.dataset.theme = "light";
+  // The event may come before the sheet has its width: plots are drawn for what they will have.
+  root.classList.add("paper");
   $("shown").textContent = data.logs[$("log").selectedIndex];
   drawAll();
   for (const plot of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(plot, { autosize: false, width: plot.clientWidth });
 }
 function fromPaper() {
   if (!before) return;
+  root.classList.remove("paper");
   for (const box of before.closed) box.open = false;
   root.dataset.theme = before.theme;
   before = null;
