@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
-from wbc.measurement import Log, rotor_torques
+from wbc.measurement import Log, feedback_torques, rotor_torques
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -27,6 +27,8 @@ class Channels:
         position: (N, nq).
         velocity: (N, nv), or None if some joint has no velocity channel.
         torque: (N, m) on the rotors [N m].
+        feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
+            None where no torque comes from a target.
         forces: contact name -> (N, 3) [N].
         temperature: (N, m) [deg C], or None.
         supply_voltage: (N, m) [V], or None.
@@ -38,6 +40,7 @@ class Channels:
     position: FloatArray
     velocity: FloatArray | None
     torque: FloatArray
+    feedback: FloatArray | None
     forces: dict[str, FloatArray]
     temperature: FloatArray | None
     supply_voltage: FloatArray | None
@@ -81,6 +84,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
             f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
             f"forces, for example '<contact>.force.z' of: {named}."
         )
+    feedback = feedback_torques(log, robot.transmission)
     return Channels(
         name=log.source.label,
         rate=1.0 / step,
@@ -88,6 +92,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         position=on_grid(_position(robot, log)),
         velocity=None if velocity is None else on_grid(velocity),
         torque=on_grid(rotor_torques(log, robot.transmission)),
+        feedback=None if feedback is None else on_grid(feedback),
         forces=forces,
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
