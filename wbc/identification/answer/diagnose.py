@@ -153,7 +153,8 @@ def _believed(
     doubted: set[Key] = set()
     while True:
         # What rests on a cause that is not believed is no evidence for others.
-        odds = odds_of(trials, [h for h in trials.known if doubted.isdisjoint(h.keys)])
+        known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
+        odds = odds_of(trials, known, final)
         level = attainable(problem, trials.fit(final))
         more = unexplained(problem, first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
