@@ -1,6 +1,7 @@
 """Evaluated terms, the redundant model, and the dissipative equation of motion."""
 
 from wbc.dynamics.batch import (
+    contact_jacobians,
     contact_torque,
     inertial_parameters,
     inertial_regressor,
@@ -25,6 +26,7 @@ __all__ = [
     "Workspace",
     "constraint_jacobian",
     "constraint_nullspace",
+    "contact_jacobians",
     "contact_torque",
     "dissipative_equation",
     "evaluate",

@@ -64,18 +64,31 @@ def contact_torque(
     result = np.zeros((len(position), robot.model.nv))
     if not forces:
         return result
-    space = Workspace(robot)
-    names = [contact.name for contact in robot.contacts]
-    for name in forces:
-        robot.contact(name)
-    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     for name, force in forces.items():
-        frame = space.frames[names.index(name)]
-        jacobians = np.array(
-            [pin.computeFrameJacobian(space.model, space.data, q, frame, world) for q in position]
-        )
-        result += np.einsum("nij,ni->nj", jacobians[:, :3], force)
+        jacobians = contact_jacobians(robot, position, name)
+        result += np.einsum("nij,ni->nj", jacobians, force)
     return result
+
+
+def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
+    """Return J (N, 3, nv) of a contact point's velocity in world axes.
+
+    Args:
+        robot: the robot.
+        position: q (N, nq).
+        name: of the contact.
+
+    Raises:
+        RobotError: a contact that the robot does not have.
+    """
+    contact = robot.contact(name)
+    space = Workspace(robot)
+    frame = space.frames[robot.contacts.index(contact)]
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    jacobians = [
+        pin.computeFrameJacobian(space.model, space.data, q, frame, world)[:3] for q in position
+    ]
+    return np.array(jacobians).reshape(len(position), 3, robot.model.nv)
 
 
 def rotor_torque(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.records.outputs import output_names
 from wbc.identification.records.record import Record
 
 _BINS = 12
@@ -45,23 +46,13 @@ def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> li
     """
     found = []
     robot = records[0].robot
-    outputs = output_names(records[0])
+    outputs = output_names(records[0].robot)
     stacked = np.concatenate(residuals)
     for column, output in enumerate(outputs):
         for variable, unit, values in _variables(records, column, robot.transmission.size):
             if np.ptp(values) > 0.0:
                 found.append(binned(output, variable, unit, values, stacked[:, column]))
     return sorted(found, key=lambda b: -b.share)
-
-
-def output_names(record: Record) -> tuple[str, ...]:
-    """Return the names of the residual's columns: driven joints, then undriven coordinates."""
-    robot = record.robot
-    names = list(robot.transmission.joints)
-    for row in robot.unactuated:
-        single = [n for n in robot.single_joints if robot.velocity_index(n) == row]
-        names.append(single[0] if single else f"base[{row}]")
-    return tuple(names)
 
 
 def binned(

@@ -8,10 +8,11 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.identification.answer.breakdown import breakdowns, output_names
+from wbc.identification.answer.breakdown import breakdowns
 from wbc.identification.answer.comparison import HORIZON, Comparison, OutputError
 from wbc.identification.answer.series import Series, series_of
 from wbc.identification.model.problem import Problem
+from wbc.identification.records.outputs import output_names
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
@@ -65,7 +66,7 @@ def _outputs(
     step = record.stride / record.rate
     measured = np.concatenate([s.measured for s in series])
     units, found = output_units(problem.robot), []
-    for column, name in enumerate(output_names(record)):
+    for column, name in enumerate(output_names(problem.robot)):
         driven = column < gears.size
         rms = _rms([r[:, column] for r in residuals])
         found.append(

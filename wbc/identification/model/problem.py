@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_robot_and_logs
-from wbc.identification.log_warnings import moving_bases
+from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.fit import Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.kept_columns import KeptColumns
@@ -27,6 +27,7 @@ from wbc.identification.records.noise_floor import (
     noise_floor,
     with_even_noise,
 )
+from wbc.identification.records.outputs import output_names
 from wbc.identification.records.preparation import REVERSAL, prepare
 from wbc.identification.records.record import Record
 from wbc.identification.silent_drives import reported_torque, silent_drives
@@ -70,6 +71,7 @@ class Problem:
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
+        warnings += unmeasured_forces(prepared, output_names(robot))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         links = records[0].robot
         parts = [condensed_residual(links, [record]) for record in records]

@@ -17,6 +17,7 @@ from wbc.links import LinkResponse
 from wbc.robot import Motion, Robot
 
 _STEP = 1e-7  # of the largest load, by which loads are varied
+_SQUEEZES = 3  # rounds in which internal forces and the gears' direction of power settle
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
 
@@ -141,11 +142,53 @@ def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
 def _unexplained(
     robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
 ) -> FloatArray:
-    needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
     delivered, slope = _delivered(robot, motion, record.torque)
+    needed, wrench = _needed(robot, record.along(motion), links, contacts, delivered)
     size = _noise_size(record, slope)
     driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
     return np.concatenate([driven, -wrench], axis=1)
+
+
+def _needed(
+    robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray, delivered: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the motors must give (N, m), and the wrench (N, b) that nothing provides.
+
+    Contact forces that were not measured are those that leave least: first of the base's balance,
+    then, where contacts press against each other, at the motors' outputs.
+    """
+    plain = _without_drives(robot)
+    needed, wrench = rotor_torque(plain, motion=moved.motion, links=links, contacts=contacts)
+    balance = moved.balance
+    if balance is None:
+        return needed, wrench
+    contacts = contacts + balance.carried(wrench)
+    needed, wrench = rotor_torque(plain, moved.motion, links, contacts)
+    if balance.inner is None:
+        return needed, wrench
+    ratio = robot.transmission.gear_ratio
+    left, slope = np.zeros_like(needed), np.ones_like(needed)
+    for _ in range(_SQUEEZES):
+        slope = _mesh_slope(plain, moved, links, contacts, needed)
+        left = (delivered - needed) * ratio / slope  # at the outputs of the gears
+        contacts = contacts - balance.squeezed(left)
+        needed, wrench = rotor_torque(plain, moved.motion, links, contacts)
+    left = (delivered - needed) * ratio / slope
+    return delivered - slope * balance.seen(left) / ratio, wrench
+
+
+def _mesh_slope(
+    robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray, needed: FloatArray
+) -> FloatArray:
+    """Return (N, m) how much the motors must give per torque at the outputs of their gears."""
+    gears = robot.transmission
+    if np.all(gears.forward_efficiency == 1.0) and np.all(gears.backward_efficiency == 1.0):
+        return np.ones_like(needed)
+    step = _STEP * max(float(np.max(np.abs(links))), 1.0)
+    push = np.zeros_like(links)
+    push[:, robot.actuated] = step * np.sum(gears.motor_from_joint, axis=0)
+    more, _ = rotor_torque(robot, moved.motion, links + push, contacts)
+    return np.asarray((more - needed) * gears.gear_ratio / step)
 
 
 def _noise_size(record: Record, slope: FloatArray) -> FloatArray:
@@ -189,8 +232,8 @@ def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     size, passive = robot.transmission.size, robot.floating_size
     for record in records:
         motion, links, contacts = _loads(robot, record, None)
-        need, _ = rotor_torque(_without_drives(robot), motion, links, contacts)
         delivered, _ = _delivered(robot, motion, record.torque)
+        need, _ = _needed(robot, record.along(motion), links, contacts, delivered)
         nothing = np.zeros((len(need), passive))
         missing.append(record.condense(np.concatenate([delivered - need, nothing], axis=1)))
         needed.append(record.condense(np.concatenate([need, nothing], axis=1)))

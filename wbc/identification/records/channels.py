@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import IdentificationError
+from wbc.identification.records.contact_flags import active_contacts
 from wbc.measurement import Log, rotor_torques
 from wbc.robot import Robot
 
@@ -28,6 +29,7 @@ class Channels:
         velocity: (N, nv), or None if some joint has no velocity channel.
         torque: (N, m) on the rotors [N m].
         forces: contact name -> (N, 3) [N].
+        active: contact name -> (N,) whether it touches, of contacts without a force sensor.
         temperature: (N, m) [deg C], or None.
         supply_voltage: (N, m) [V], or None.
     """
@@ -39,6 +41,7 @@ class Channels:
     velocity: FloatArray | None
     torque: FloatArray
     forces: dict[str, FloatArray]
+    active: dict[str, BoolArray]
     temperature: FloatArray | None
     supply_voltage: FloatArray | None
 
@@ -74,21 +77,17 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         for contact in robot.contacts
         if contact.name in log.contacts
     }
-    # A robot without contacts flies: its base needs no force.
-    if robot.floating_size and robot.contacts and not forces:
-        named = ", ".join(contact.name for contact in robot.contacts)
-        raise IdentificationError(
-            f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
-            f"forces, for example '<contact>.force.z' of: {named}."
-        )
+    position = on_grid(_position(robot, log))
+    active = active_contacts(robot, log, grid, position)
     return Channels(
         name=log.source.label,
         rate=1.0 / step,
         time=grid,
-        position=on_grid(_position(robot, log)),
+        position=position,
         velocity=None if velocity is None else on_grid(velocity),
         torque=on_grid(rotor_torques(log, robot.transmission)),
         forces=forces,
+        active=active,
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
     )

@@ -124,6 +124,7 @@ def _record(
         motion=thinned,
         torque=frozen(torque[thin]),
         forces=forces,
+        active={name: touches[thin] for name, touches in channels.active.items()},
         weight=frozen(
             _weight(robot, thinned, noise, band, reversal)
             * away_from_impacts(robot, channels, band)[thin, None]

@@ -56,6 +56,9 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     forces = {name: white(level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     gears = robot.transmission
+    balance = record.balance
+    if balance is not None:
+        torque -= balance.carried(torque[:, robot.unactuated])
     mesh = torque[:, robot.actuated] @ gears.topology
     spin = acceleration[:, robot.actuated] @ gears.motor_from_joint.T
     needed = np.sign(gears.gear_ratio) * mesh + np.abs(gears.gear_ratio) * (
@@ -63,4 +66,8 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     )
     reported = np.zeros((count, gears.size + robot.floating_size))
     reported[:, : gears.size] = white(noise.torque)
+    if balance is not None:
+        sign = np.sign(gears.gear_ratio)
+        needed = sign * balance.seen(sign * needed)
+        reported[:, : gears.size] = sign * balance.seen(sign * reported[:, : gears.size])
     return reported, -np.concatenate([needed, torque[:, robot.unactuated]], axis=1)
