@@ -6,6 +6,8 @@ from wbc.dynamics.batch import (
     inertial_parameters,
     inertial_regressor,
     link_torque,
+    motor_torque,
+    output_torque,
     rotor_torque,
 )
 from wbc.dynamics.equation import DissipativeEquation, dissipative_equation
@@ -33,6 +35,8 @@ __all__ = [
     "inertial_parameters",
     "inertial_regressor",
     "link_torque",
+    "motor_torque",
+    "output_torque",
     "redundant_model",
     "rotor_coupling",
     "rotor_torque",

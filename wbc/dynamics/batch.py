@@ -111,12 +111,20 @@ def rotor_torque(
         (N, m) rotor torque as the drive would report it [N m], and (N, b) the torque left on the
         undriven coordinates, which is zero for a perfect model.
     """
-    gears = robot.transmission
+    output, lacking = output_torque(robot, motion, links, contacts)
+    return motor_torque(robot, motion, output), lacking
+
+
+def output_torque(
+    robot: Robot, motion: Motion, links: FloatArray, contacts: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a motion asks of the gears' outputs, T (N, m), and of no motor, (N, b).
+
+    The link side of `rotor_torque`: T = D' tau_m; arguments as there.
+    """
     torque = links - contacts
-    spun: FloatArray | float = 0.0
     if robot.rotors_turn_with_links:
-        housing, spun = _coupling_torque(robot, motion)
-        torque = torque + housing
+        torque = torque + _coupling_torque(robot, motion)[0]
     smooth, level = np.zeros(torque.shape), np.zeros(torque.shape)
     for effect in robot.effects:
         pushed = effect.joint_torque(robot, motion)
@@ -126,9 +134,19 @@ def rotor_torque(
         if dry is not None:
             level += dry
     torque = torque - smooth + level * np.sign(motion.velocity)
+    output = torque[..., robot.actuated] @ robot.transmission.topology
+    return output, torque[..., robot.unactuated]
+
+
+def motor_torque(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
+    """Return the rotor torque (N, m) that the drives report while gears give T, output (N, m).
+
+    The drive side of `rotor_torque`: mesh, rotor and drive.
+    """
+    gears = robot.transmission
+    spun = _coupling_torque(robot, motion)[1] if robot.rotors_turn_with_links else 0.0
     psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
     psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
-    output = torque[..., robot.actuated] @ gears.topology
     mesh = mesh_input(output, psi_velocity, gears.forward_efficiency, gears.backward_efficiency)
     spin = psi_velocity * gears.gear_ratio
     rotor = (
@@ -144,7 +162,7 @@ def rotor_torque(
             rotor = rotor - added
     for effect in reversed(robot.effects):
         rotor = effect.drive_inverse(robot, motion, rotor)
-    return rotor, torque[..., robot.unactuated]
+    return rotor
 
 
 def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:

@@ -33,10 +33,9 @@ from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.outputs import output_names
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
-from wbc.robot.coordinates import output_units
 
 _STILL = (
     "{} does not move in these logs: they say nothing about its friction, inertia or gears. Record "

@@ -13,7 +13,7 @@ from wbc.identification.answer.breakdown import Breakdown, binned, breakdowns
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.outputs import output_names
+from wbc.identification.records.outputs import output_gear, output_names, output_row
 from wbc.identification.records.record import Record
 
 _MATTERS = 2.0  # floors above which an output is mentioned
@@ -139,7 +139,7 @@ def _elsewhere(
     residual = np.concatenate(list(values))
     best: Breakdown | None = None
     for other in range(robot.transmission.size):
-        if other == column:
+        if other == output_gear(robot, column):
             continue
         row = int(robot.actuated[other])
         speed = np.concatenate([r.thinned(r.motion.velocity[:, row]) for r in records])
@@ -160,9 +160,7 @@ def _growth(values: list[FloatArray]) -> float:
 
 def _speed(record: Record, column: int) -> FloatArray:
     """Return the speed (rows,) of the coordinate behind an output."""
-    robot = record.robot
-    order = np.concatenate([robot.actuated, robot.unactuated])
-    return record.thinned(record.motion.velocity[:, order[column]])
+    return record.thinned(record.motion.velocity[:, output_row(record.robot, column)])
 
 
 def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import rotor_torque
+from wbc.dynamics import motor_torque, output_torque
 from wbc.identification.model.link_friction import LinkSide
 from wbc.identification.model.link_motion import driven, swing
 from wbc.identification.model.yielding import deflects, some_deflect
+from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.links import LinkResponse
 from wbc.robot import Motion, Robot
@@ -22,10 +23,11 @@ _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with
 
 
 def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = None) -> FloatArray:
-    """Return (N, m + b) measured minus modelled, before weights and filters.
+    """Return (N, m + b + s) measured minus modelled, before weights and filters.
 
     The m driven joints come first (torque at the motor output, reported minus needed), then the b
-    undriven coordinates (minus the wrench that nothing provides).
+    undriven coordinates (minus the wrench that nothing provides), and the s torque sensors behind
+    gears (measured minus what the links need); see `records.outputs`.
 
     Reported torque goes through the robot's drives forward, so that a drive that clips, sags or
     lags needs no inverse; the result is divided by what the drive's slope does to the size of the
@@ -143,52 +145,61 @@ def _unexplained(
     robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
 ) -> FloatArray:
     delivered, slope = _delivered(robot, motion, record.torque)
-    needed, wrench = _needed(robot, record.along(motion), links, contacts, delivered)
+    gears, base, sensors = _rows(robot, record.along(motion), links, contacts, delivered)
     size = _noise_size(record, slope)
-    driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
-    return np.concatenate([driven, -wrench], axis=1)
+    driven = gears / size * np.abs(robot.transmission.gear_ratio)
+    return np.concatenate([driven, base, sensors], axis=1)
 
 
-def _needed(
+def _rows(
     robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray, delivered: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return what the motors must give (N, m), and the wrench (N, b) that nothing provides.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what is unexplained at the rotors (N, m), at the base (N, b), at sensors (N, s).
 
     Contact forces that were not measured are those that leave least: first of the base's balance,
-    then, where contacts press against each other, at the motors' outputs.
+    then, where contacts press against each other, at the gears' outputs.
     """
     plain = _without_drives(robot)
-    needed, wrench = rotor_torque(plain, motion=moved.motion, links=links, contacts=contacts)
+    output, wrench = output_torque(plain, moved.motion, links, contacts)
     balance = moved.balance
-    if balance is None:
-        return needed, wrench
-    contacts = contacts + balance.carried(wrench)
-    needed, wrench = rotor_torque(plain, moved.motion, links, contacts)
-    if balance.inner is None:
-        return needed, wrench
+    if balance is not None:
+        contacts = contacts + balance.carried(wrench)
+        output, wrench = output_torque(plain, moved.motion, links, contacts)
+    if balance is None or balance.inner is None:
+        gears = delivered - motor_torque(plain, moved.motion, _carried(moved, output))
+        return gears, -wrench, moved.sensed - output[:, robot.sensed]
     ratio = robot.transmission.gear_ratio
-    left, slope = np.zeros_like(needed), np.ones_like(needed)
-    for _ in range(_SQUEEZES):
-        slope = _mesh_slope(plain, moved, links, contacts, needed)
-        left = (delivered - needed) * ratio / slope  # at the outputs of the gears
-        contacts = contacts - balance.squeezed(left)
-        needed, wrench = rotor_torque(plain, moved.motion, links, contacts)
-    left = (delivered - needed) * ratio / slope
-    return delivered - slope * balance.seen(left) / ratio, wrench
+    left, slope = np.zeros_like(output), np.ones_like(output)
+    for last in (*(False,) * _SQUEEZES, True):
+        carried = _carried(moved, output)
+        gears = delivered - motor_torque(plain, moved.motion, carried)
+        slope = slope if last else _mesh_slope(plain, moved.motion, carried)
+        left = gears * ratio / slope  # at the outputs of the gears
+        left[:, robot.sensed] = moved.sensed - output[:, robot.sensed]
+        if not last:
+            contacts = contacts - balance.squeezed(left)
+            output, wrench = output_torque(plain, moved.motion, links, contacts)
+    left = balance.seen(left)
+    free = slope * left / ratio
+    free[:, robot.sensed] = gears[:, robot.sensed]  # these know nothing of the contacts
+    return free, -wrench, left[:, robot.sensed]
 
 
-def _mesh_slope(
-    robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray, needed: FloatArray
-) -> FloatArray:
+def _carried(moved: Record, output: FloatArray) -> FloatArray:
+    """Return what the gears give (N, m): as the sensors behind them say, else as links need."""
+    result = np.array(output)
+    result[:, moved.robot.sensed] = moved.sensed
+    return result
+
+
+def _mesh_slope(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
     """Return (N, m) how much the motors must give per torque at the outputs of their gears."""
     gears = robot.transmission
     if np.all(gears.forward_efficiency == 1.0) and np.all(gears.backward_efficiency == 1.0):
-        return np.ones_like(needed)
-    step = _STEP * max(float(np.max(np.abs(links))), 1.0)
-    push = np.zeros_like(links)
-    push[:, robot.actuated] = step * np.sum(gears.motor_from_joint, axis=0)
-    more, _ = rotor_torque(robot, moved.motion, links + push, contacts)
-    return np.asarray((more - needed) * gears.gear_ratio / step)
+        return np.ones_like(output)
+    step = _STEP * max(float(np.max(np.abs(output))), 1.0)
+    more = motor_torque(robot, motion, output + step) - motor_torque(robot, motion, output)
+    return np.asarray(more * gears.gear_ratio / step)
 
 
 def _noise_size(record: Record, slope: FloatArray) -> FloatArray:
@@ -205,7 +216,8 @@ def noise_sizes(robot: Robot, records: Sequence[Record]) -> FloatArray:
     parts = []
     for record in records:
         _, slope = _delivered(robot, record.motion, record.torque)
-        sizes = np.concatenate([_noise_size(record, slope), np.ones(robot.floating_size)])
+        others = np.ones(output_count(robot) - robot.transmission.size)
+        sizes = np.concatenate([_noise_size(record, slope), others])
         parts.append(np.broadcast_to(sizes, (record.rows, sizes.size)))
     return np.concatenate(parts)
 
@@ -229,13 +241,14 @@ def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
 def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
     missing, needed = [], []
-    size, passive = robot.transmission.size, robot.floating_size
+    size = robot.transmission.size
     for record in records:
         motion, links, contacts = _loads(robot, record, None)
         delivered, _ = _delivered(robot, motion, record.torque)
-        need, _ = _needed(robot, record.along(motion), links, contacts, delivered)
-        nothing = np.zeros((len(need), passive))
-        missing.append(record.condense(np.concatenate([delivered - need, nothing], axis=1)))
+        lacking, _, _ = _rows(robot, record.along(motion), links, contacts, delivered)
+        nothing = np.zeros((len(lacking), output_count(robot) - size))
+        missing.append(record.condense(np.concatenate([lacking, nothing], axis=1)))
+        need = delivered - lacking
         needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
     left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
     return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))

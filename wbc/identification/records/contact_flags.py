@@ -31,8 +31,8 @@ def active_contacts(
     Raises:
         IdentificationError: neither forces nor flags, and a contact moves.
     """
-    if not robot.floating_size:
-        return {}
+    if not robot.floating_size or not robot.contacts:
+        return {}  # a robot without contacts flies: its base needs no force
     names = [contact.name for contact in robot.contacts]
     flagged = [n for n in names if log.has(f"{n}.active") and n not in log.contacts]
     if flagged or any(name in log.contacts for name in names):

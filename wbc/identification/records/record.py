@@ -37,6 +37,8 @@ class Record:
         robot: the robot that the user believes in; link terms are cached for it.
         motion: smoothed q, v, a (N, ...).
         torque: (N, m) rotor torque that the drives reported [N m].
+        reported: (m,) whether a drive reports its torque.
+        sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N], ground on robot.
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
         weight: (N, m + b) between 0 and 1, small where a joint is too slow for its direction to
@@ -55,6 +57,8 @@ class Record:
     robot: Robot
     motion: Motion
     torque: FloatArray
+    reported: BoolArray
+    sensed: FloatArray
     forces: Mapping[str, FloatArray]
     active: Mapping[str, BoolArray]
     weight: FloatArray
@@ -175,6 +179,15 @@ class Record:
     def links(self) -> FloatArray:
         """H_l a + c_l of the believed robot, (N, nv)."""
         return link_torque(self.robot, self.motion)
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """What the joints carry (N, nv): of the believed links, or as torque sensors show it."""
+        load = self.links - self.contacts
+        output = load[:, self.robot.actuated] @ self.robot.transmission.topology
+        output[:, self.robot.sensed] = self.sensed
+        load[:, self.robot.actuated] = output @ self.robot.transmission.motor_from_joint
+        return load
 
     @cached_property
     def regressor(self) -> FloatArray:

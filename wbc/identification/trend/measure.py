@@ -13,10 +13,9 @@ from wbc.errors import WbcError
 from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.problem import Problem
-from wbc.identification.records.outputs import output_names
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
-from wbc.robot.coordinates import output_units
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
