@@ -75,19 +75,28 @@ def _moving_quadruped(robot: Robot, feet: tuple[str, ...]) -> Log:
     return Log(time, columns | {f"{name}.active": np.ones(count) for name in feet})
 
 
-@pytest.mark.parametrize("feet", [1, 2, 3, 4])
-def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int) -> None:
-    """Whatever pushes at feet that touch, a quadruped leaves the same in its rows."""
+@pytest.mark.parametrize(("feet", "sensors"), [(1, 0), (2, 0), (3, 0), (4, 0), (4, 5), (2, 12)])
+def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int, sensors: int) -> None:
+    """Whatever pushes at feet that touch, a quadruped leaves the same in its rows.
+
+    Also with torque sensors behind some or all of its gears.
+    """
     robot = load_robot("solo12").lossless()
     gears = robot.transmission
+    robot = robot.with_torque_sensors(gears.joints[:sensors])
     names = tuple(contact.name for contact in robot.contacts[:feet])
-    record = prepare(robot, [_moving_quadruped(robot, names)])[0]
+    log = _moving_quadruped(robot, names)
+    log = log.with_columns({f"{j}.joint_torque": np.zeros(len(log)) for j in robot.torque_sensors})
+    record = prepare(robot, [log])[0]
     before = raw_residual(robot, record)
     random = np.random.default_rng(feet)
     forces = {n: 50.0 * random.standard_normal((len(before), 3)) for n in names}
     pushed = contact_torque(robot, record.motion.position, forces)
     carried = -(pushed[:, robot.actuated] @ gears.topology) / gears.gear_ratio
-    moved = replace(record.believing(robot), torque=record.torque + carried)
+    behind = (carried * gears.gear_ratio)[:, robot.sensed]
+    moved = replace(
+        record.believing(robot), torque=record.torque + carried, sensed=record.sensed + behind
+    )
     # What the base needs holds the forces, too, as if it had moved under them.
     links = record.links.copy()
     links[:, robot.unactuated] += pushed[:, robot.unactuated]
