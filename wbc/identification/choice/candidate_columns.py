@@ -68,7 +68,8 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         residual = raw_residual(robot, record) * record.weight
         torque = np.zeros(record.motion.velocity.shape)
         torque[:, robot.actuated] = residual[:, : robot.transmission.size]
-        torque[:, robot.unactuated] = residual[:, robot.transmission.size :]
+        end = robot.transmission.size + robot.floating_size
+        torque[:, robot.unactuated] = residual[:, robot.transmission.size : end]
         unexplained.append(torque)
     return Evidence(
         motions=tuple(record.motion for record in records),

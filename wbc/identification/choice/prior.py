@@ -89,7 +89,7 @@ def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
     if gear is None or gear.play == 0.0:
         return True
     row = problem.robot.velocity_index(effect.where)
-    loads = [record.links[:, row] - record.contacts[:, row] for record in problem.records]
+    loads = [record.load[:, row] for record in problem.records]
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
