@@ -20,8 +20,8 @@ from wbc.compiled import (
     Flag,
     Nothing,
     OutDense,
-    OutRow,
     OutPlaces,
+    OutRow,
     Row,
     compiled,
 )

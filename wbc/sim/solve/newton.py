@@ -12,7 +12,6 @@ from wbc.sim.solve.reduced import Reduced
 
 _FULL_STEPS = 4
 _SHORTEST = 1e-2
-_IN_IMPULSES = np.empty((0, 0))
 
 
 @compiled(Nothing, Dense, Row, Row, OutRow)
@@ -144,7 +143,7 @@ def newton(
         return start, 0, True
     impulse = np.empty(len(start))
     used = newton_loop(
-        _IN_IMPULSES,
+        reduced.ways,
         reduced.delassus,
         reduced.free,
         reduced.spring,

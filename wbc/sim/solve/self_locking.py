@@ -26,7 +26,7 @@ from wbc.errors import SimulationError
 from wbc.sim.laws.elements import Elements, falling_rows
 from wbc.sim.solve.newton import newton
 from wbc.sim.solve.proximal import proximal
-from wbc.sim.solve.reduced import Reduced, row_laws
+from wbc.sim.solve.reduced import IN_IMPULSES, Reduced, row_laws
 
 _SLOWEST = 1e-9
 """[rad/s] below which two solutions count as one."""
@@ -180,5 +180,6 @@ def _held_to(
         slope=slope[kept],
         laws=row_laws(elements),
         elements=len(own),
+        ways=IN_IMPULSES,
     )
     return inner, fixed, kept
