@@ -266,7 +266,7 @@ def held_rows(
                 # It was kept ahead of its closing and may close, over the half step left.
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
             elif i >= 2 * len(limit_at):
-                # What it opened over the first half it closes over the second: `flow._add_drift`.
+                # What it opened over the first half it closes over the second: `problem`.
                 drifted = -rate[i]
                 for c in range(len(speed)):
                     drifted += matrix[first + row, c] * speed[c]
