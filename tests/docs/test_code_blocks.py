@@ -21,7 +21,7 @@ PAGES = [
     for path in sorted((ROOT / "docs").rglob("*.md"))
     if "_build" not in path.parts and path.name != "tutorial.md"
 ]
-PASTED = ("README.md", "docs/tutorial.md")  # these run line by line, as at the prompt
+PASTED = ("README.md", "docs/guide/tutorial.md")  # these run line by line, as at the prompt
 BLOCK = re.compile(r"^```python\n(.*?)^```$(?:\n+^```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 

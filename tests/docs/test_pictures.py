@@ -9,14 +9,14 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
-SHOWN = re.compile(r"!\[([^\]]*)\]\((?:docs/|\.\./)?images/([^)]+)\)")
+SHOWN = re.compile(r"!\[([^\]]*)\]\((?:docs/|(?:\.\./)*)images/([^)]+)\)")
 BY_BENCHMARKS = {"cube_tosses.png"}  # needs the outside data and another simulator
 
 
 def shown() -> dict[str, str]:
     """Return file name -> what the page says that it shows."""
     docs = ROOT / "docs"
-    pages = [ROOT / "README.md", *docs.glob("*.md"), *(docs / "data").glob("*.md")]
+    pages = [ROOT / "README.md", *docs.rglob("*.md")]
     return {name: text for page in pages for text, name in SHOWN.findall(page.read_text("utf-8"))}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from wbc.effects import CoulombFriction, TorqueOffset
+from wbc.effects import Backlash, CoulombFriction, TorqueOffset
 from wbc.identification.choice.evidence import log_densities, weigh
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.choice.odds import odds_of
@@ -52,6 +52,17 @@ def test_what_filters_distort_is_no_evidence() -> None:
     assert other - one == pytest.approx(expected, rel=1e-3)
     one, other = weigh(PROBLEM, [hypothesis(20.0), hypothesis(2.0)])  # type: ignore[arg-type]
     assert other - one == pytest.approx(0.5 * 200 * np.log(10.0))
+
+
+def test_nothing_below_what_a_simulated_link_distorts_is_evidence() -> None:
+    """Causes beside a link that bounces took up what its simulation leaves: 300 nats for none."""
+    rough = SimpleNamespace(first=np.array([4001.0]))  # 5 % of it (rms) are 10 floors^2
+    play = Backlash("knee", width=0.04, stiffness=2e3, damping=10.0)
+    alone, beside = hypothesis(9.0, effects=(play,)), hypothesis(4.0, effects=(play, FRICTION))
+    one, other = weigh(rough, [alone, beside])  # type: ignore[arg-type]
+    assert one == pytest.approx(other)
+    worse, one = weigh(rough, [hypothesis(22.0, effects=(play,)), beside])  # type: ignore[arg-type]
+    assert one - worse == pytest.approx(100.0 * np.log(2.0))
 
 
 def test_all_are_judged_with_the_samples_of_the_one_that_leaves_least() -> None:

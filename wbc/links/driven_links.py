@@ -130,12 +130,15 @@ class DrivenLinks:
         Accelerations are taken over each interval, which keeps the impulse of a strike that is
         shorter; the last row stays zero. See `follow` for the arguments.
         """
+        from wbc.links.steps import torques_of
+
         d, v, dry = self.follow(gears, starts, coarsest)
         torques = np.zeros_like(d)
-        with np.errstate(invalid="ignore"):  # of links that fly off
-            torques[:-1] = self.inertia[:-1] @ (np.diff(v, axis=0) / self.step)
-            torques[:-1] += (self.drag @ v + self.pull @ d + dry)[:-1]
-        torques[:-1] -= self.counted[:-1, :, None]
+        whole = np.ascontiguousarray
+        torques_of(
+            whole(self.inertia), whole(self.drag), whole(self.pull), whole(self.counted),
+            self.step, d, v, dry, torques,
+        )  # fmt: skip
         return torques
 
     def _parts(self, gears: Sequence[Flanks], coarsest: float) -> int:

@@ -207,3 +207,36 @@ def follow_links(
             for a in range(n):
                 d[i + 1, a, s] = np.inf if lost[s] > 0.0 else at[s, a]
                 v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[s, a]
+
+
+@compiled(Nothing, _Cube, _Cube, _Cube, Dense, Number, _Cube, _Cube, _Cube, _OutCube)
+def torques_of(
+    inertia: FloatArray,
+    drag: FloatArray,
+    pull: FloatArray,
+    counted: FloatArray,
+    step: float,
+    d: FloatArray,
+    v: FloatArray,
+    dry: FloatArray,
+    torques: FloatArray,
+) -> None:
+    """Write the additional torques of n links that moved from S starts.
+
+    Accelerations are those of the intervals, and the last row stays.
+
+    Args:
+        inertia, drag, pull: of the links at the samples (N, n, n).
+        counted: friction that the log's own rows have already (N, n).
+        step: distance of the samples [s].
+        d, v, dry: deflections, rates and friction (N, n, S).
+        torques: (N, n, S) to write.
+    """
+    for i in range(d.shape[0] - 1):
+        for a in range(d.shape[1]):
+            for s in range(d.shape[2]):
+                total = dry[i, a, s] - counted[i, a]
+                for b in range(d.shape[1]):
+                    total += inertia[i, a, b] * ((v[i + 1, b, s] - v[i, b, s]) / step)
+                    total += drag[i, a, b] * v[i, b, s] + pull[i, a, b] * d[i, b, s]
+                torques[i, a, s] = total

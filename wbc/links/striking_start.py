@@ -22,6 +22,9 @@ _WIDTHS = (0.3, 0.1)  # ... of these widths, as shares of what is typical
 _STEPS = 8  # of least squares at the end (35 mrad at a hip left 1220 after 3, 804 after 8), ...
 _LENGTHS = (1.0, 0.4, 0.1)  # ... of which shares are tried
 _VARIED = 1e-3  # of what is typical, for derivatives
+# Share of the squares that a step must promise. Of 5200 steps that promised less, on a leg with
+# play, none took away more than 2e-6; they were a quarter of all.
+_PROMISED = 1e-6
 _BEYOND = 1.3  # of a gear's wind-up under its load: how far a link may begin from the middle
 
 
@@ -84,7 +87,11 @@ def _descended(
         slopes = (left(best + varied) - residual[:, None]) / _VARIED
         if not np.isfinite(slopes).all():
             break
-        step = -np.linalg.lstsq(slopes, residual, rcond=1e-3)[0].reshape(best.shape)
+        whole = -np.linalg.lstsq(slopes, residual, rcond=1e-3)[0]
+        promised = np.sum(residual**2) - np.sum((residual + slopes @ whole) ** 2)
+        if promised <= _PROMISED * np.sum(residual**2):
+            break
+        step = whole.reshape(best.shape)
         trials = np.array([best + length * step for length in _LENGTHS])
         before = best
         best, residual = _best([best, *trials], np.c_[residual, left(trials)])

@@ -3,9 +3,9 @@
 Sim & Ramos, section IV.B.2: J_m^-T B E_m convhull(tau_phi). The statics read backwards need no
 inverse: a force f on the point asks gear torques T = D' J_m' f, and each gear passes at most
 eta_f U (lifting) or U/eta_b (holding) of its motor's U = N tau_max. At rest both are ends of one
-interval (correction 7 in docs/physics.md). Which end counts depends on where the point is about to
-move: `moving` gives one polygon in which each gear whose power runs with the motion lifts and each
-other one holds. The weight of the links is not counted, as in the paper.
+interval (correction 7 in docs/method/physics.md). Which end counts depends on where the point is
+about to move: `moving` gives one polygon in which each gear whose power runs with the motion lifts
+and each other one holds. The weight of the links is not counted, as in the paper.
 """
 
 from __future__ import annotations

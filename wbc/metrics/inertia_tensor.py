@@ -57,7 +57,7 @@ def forward_generalized_inertia(
     It is what the motors feel when they accelerate the contact point from rest. Not symmetric
     when the efficiencies differ: the ellipsoid is that of the symmetric part
     (`inertia_ellipsoid`), and it holds only where every gear runs forward (correction 4 in
-    docs/physics.md).
+    docs/method/physics.md).
 
     Raises:
         DynamicsError: a robot with undriven coordinates (a floating base), on which

@@ -2,7 +2,7 @@
 
 From rest the acceleration x of a gear's output plays the part of its speed: with t = U - N^2 I_r x
 the gear puts out T = min(eta_f t, t/eta_b) where x > 0, T = max(...) where x < 0, and anything
-between eta_f U and U/eta_b where x = 0 (the mesh law of docs/physics.md). T falls as x
+between eta_f U and U/eta_b where x = 0 (the mesh law of docs/method/physics.md). T falls as x
 grows, so that M x + r = T has one solution for every gear, whatever direction the power takes.
 """
 

@@ -34,7 +34,7 @@ MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatAr
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A robot on a terrain, stepped by one convex program per step (docs/physics.md).
+    """A robot on a terrain, stepped by one convex program per step (docs/method/physics.md).
 
     `step` is a function of its arguments alone: the same state, torque and step give the same
     result to the last bit. The plant keeps memory to work in; use one per thread.

@@ -4,7 +4,7 @@ All torques are referred to the output side of the gear [N m]: `t` is what the r
 mesh after its own inertia and friction are paid, `T` is what reaches the topology. Efficiency is
 power out over power in, `forward_efficiency` when the motor drives and `backward_efficiency` when
 the joint drives (Sim & Ramos, section II, with the wedge's efficiencies corrected; see
-docs/physics.md).
+docs/method/physics.md).
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def direction(mesh_power: ArrayLike, *, deadband: float = 0.0) -> FloatArray:
     """Return +1 (forward), -1 (backward) or 0 (stuck) per gear from the mesh power t v [W].
 
     It is the power of the *mesh* input that decides, rotor inertia subtracted, not that of the
-    rotor torque (correction 3 in docs/physics.md).
+    rotor torque (correction 3 in docs/method/physics.md).
     """
     power = np.asarray(mesh_power, dtype=np.float64)
     return np.asarray(np.where(np.abs(power) <= deadband, 0.0, np.sign(power)))

@@ -73,7 +73,8 @@ class WedgeBlock:
     def acceleration(self, mode: Direction, block_force: float, wedge_force: float) -> float:
         """Return x_ddot [m/s^2] from (M + eta m/cos^2) x_ddot = f_x + eta f_u/cos.
 
-        The paper prints a minus in place of the plus on the right (docs/physics.md, correction 2).
+        The paper prints a minus in place of the plus on the right (docs/method/physics.md,
+        correction 2).
 
         Args:
             mode: FORWARD (eta = eta_f) or BACKWARD (eta = 1/eta_b).

@@ -12,8 +12,8 @@ from wbc.identification.choice.odds import Odds
 from wbc.identification.choice.trials import Trials
 
 # Logistic regression on 318 causes found in the generated corpus, 250 of them true; see
-# docs/data/corpus.md. Of those with a probability of 0.95 or more 95 % were true. Fits to other
-# selections of the cases give 0.58 to 0.9 for the slope of the remainder.
+# docs/measurements/data/corpus.md. Of those with a probability of 0.95 or more 95 % were true.
+# Fits to other selections of the cases give 0.58 to 0.9 for the slope of the remainder.
 _LEVEL, _REMAINDER, _COVERAGE, _EXPLAINED = -0.44, 0.8, 1.59, 2.02
 _NONE = 1e-3  # of what a cause explains, that filters distort at least: no remainder is smaller
 
