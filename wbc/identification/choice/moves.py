@@ -31,7 +31,7 @@ def additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) ->
     # Screens see a drive's causes only as the last to act.
     orders = [offer for one in longer for offer in reordered(one)]
     first = placed_first(h, proposer.candidates, trials.problem.robot)
-    kept = [offer for offer in first if not {e.key for e in offer} & {*exclude, *proposer.aside}]
+    kept = [offer for offer in first if not {e.key for e in offer} & {*exclude}]
     return [*longer, *trials.all_of(orders), *trials.all_of(kept)]
 
 
@@ -103,7 +103,9 @@ def _instead(
     rest = proposer.trials.of(without(h.effects, *own))
     if rest is None:
         return []
-    offers: list[Offer] = proposer.beside(rest, count, exclude, h.error, near)  # type: ignore[arg-type]
+    offers: list[Offer] | None = proposer.instead(h, own, rest, count, exclude)
+    if offers is None:
+        offers = proposer.beside(rest, count, exclude, h.error, near)  # type: ignore[arg-type]
     return proposer.trials.all_of(offers)
 
 
