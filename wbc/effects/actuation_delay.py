@@ -82,9 +82,8 @@ class ActuationDelay(JointEffect):
             return torque
         column = robot.transmission.index(self.where)
         result = np.array(torque)
-        late, own = torque[:, column], 0.0
-        if motion.feedback_torque is not None:
-            own = motion.feedback_torque[:, column]
-            late = late - own
-        result[:, column] = np.interp(motion.time + shift, motion.time, late) + own
+        own = np.zeros_like(torque) if motion.feedback_torque is None else motion.feedback_torque
+        late = torque[:, column] - own[:, column]
+        shifted = np.interp(motion.time + shift, motion.time, late)
+        result[:, column] = shifted + own[:, column]
         return result

@@ -24,7 +24,12 @@ from wbc.measurement.suspicions.find import (
     require_plausible_units,
     suspicions,
 )
-from wbc.measurement.torque import feedback_torques, rotor_torques, torque_quantity
+from wbc.measurement.torque import (
+    feedback_torques,
+    reports_torque,
+    rotor_torques,
+    torque_quantity,
+)
 
 __all__ = [
     "MAX_ROWS",
@@ -56,6 +61,7 @@ __all__ = [
     "parse_column_map",
     "read_column_map",
     "read_logs",
+    "reports_torque",
     "require_plausible_units",
     "residual_noise",
     "rotor_torques",

@@ -94,6 +94,11 @@ def drive_torques(log: Log, transmission: Transmission, row: int) -> tuple[Float
     return np.clip((wanted + feedback) / ratio, -limit, limit), feedback / ratio
 
 
+def reports_torque(log: Log, joint: str) -> bool:
+    """Whether a log holds what the drive of a joint reports, in any of the three ways."""
+    return any(log.has(f"{joint}.{quantity}") for quantity in REPORTED)
+
+
 def torque_quantity(log: Log, joint: str) -> str:
     """Return which quantity the torque of a joint is read from, see `rotor_torques`.
 

@@ -11,6 +11,9 @@ from wbc.measurement.suspicions.matching import match_joints
 from wbc.measurement.torque import REPORTED
 from wbc.robot import Robot
 
+_TORQUES = (*REPORTED, "joint_torque")
+_OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
+
 
 def check_robot(log: Log, robot: Robot) -> list[Finding]:
     """Return findings about joints without position, drives without torque, and no motion."""
@@ -65,7 +68,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
     lacking = [
         joint
         for joint in robot.transmission.joints
-        if not any(_known(log, f"{joint}.{quantity}") for quantity in REPORTED)
+        if not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES)
     ]
     gains = dict(zip(robot.transmission.joints, robot.transmission.position_gain, strict=True))
     targets = [joint for joint in lacking if _known(log, f"{joint}.target_position")]
@@ -91,8 +94,8 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
                 "error",
                 "no_torque",
                 "",
-                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque and current "
-                "is needed, or target_position and the gains kp and kd of the drive.",
+                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
+                "and joint_torque is needed, or target_position and the drive's gains kp and kd.",
                 "Record what the drive reports; a log of positions alone can be played, not "
                 "compared.",
             )
@@ -102,7 +105,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         for k, joint in enumerate(robot.transmission.joints)
         if joint not in lacking
         and joint not in followed
-        and not any(_known(log, f"{joint}.{quantity}") for quantity in REPORTED[:2])
+        and not any(_known(log, f"{joint}.{quantity}") for quantity in _OF_UNIT)
         and not np.isfinite(constant[k])
     ]
     if silent:
