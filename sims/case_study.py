@@ -172,9 +172,10 @@ def efficiency_figure(theme: Theme = LIGHT) -> Figure:
         Panel("two ways to hold more", "hold up [N]", "IMF [-]", _ways(eta)),
     ]  # fmt: skip
     figure = sweep_figure(panels, columns=2, theme=theme)
-    figure.axes[0].legend(loc="lower right", fontsize=7, frameon=False)
-    figure.axes[3].set_ylim(0.2, 1.15)  # room for the legend above the curves
-    figure.axes[3].legend(loc="upper right", fontsize=8, frameon=False)
+    with drawing(theme):
+        figure.axes[0].legend(loc="lower right", fontsize=7, frameon=False)
+        figure.axes[3].set_ylim(0.2, 1.15)  # room for the legend above the curves
+        figure.axes[3].legend(loc="upper right", fontsize=8, frameon=False)
     return figure
 
 
