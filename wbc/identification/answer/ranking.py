@@ -71,7 +71,7 @@ class Ranked:
 
     @property
     def odds(self) -> str:
-        """How probable it is beside what was found, as `1 : 20`; empty for that itself."""
+        """How probable it is beside what was found, such as 1 to 20; empty for that itself."""
         if self.standing == "found":
             return ""
         ratio = 10.0 ** min(abs(self.evidence) / np.log(10.0), _MOST_ODDS)
