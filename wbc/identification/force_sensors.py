@@ -49,11 +49,10 @@ def force_sensor_doubts(problem: Problem, fit: Fit) -> list[list[str]]:
             for owner, p in fit.parameters
             if owner == k
         ]
-        signature = _beside(
-            others, fit.jacobian[..., own].reshape(fit.residual.size, len(own)) @ np.array(away)
-        )
-        for (name, text), column in faults.items():
-            size = _imitates(signature, _beside(others, column))
+        effect = fit.jacobian[..., own].reshape(fit.residual.size, len(own)) @ np.array(away)
+        signature, *unlike = _beside(others, np.stack([effect, *faults.values()], axis=1)).T
+        for (name, text), column in zip(faults, unlike, strict=True):
+            size = _imitates(signature, column)
             if size is not None:
                 doubts[k].append(text.format(name=name, size=abs(size)))
     return doubts
@@ -85,11 +84,11 @@ def _with_force(record: Record, name: str, change: Callable[[FloatArray], FloatA
     return replace(record.believing(record.robot), forces=forces)
 
 
-def _beside(others: FloatArray, column: FloatArray) -> FloatArray:
-    """Return what of a column the other causes cannot take up."""
+def _beside(others: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return what of each column (rows outputs, n) the other causes cannot take up."""
     if not others.shape[1]:
-        return column
-    return np.asarray(column - others @ np.linalg.lstsq(others, column, rcond=1e-9)[0])
+        return columns
+    return np.asarray(columns - others @ np.linalg.lstsq(others, columns, rcond=1e-9)[0])
 
 
 def _imitates(signature: FloatArray, fault: FloatArray) -> float | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections import ChainMap, Counter
+from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
 from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
+from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
 from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
@@ -21,10 +22,12 @@ from wbc.robot import Effect, Evidence, Robot, Screen
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
+_ADDS: frozenset[str] = frozenset({"joint_torque", "joint_friction", "rotor_torque"})
+
 _Offer = tuple[type[Effect], str, Screen]
 _Units = tuple[tuple[tuple[str, float], ...], ...]
 ShelfKey = tuple[type[Effect], str, _Units, tuple[tuple[str, str], ...]]
-Shelf = dict[ShelfKey, FloatArray]
+Shelf = MutableMapping[ShelfKey, FloatArray]
 """Columns (rows, outputs, r) by effect, place, units and options."""
 
 
@@ -68,7 +71,8 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         residual = raw_residual(robot, record) * record.weight
         torque = np.zeros(record.motion.velocity.shape)
         torque[:, robot.actuated] = residual[:, : robot.transmission.size]
-        torque[:, robot.unactuated] = residual[:, robot.transmission.size :]
+        end = robot.transmission.size + robot.floating_size
+        torque[:, robot.unactuated] = residual[:, robot.transmission.size : end]
         unexplained.append(torque)
     return Evidence(
         motions=tuple(record.motion for record in records),
@@ -84,6 +88,8 @@ def make_atoms(
     known: Evidence,
     shelf: Shelf | None = None,
     failures: Counter[str] | None = None,
+    places: Collection[str] | None = None,
+    common: Shelf | None = None,
 ) -> list[Atom]:
     """Return every candidate at every place in every shape, with its columns.
 
@@ -94,20 +100,31 @@ def make_atoms(
         known: evidence for shapes that depend on the data.
         shelf: columns made of this robot before; new ones are put there.
         failures: errors inside effects, which then offer nothing, are counted there.
+        places: that are considered, by default all.
+        common: columns that do not depend on what else the robot has (`adds`), of any robot with
+            perfect drives and gears, the true motion and the links of this one.
     """
-    shelf = {} if shelf is None else shelf
-    offers = [o for effect in candidates for o in _offers(robot, records, effect, known, failures)]
-    new = [o for o in offers if _key(*o) not in shelf and _changed(robot, *o) is not None]
+    own: Shelf = {} if shelf is None else shelf
+    alone = [effect for effect in candidates if common is not None and adds(robot, effect)]
+    shelf = own if common is None else ChainMap(own, common)
+    offers = [
+        offer
+        for effect in candidates
+        for offer in _offers(robot, records, effect, known, failures)
+        if places is None or offer[1] in places
+    ]
+    new = [o for o in offers if shelf_key(*o) not in shelf and _changed(robot, *o) is not None]
     try:
         parts = [_columns(robot, record, new) for record in records]
     except Exception:  # an effect that fails takes no other with it
         new = [o for o in new if _works(robot, records, o, failures)]
         parts = [_columns(robot, record, new) for record in records]
     for offer, *columns in zip(new, *parts, strict=True):
-        shelf[_key(*offer)] = np.concatenate(columns)
+        target = common if common is not None and offer[0] in alone else own
+        target[shelf_key(*offer)] = np.concatenate(columns)
     atoms = []
     for effect, where, screen in offers:
-        stacked = shelf.get(_key(effect, where, screen))
+        stacked = shelf.get(shelf_key(effect, where, screen))
         if stacked is None or not np.isfinite(stacked).all():
             continue
         size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
@@ -117,6 +134,21 @@ def make_atoms(
             usual = _usual(robot, effect, where, kept)
             atoms.append(Atom(effect, where, kept, stacked[:, :, used], usual))
     return atoms
+
+
+def adds(robot: Robot, effect: type[Effect]) -> bool:
+    """Whether an effect only adds torque to what a robot with perfect gears and drives needs."""
+    if effect.acts_by <= _ADDS:
+        return True
+    places = effect.places(robot)
+    return bool(places) and only_inertial(robot, effect.at(places[0]))
+
+
+def alone_on(robot: Robot, given: Robot) -> bool:
+    """Whether what `adds` to a robot is what it adds to the robot as given."""
+    drives = any("drive" in effect.acts_by for effect in robot.effects)
+    perfect = keeps_motion(robot) and not drives and not lossy_gears(robot).any()
+    return perfect and robot.model is given.model
 
 
 def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
@@ -164,7 +196,8 @@ def _count(failures: Counter[str] | None, effect: type[Effect], error: Exception
         failures[f"{effect.name}: {type(error).__name__}: {error}"] += 1
 
 
-def _key(effect: type[Effect], where: str, screen: Screen) -> ShelfKey:
+def shelf_key(effect: type[Effect], where: str, screen: Screen) -> ShelfKey:
+    """Return by what the columns of an offer are kept."""
     units = tuple(tuple(sorted(unit.items())) for unit in screen.units)
     return effect, where, units, tuple(sorted(screen.options.items()))
 

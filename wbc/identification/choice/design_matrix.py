@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -52,16 +53,32 @@ class DesignMatrix:
             expected: (c,) coefficients to believe in where nothing is known, by default zero.
             usual: (c, c) and (c,) normal equations of what is known before, by default nothing.
         """
+        parts = ((columns[folds == f], residual[folds == f]) for f in np.unique(folds))
+        return cls.from_folds(parts, expected, usual)
+
+    @classmethod
+    def from_folds(
+        cls,
+        folds: Iterable[tuple[FloatArray, FloatArray]],
+        expected: FloatArray | None = None,
+        usual: tuple[FloatArray, FloatArray] | None = None,
+    ) -> DesignMatrix:
+        """Sum up rows, fold by fold: only one needs to be in memory.
+
+        Args:
+            folds: columns (rows, outputs, c) and residual (rows, outputs) of each, whitened.
+            expected: as in `from_rows`.
+            usual: as in `from_rows`.
+        """
         gram, moment, energy, count = [], [], [], []
-        for fold in np.unique(folds):
-            chosen = folds == fold
-            r = residual[chosen].ravel()
-            a = columns[chosen].reshape(r.size, columns.shape[-1])
+        for columns, residual in folds:
+            r = residual.ravel()
+            a = columns.reshape(r.size, columns.shape[-1])
             gram.append(a.T @ a)
             moment.append(a.T @ r)
             energy.append(r @ r)
             count.append(float(r.size))
-        size = columns.shape[-1]
+        size = gram[0].shape[0]
         prior = np.zeros(size) if expected is None else expected
         known = usual or (np.zeros((size, size)), np.zeros(size))
         return cls(
@@ -73,9 +90,17 @@ class DesignMatrix:
         index = np.asarray(chosen, dtype=np.int_)
         if index.size == 0:
             return np.zeros(0)
-        gram, moment = self._whole()
+        gram, moment = self._whole
         return _solve(gram[np.ix_(index, index)], moment[index])
 
+    def moved(self, chosen: Sequence[int], steps: FloatArray) -> DesignMatrix:
+        """Return the same for a residual from which some columns times `steps` are taken."""
+        index = np.asarray(chosen, dtype=np.int_)
+        along = self.gram[:, :, index] @ steps
+        energy = self.energy - 2.0 * self.moment[:, index] @ steps + along[:, index] @ steps
+        return replace(self, moment=self.moment - along, energy=energy)
+
+    @cached_property
     def _whole(self) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations of all folds with what is known before."""
         gram, moment = self.usual
@@ -90,7 +115,7 @@ class DesignMatrix:
             beside: numbers of the last columns, which stay free.
         """
         n = self.moment.shape[1] - len(beside)
-        gram, moment = self._whole()
+        gram, moment = self._whole
         if beside:
             taken = _solve(gram[n:, n:], np.column_stack([gram[n:, :n], moment[n:]]).T).T
             moment = moment[:n] - gram[:n, n:] @ taken[:, n]

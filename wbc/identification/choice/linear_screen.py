@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Atom
 from wbc.identification.choice.design_matrix import DesignMatrix
+from wbc.identification.choice.hypothesis import Key
 from wbc.identification.model.fit import Fit
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 _COLUMNS = 4  # pairs of columns per pair of causes, at most
 
@@ -62,9 +64,7 @@ class BeamSearch:
         ]
         first = int(ends[-1]) if self.atoms else 0
         self._nuisance = list(range(first, first + fit.jacobian.shape[-1]))
-        whitened = [np.einsum("roc,op->rpc", atom.columns, whitening) for atom in self.atoms]
-        columns = np.concatenate([*whitened, -fit.jacobian], axis=-1)
-        expected = np.zeros(columns.shape[-1])
+        expected = np.zeros(first + fit.jacobian.shape[-1])
         for atom, places in zip(self.atoms, self._slices, strict=True):
             expected[places] = atom.screen.expected
         usual = np.zeros((expected.size, expected.size)), np.zeros(expected.size)
@@ -73,8 +73,42 @@ class BeamSearch:
         own = fit.usual.jacobian
         usual[0][np.ix_(self._nuisance, self._nuisance)] = noise * own.T @ own
         usual[1][self._nuisance] = -noise * own.T @ fit.usual.residual
-        self.matrix = DesignMatrix.from_rows(columns, fit.residual, folds, expected, usual)
+        parts = self._by_folds(fit, whitening, folds)
+        self.matrix = DesignMatrix.from_folds(parts, expected, usual)
         self._errors: dict[tuple[int, ...], float] = {}
+        self._taken: frozenset[Key] = frozenset()
+
+    def _by_folds(
+        self, fit: Fit, whitening: FloatArray, folds: IntArray
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield columns and residual of each fold, whitened."""
+        for fold in np.unique(folds):
+            rows = folds == fold
+            columns = -fit.jacobian[rows]
+            if self.atoms:
+                raw = np.concatenate([atom.columns[rows] for atom in self.atoms], axis=-1)
+                columns = np.concatenate([whitening.T @ raw, columns], axis=-1)
+            yield columns, fit.residual[rows]
+
+    def instead_of(
+        self, gone: Sequence[int], steps: FloatArray, robot: Robot, taken: Collection[Key]
+    ) -> BeamSearch:
+        """Return the search beside the fit without some of its causes, to first order.
+
+        Args:
+            gone: numbers of their parameters among those of the fit.
+            steps: by which these change until the causes are not there, in their scales.
+            robot: without the causes.
+            taken: names and places that are not offered.
+        """
+        columns = [self._nuisance[k] for k in gone]
+        other = copy(self)
+        other.robot = robot
+        other._nuisance = [column for column in self._nuisance if column not in columns]
+        other.matrix = self.matrix.moved(columns, steps)
+        other._errors = {}
+        other._taken = frozenset(taken)
+        return other
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
         """Return the column numbers of these atoms."""
@@ -140,7 +174,7 @@ class BeamSearch:
         return sorted(found, key=lambda s: s.error)[: self.width]
 
     def _additions(self, chosen: Sequence[int]) -> list[tuple[int, ...]]:
-        taken = {self.atoms[k].key for k in chosen}
+        taken = {self.atoms[k].key for k in chosen} | self._taken
         single = [k for k, atom in enumerate(self.atoms) if atom.key not in taken]
         return [*((k,) for k in single), *self._shared(single)]
 

@@ -8,11 +8,13 @@ from typing import Self
 
 import numpy as np
 
-from wbc.identification.choice.candidate_columns import Atom
+from wbc.arrays import FloatArray
+from wbc.identification.choice.candidate_columns import Atom, Shelf
 from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.linear_screen import BeamSearch, Subset
-from wbc.identification.choice.screening import Nearby, Swinging, screen
+from wbc.identification.choice.screening import Nearby, Swinging, screen, screen_instead
 from wbc.identification.choice.trials import Trials
+from wbc.identification.model.fit import Fit
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect, Robot
 
@@ -23,6 +25,8 @@ _PROMISING = 0.5  # of the present error, that a swinging link must be screened 
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
+_REPLACED = 0.5  # of what a cause explains, that it may still explain beside what replaces it
+_LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
 _AMONG = 100  # pairs of causes that are screened on held-out data
@@ -35,13 +39,15 @@ class Proposer:
     Attributes:
         trials: fitted so far, with the logs.
         candidates: effect classes that may be used.
-        aside: names and places that are not considered.
     """
 
     trials: Trials
     candidates: tuple[type[Effect], ...]
-    aside: frozenset[Key] = frozenset()
     _simulated: dict[Offer, Swinging] = field(default_factory=dict)
+    _common: Shelf = field(default_factory=dict)
+    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[BeamSearch, list[Atom]]] = field(
+        default_factory=dict
+    )
 
     @property
     def at_once(self) -> Self:
@@ -73,6 +79,66 @@ class Proposer:
         if not self.candidates:
             return []
         search, atoms = self._screened(h, self.candidates, exclude, near)
+        return self._chosen(h, search, atoms, count, enough)
+
+    def instead(
+        self,
+        h: Hypothesis,
+        own: Sequence[Effect],
+        rest: Hypothesis,
+        count: int,
+        exclude: Sequence[Key],
+    ) -> list[Offer] | None:
+        """Return the most promising causes in the place of some of a hypothesis, best first.
+
+        All places of one hypothesis are screened by the same columns: a screen of its own for
+        each would cost as much as everything else together.
+
+        Args:
+            h: the hypothesis.
+            own: its causes that give way.
+            rest: the hypothesis without them, fitted.
+            count: how many offers at most.
+            exclude: names and places that are not offered.
+
+        Returns:
+            None where one set of columns does not serve: links swing, or the causes that give way
+            do not act linearly.
+        """
+        some = any(deflects(c) for c in self.candidates) or any(e.departures.size for e in own)
+        if some or h.swings or not self.candidates:
+            return None
+        search, atoms = self._around(h)
+        robot = self.trials.problem.robot
+        gone, steps = _until_null(self.trials.fit(h), own, robot)
+        taken = {*h.keys, *exclude}
+        moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
+        if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
+            return None
+        return self._chosen(rest, moved, atoms, count, h.error, search)
+
+    def _around(self, h: Hypothesis) -> tuple[BeamSearch, list[Atom]]:
+        """Return the screen of all causes that act at once, in the place of others or beside."""
+        key = self.candidates, h.effects
+        if key not in self._instead:
+            self._instead.clear()
+            problem, fit = self.trials.problem, self.trials.fit(h)
+            direct = [c for c in self.candidates if not deflects(c)]
+            self._instead[key] = screen_instead(
+                problem, fit, direct, self.trials.failures, self._common
+            )
+        return self._instead[key]
+
+    def _chosen(
+        self,
+        h: Hypothesis,
+        search: BeamSearch,
+        atoms: list[Atom],
+        count: int,
+        enough: float,
+        around: BeamSearch | None = None,
+    ) -> list[Offer]:
+        """Return the best of a screen; `around` is that with the causes that give way."""
         start = Subset((), search.error(()))
         found = search.grow([start])
         offers: list[Offer] = []
@@ -80,6 +146,9 @@ class Proposer:
         # The screen is linear: leave room for what the fit may still gain over it.
         doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
         worst = max(least, enough) + doubt
+        # What leaves a cause as much to explain as before does not take its place: it was tried as
+        # a cause more.
+        replaced = 0.0 if around is None else _REPLACED * (start.error - around.error(()))
         # Beside the best group of places stands the best single one.
         single = next((s for s in found if len(s.atoms) == 1), None)
         seen: set[tuple[Key, ...]] = set()
@@ -91,6 +160,10 @@ class Proposer:
             rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
             rough = max(rough, worst) if enough else rough
             enters = subset.error <= rough if swings else subset is single or subset.error <= worst
+            if around is not None and search.error(subset.atoms) > replaced + around.error(
+                subset.atoms
+            ):
+                continue
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
                 continue
             seen.add(key)
@@ -112,7 +185,7 @@ class Proposer:
         offered = [c for c in self.candidates if not deflects(c)]
         if not offered:
             return []
-        search, _ = self._screened(h, offered)
+        search, _ = self._around(h)
         offers: dict[tuple[Key, ...], Offer] = {}
         for subset in search.pairs(_AMONG):
             if not np.isfinite(subset.error) or len(offers) == count:
@@ -128,7 +201,7 @@ class Proposer:
         exclude: Sequence[Key] = (),
         near: Nearby | None = None,
     ) -> tuple[BeamSearch, list[Atom]]:
-        taken = {*h.keys, *exclude, *self.aside}
+        taken = {*h.keys, *exclude}
         # One gear yields in one way: play before a spring is play with soft flanks.
         yielding = [e.where for e in h.effects if deflects(e)]
         yielding += self._calm_joints(h)
@@ -138,7 +211,8 @@ class Proposer:
             del self._simulated[next(iter(self._simulated))]
         fit = self.trials.fit(h)
         failures = self.trials.failures
-        return screen(self.trials.problem, fit, offered, taken, simulated, near, failures)
+        common = self._common
+        return screen(self.trials.problem, fit, offered, taken, simulated, near, failures, common)
 
     def _calm_joints(self, h: Hypothesis) -> list[str]:
         """Return the joints at which a gear that yields is not sought: little is left there.
@@ -150,6 +224,21 @@ class Proposer:
         judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
         order = np.argsort(-h.outputs[: len(judged)])
         return [joints[judged[k]] for k in order[_SIMULATED:]]
+
+
+def _until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:
+    """Return the parameters of some causes, and how far each is from not being there."""
+    keys = {effect.key for effect in own}
+    gone, steps = [], []
+    for row, (k, parameter) in enumerate(fit.parameters):
+        effect = fit.effects[k]
+        if effect.key not in keys:
+            continue
+        null = effect.null_values(robot, effect.where).get(parameter.name, parameter.null)
+        change = 0.0 if parameter.shape else (null - effect.values[parameter.name])
+        gone.append(row)
+        steps.append(change / parameter.scale)
+    return gone, np.array(steps)
 
 
 def _drawn(search: BeamSearch, atoms: Sequence[Atom]) -> list[Subset]:
