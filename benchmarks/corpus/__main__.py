@@ -3,6 +3,8 @@
     python -m benchmarks.corpus --folder out/corpus --jobs 2
     python -m benchmarks.corpus --folder out/corpus --half even --json scorecard.json
 
+    python -m benchmarks.corpus --cases 0:130 --withhold-forces
+
 Every case follows from the seed and its number. Results are kept one by one in the folder: a run
 that was stopped goes on where it was. Numbers are learned on even cases, judged on odd ones. Cases
 from 520 on hold a cause of the list beside one that is not in it.
@@ -17,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.corpus.calibration import draw_diagram
-from benchmarks.corpus.draw import COUNT, SEED
+from benchmarks.corpus.draw import COUNT, SEED, family_of
 from benchmarks.corpus.report import line, report
 from benchmarks.corpus.scorecard import score
 from benchmarks.corpus.trial import Result, try_cases
@@ -33,6 +35,11 @@ def main() -> None:
     parser.add_argument("--cases", default=f"0:{COUNT}", help="first:end")
     parser.add_argument("--half", choices=["even", "odd"], help="only these numbers")
     parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument(
+        "--withhold-forces",
+        action="store_true",
+        help="only the cases with feet on the ground, without their force sensors",
+    )
     parser.add_argument("--jobs", type=int, default=1, help="processes on this computer")
     parser.add_argument("--cluster", help="address of a Dask scheduler instead; a shared folder")
     parser.add_argument("--json", type=Path, help="write the scorecard here")
@@ -40,7 +47,10 @@ def main() -> None:
     options = parser.parse_args()
     first, end = (int(part) for part in options.cases.split(":"))
     numbers = [n for n in range(first, end) if options.half in (None, ("even", "odd")[n % 2])]
-    folder = options.folder / f"seed{options.seed}"
+    if options.withhold_forces:
+        numbers = [n for n in numbers if family_of(n, options.seed) == "biped"]
+    name = f"seed{options.seed}" + ("-withheld" if options.withhold_forces else "")
+    folder = options.folder / name
     missing = [n for n in numbers if not (folder / f"{n:04d}.json").exists()]
     for done, result in enumerate(_run(missing, folder, options), start=1):
         print(f"{done}/{len(missing)} {line(result)}", flush=True)
@@ -55,7 +65,9 @@ def main() -> None:
 
 def _run(missing: list[int], folder: Path, options: argparse.Namespace) -> Iterable[Result]:
     chunks = [missing[k : k + _AT_ONCE] for k in range(0, len(missing), _AT_ONCE)]
-    work = partial(try_cases, folder=folder.resolve(), seed=options.seed)
+    work = partial(
+        try_cases, folder=folder.resolve(), seed=options.seed, withheld=options.withhold_forces
+    )
     for results in run_jobs(work, chunks, workers=options.jobs, cluster=options.cluster):
         yield from results
 

@@ -37,11 +37,20 @@ _SIZES, _SIZES_OUTSIDE = (0.7, 80.0), (8.0, 300.0)  # drawn, in floors
 _TRIES = 6
 
 
+def family_of(number: int, seed: int = SEED) -> str:
+    """Return the family of case `number`, which is drawn first."""
+    return _family(np.random.default_rng([seed, number]))
+
+
+def _family(random: np.random.Generator) -> str:
+    names, shares = zip(*FAMILIES, strict=True)
+    return str(random.choice(names, p=shares))
+
+
 def draw_case(number: int, seed: int = SEED) -> Case:
     """Return case `number` of the corpus with this seed."""
     random = np.random.default_rng([seed, number])
-    names, shares = zip(*FAMILIES, strict=True)
-    machine = draw_machine(random, str(random.choice(names, p=shares)))
+    machine = draw_machine(random, _family(random))
     sensors = _sensors(random)
     richness = str(random.choice(["poor", "fair", "good", "rich"], p=[0.2, 0.3, 0.25, 0.25]))
     excitations = _excitations(random, machine, richness, number)

@@ -38,7 +38,7 @@ BAD = [
     # robots, effects, maps
     ("compare good.csv --robot planar_lag", "Did you mean 'planar_leg'?"),
     ("compare good.csv --robot wrong.toml", "Unknown key"),
-    ("compare good.csv --robot anymal", "needs the contact forces"),
+    ("compare good.csv --robot anymal", "Unknown column 'LF_HAA.position'"),
     ("compare good.csv LEG --columns nomap.toml", "No such file"),
     ("compare good.csv LEG --columns words.csv", "column map"),
     ("compare good.csv LEG --columns typo.toml", "Did you mean 'hip.position'?"),

@@ -84,6 +84,16 @@ def test_odds_add_up_and_name_what_stands_for_what() -> None:
     assert odds.of_any((FRICTION.key, OFFSET.key)) == pytest.approx(1.0)
 
 
+def test_an_answer_that_is_not_believable_has_odds_all_the_same() -> None:
+    """Dropping doubtful causes left numbers no machine has: a recorded arm ended in an error."""
+    nothing, sick = hypothesis(2.0), hypothesis(1.0, -10.0, (FRICTION,))
+    sick = replace(sick, implausible=(12.0,))
+    trials = SimpleNamespace(problem=PROBLEM, known=[nothing, sick])
+    odds = odds_of(trials, final=sick)  # type: ignore[arg-type]
+    assert not sick.believable
+    assert np.isfinite(odds.level(sick))
+
+
 def _problem(rows: int) -> Problem:
     """Return a problem of two logs, all of whose rows count, without anything else."""
     record = SimpleNamespace(

@@ -35,9 +35,9 @@ def cost(problem: Problem, effect: Effect) -> float:
 
 
 def test_names_cost_more_than_places_and_places_more_than_numbers(problem: Problem) -> None:
-    one = asked(problem.fit([CoulombFriction("hip", 0.5)]))
-    places = asked(problem.fit([CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.1)]))
-    names = asked(problem.fit([CoulombFriction("hip", 0.5), TorqueConstant("knee", 1.1)]))
+    one = asked([CoulombFriction("hip", 0.5)])
+    places = asked([CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.1)])
+    names = asked([CoulombFriction("hip", 0.5), TorqueConstant("knee", 1.1)])
     assert (one, places, names) == (10.0, 14.0, 20.0)
 
 

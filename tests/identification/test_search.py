@@ -18,7 +18,9 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification.choice import moves
-from wbc.identification.choice.hypothesis import Hypothesis
+from wbc.identification.choice.drop_screen import losses
+from wbc.identification.choice.evidence import log_densities
+from wbc.identification.choice.hypothesis import Hypothesis, without
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
@@ -46,6 +48,23 @@ def test_load_friction_with_a_wrong_torque_constant_is_one_lossy_gear(
     hidden = [TransmissionEfficiency("knee", 0.8, 0.9), *beside]
     _, end = _climbed(hidden, [LoadFriction("knee", 0.05), TorqueConstant("knee", 0.9), *beside])
     assert set(end.keys) == {e.key for e in hidden}
+
+
+def test_derivatives_say_what_a_hypothesis_loses_without_a_cause() -> None:
+    hidden = [CoulombFriction("hip", 0.3), ViscousFriction("knee", 0.2)]
+    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    trials = Trials(problem)
+    whole = trials.of((*hidden, CoulombFriction("knee", 0.1), PayloadMass("foot", 0.05)))
+    assert whole is not None
+    drops = [(effect,) for effect in whole.effects]
+    expected = losses(problem, trials.fit(whole), whole, drops)
+    for own, (loss, gain) in zip(drops, expected, strict=True):
+        less = trials.of(without(whole.effects, *own))
+        assert less is not None
+        here, there = log_densities(problem, [whole, less]).sum(axis=1)
+        assert loss == pytest.approx(here - there, rel=0.3, abs=3.0)
+        assert gain == pytest.approx(less.prior - whole.prior, abs=0.5)
+    assert [loss < gain for loss, gain in expected] == [False, False, True, True]
 
 
 @pytest.mark.parametrize(

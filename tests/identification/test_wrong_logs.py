@@ -161,7 +161,7 @@ def test_motor_torques_are_exchanged_across_gears_that_differ(runs: list[Log]) -
     robot = replace(LEG, transmission=gears)
     wrong = []
     for log in runs:
-        torques = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in BOTH}
+        torques = {f"{j}.motor_torque": 20.0 * log.column(f"{j}.rotor_torque") for j in BOTH}
         names = [f"{joint}.{q}" for joint in BOTH for q in ("position", "velocity")]
         wrong.append(_exchanged(log.select(names).with_columns(torques), "motor_torque"))
     with pytest.raises(SuspiciousLogError, match=r"^the torques of hip and knee are exchanged"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,14 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import LegControl, balanced_pose, squat, with_gears
+from sims.legged import CenterOfMass
+from tests.sim.brute_force import Case, solutions
 from wbc import Robot, load_robot
 from wbc.effects import CoulombFriction
 from wbc.errors import SimulationError
 from wbc.sim import Plane, Plant
+from wbc.sim.solve.reduced import Reduced
+from wbc.sim.solve.self_locking import solve_in_ranges
 from wbc.transmission import Transmission
 
 FAR = Plane(height=-9.0)
@@ -98,6 +103,54 @@ def test_a_step_with_several_solutions_names_the_gear() -> None:
     assert messages
     assert all("self-locking gears 'elbow'" in message for message in messages)
     assert all("solutions" in message for message in messages)
+
+
+def _squats(leg: Robot, model: Robot, steps: int) -> tuple[int, str]:
+    """Return the steps that a squat about the leg's own height takes, and what stopped it."""
+    plant = Plant(leg)
+    state = plant.state(balanced_pose(leg))
+    control = LegControl(model, squat(float(CenterOfMass(leg)(state)[2]), 0.025, 0.5))
+    for step in range(steps):
+        try:
+            state = plant.step(state, control(state), 1e-3).state
+        except SimulationError as error:
+            return step, str(error)
+    return steps, ""
+
+
+@pytest.mark.parametrize("efficiency", [0.49, 0.45])
+def test_a_squat_on_light_rotors_is_refused_for_several_solutions_alone(
+    efficiency: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By brute force over all modes every step before has one, the refused one has three."""
+    counts: list[int] = []
+
+    def counted(reduced: Reduced, *others: object) -> tuple[np.ndarray, int]:
+        e, u = reduced.program.elements, reduced.program.unilateral
+        brought, dry = 0.5 * (e.up + e.down), 0.5 * (e.down - e.up)
+        free = reduced.free.copy()
+        free[reduced.normal_rows] -= u.target
+        laws = brought, dry, e.inertia, e.forward, e.backward, u.friction
+        _, speeds = solutions(Case(reduced.delassus, free, *laws))
+        counts.append(len(np.unique(np.round(speeds, 7), axis=0)))
+        return solve_in_ranges(reduced, *others)
+
+    monkeypatch.setattr("wbc.sim.solve.solver.solve_in_ranges", counted)
+    leg = with_gears(load_robot("planar_leg_strong"), efficiency=efficiency)
+    _, message = _squats(leg, leg, 100)
+    assert "3 solutions with the self-locking gears 'hip', 'knee'" in message
+    assert counts[-1] == 3
+    assert set(counts[:-1]) == {1}
+
+
+@pytest.mark.parametrize("efficiency", [0.49, 0.45, 0.4])
+def test_a_squat_runs_where_teeth_yield_as_the_message_asks(efficiency: float) -> None:
+    leg = with_gears(load_robot("planar_leg_strong"), efficiency=efficiency)
+    _, message = _squats(leg, leg, 100)
+    (asked,) = re.findall(r"below (\S+) kg m\^2", message)
+    one = np.ones(2)
+    gears = leg.transmission.replace(stiffness=0.9 * 4.0 / 1e-6 * float(asked) * one)
+    assert _squats(leg.with_transmission(gears), leg, 200) == (200, "")
 
 
 def test_a_gear_without_rotor_inertia_is_refused() -> None:

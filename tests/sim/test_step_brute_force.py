@@ -45,9 +45,11 @@ def test_contacts_with_friction_find_a_solution_of_coulombs_law(gears: int, cont
         assert len(impulses) > 0
 
 
-def _light_and_locking(rng: np.random.Generator, gears: int) -> tuple[StepProgram, Case]:
+def _light_and_locking(
+    rng: np.random.Generator, gears: int, contacts: int = 0
+) -> tuple[StepProgram, Case]:
     """Return a step whose rotors may be too light for what their gears lock."""
-    program, case = random_step(rng, gears)
+    program, case = random_step(rng, gears, contacts)
     reflected = 10.0 ** rng.uniform(-2.0, 1.0, gears)
     eta_b = np.where(rng.random(gears) < 0.7, -rng.uniform(0.02, 2.0, gears), case.eta_b)
     brought = rng.normal(size=gears)
@@ -88,6 +90,32 @@ def test_locking_gears_are_solved_where_one_solution_exists_and_refused_where_se
     assert seen["one"] > 20
     assert seen["one, found by trying"] > 20
     assert seen["several"] > 10
+
+
+@pytest.mark.parametrize(("gears", "contacts"), [(1, 1), (2, 1), (1, 2)])
+def test_locking_gears_on_contacts_run_wherever_one_solution_exists(
+    gears: int, contacts: int
+) -> None:
+    rng, solved, refused = np.random.default_rng(gears + 10 * contacts), 0, 0
+    for _ in range(150):
+        program, case = _light_and_locking(rng, gears, contacts)
+        _, speeds = solutions(case)
+        scale = 1.0 + np.abs(case.free).max()
+        assert len(speeds) > 0
+        one = np.abs(speeds - speeds[0]).max() < 1e-6 * scale
+        try:
+            found, message = solve_program(program).speed, ""
+        except SimulationError as error:
+            found, message = np.full(speeds.shape[1], np.nan), str(error)
+        if message:
+            refused += 1
+            assert not one
+            assert "solutions with the self-locking gears" in message
+        else:
+            solved += 1
+            assert np.abs(speeds - found).max(axis=1).min() < 1e-6 * scale
+    assert solved > 50
+    assert refused > 2
 
 
 def test_the_guess_does_not_change_the_answer() -> None:

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from wbc.cli import completion
 from wbc.cli.logs import check, compare, diagnose, identify, init, play, trend
-from wbc.cli.robots import design, experiment, listing, metrics
+from wbc.cli.robots import design, experiment, export, listing, metrics
 from wbc.cli.shared.inputs import write_fix
 from wbc.errors import WbcError
 from wbc.measurement import SuspiciousLogError
@@ -27,6 +27,7 @@ _COMMANDS = (
     metrics,
     design,
     experiment,
+    export,
     listing,
 )
 

@@ -1,10 +1,13 @@
 """Evaluated terms, the redundant model, and the dissipative equation of motion."""
 
 from wbc.dynamics.batch import (
+    contact_jacobians,
     contact_torque,
     inertial_parameters,
     inertial_regressor,
     link_torque,
+    motor_torque,
+    output_torque,
     rotor_torque,
 )
 from wbc.dynamics.equation import DissipativeEquation, dissipative_equation
@@ -25,12 +28,15 @@ __all__ = [
     "Workspace",
     "constraint_jacobian",
     "constraint_nullspace",
+    "contact_jacobians",
     "contact_torque",
     "dissipative_equation",
     "evaluate",
     "inertial_parameters",
     "inertial_regressor",
     "link_torque",
+    "motor_torque",
+    "output_torque",
     "redundant_model",
     "rotor_coupling",
     "rotor_torque",

@@ -64,18 +64,31 @@ def contact_torque(
     result = np.zeros((len(position), robot.model.nv))
     if not forces:
         return result
-    space = Workspace(robot)
-    names = [contact.name for contact in robot.contacts]
-    for name in forces:
-        robot.contact(name)
-    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     for name, force in forces.items():
-        frame = space.frames[names.index(name)]
-        jacobians = np.array(
-            [pin.computeFrameJacobian(space.model, space.data, q, frame, world) for q in position]
-        )
-        result += np.einsum("nij,ni->nj", jacobians[:, :3], force)
+        jacobians = contact_jacobians(robot, position, name)
+        result += np.einsum("nij,ni->nj", jacobians, force)
     return result
+
+
+def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
+    """Return J (N, 3, nv) of a contact point's velocity in world axes.
+
+    Args:
+        robot: the robot.
+        position: q (N, nq).
+        name: of the contact.
+
+    Raises:
+        RobotError: a contact that the robot does not have.
+    """
+    contact = robot.contact(name)
+    space = Workspace(robot)
+    frame = space.frames[robot.contacts.index(contact)]
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    jacobians = [
+        pin.computeFrameJacobian(space.model, space.data, q, frame, world)[:3] for q in position
+    ]
+    return np.array(jacobians).reshape(len(position), 3, robot.model.nv)
 
 
 def rotor_torque(
@@ -98,12 +111,20 @@ def rotor_torque(
         (N, m) rotor torque as the drive would report it [N m], and (N, b) the torque left on the
         undriven coordinates, which is zero for a perfect model.
     """
-    gears = robot.transmission
+    output, lacking = output_torque(robot, motion, links, contacts)
+    return motor_torque(robot, motion, output), lacking
+
+
+def output_torque(
+    robot: Robot, motion: Motion, links: FloatArray, contacts: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a motion asks of the gears' outputs, T (N, m), and of no motor, (N, b).
+
+    The link side of `rotor_torque`: T = D' tau_m; arguments as there.
+    """
     torque = links - contacts
-    spun: FloatArray | float = 0.0
     if robot.rotors_turn_with_links:
-        housing, spun = _coupling_torque(robot, motion)
-        torque = torque + housing
+        torque = torque + _coupling_torque(robot, motion)[0]
     smooth, level = np.zeros(torque.shape), np.zeros(torque.shape)
     for effect in robot.effects:
         pushed = effect.joint_torque(robot, motion)
@@ -113,9 +134,19 @@ def rotor_torque(
         if dry is not None:
             level += dry
     torque = torque - smooth + level * np.sign(motion.velocity)
+    output = torque[..., robot.actuated] @ robot.transmission.topology
+    return output, torque[..., robot.unactuated]
+
+
+def motor_torque(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
+    """Return the rotor torque (N, m) that the drives report while gears give T, output (N, m).
+
+    The drive side of `rotor_torque`: mesh, rotor and drive.
+    """
+    gears = robot.transmission
+    spun = _coupling_torque(robot, motion)[1] if robot.rotors_turn_with_links else 0.0
     psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
     psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
-    output = torque[..., robot.actuated] @ gears.topology
     mesh = mesh_input(output, psi_velocity, gears.forward_efficiency, gears.backward_efficiency)
     spin = psi_velocity * gears.gear_ratio
     rotor = (
@@ -131,7 +162,7 @@ def rotor_torque(
             rotor = rotor - added
     for effect in reversed(robot.effects):
         rotor = effect.drive_inverse(robot, motion, rotor)
-    return rotor, torque[..., robot.unactuated]
+    return rotor
 
 
 def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:

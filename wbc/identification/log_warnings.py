@@ -15,6 +15,7 @@ from wbc.measurement import Log, find_duplicates
 from wbc.robot import Robot
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
+_SEEN = 0.5  # of a row, below which it is named as hardly seen
 _STRAY = 8.0  # standard deviations between the logs' own values
 _STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
 
@@ -47,6 +48,29 @@ def still_joints(records: Sequence[Record]) -> tuple[str, ...]:
         moves = record.noise.moving(record.motion.velocity, record.bandwidth)
         moving |= moves[robot.actuated]
     return tuple(n for n, yes in zip(robot.transmission.joints, moving, strict=True) if not yes)
+
+
+def unmeasured_forces(records: Sequence[Record], outputs: Sequence[str]) -> list[str]:
+    """Return what is not seen where contacts touched whose forces no sensor measured.
+
+    Args:
+        records: the logs.
+        outputs: (m + b,) names of the rows that a model is judged by.
+    """
+    balances = [record.balance for record in records]
+    shares = [balance.seen_share for balance in balances if balance is not None]
+    if not shares:
+        return []
+    names = dict.fromkeys(n for r in records for n, touches in r.active.items() if touches.any())
+    seen = np.mean(shares, axis=0)
+    lost = [f"{n} {100.0 * s:.0f} %" for n, s in zip(outputs, seen, strict=True) if s < _SEEN]
+    return [
+        f"no force was measured at {', '.join(names)}: while it touches, its force is what the "
+        "balance of the base asks for, and what acts like such a force is not seen"
+        + (f". Little is left to judge of {', '.join(lost)}" if lost else "")
+        + ". The mass of the robot and its balance show only in the motors' torques; a force "
+        "sensor would tell them better."
+    ]
 
 
 def moving_bases(robot: Robot, logs: Sequence[Log]) -> list[str]:

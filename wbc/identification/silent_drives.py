@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 
 _SHARE = 0.4  # of what the motion needs; a drive that reports less is not merely mis-scaled
@@ -35,8 +36,10 @@ def silent_drives(
     spread, need = reported.std(axis=0), needed.std(axis=0)
     joint = np.mean((reported - reported.mean(axis=0)) * (needed - needed.mean(axis=0)), axis=0)
     follows = np.abs(joint) / np.maximum(spread * need, 1e-300)
+    known = records[0].reported
     silent = (spread < _SHARE * need) & (follows < _FOLLOWS) & (spread < _FLOORS * floor[:size])
-    if silent.all():
+    silent &= known
+    if np.array_equal(silent, known):
         return ()
     return tuple(n for n, yes in zip(robot.transmission.joints, silent, strict=True) if yes)
 
@@ -46,4 +49,5 @@ def reported_torque(record: Record) -> FloatArray:
     torque = np.zeros(record.weight.shape)
     ratio = np.abs(record.robot.transmission.gear_ratio)
     torque[:, : ratio.size] = record.torque * ratio
+    torque[:, output_count(record.robot) - len(record.robot.torque_sensors) :] = record.sensed
     return record.condense(torque)

@@ -24,7 +24,7 @@ from wbc.measurement.suspicions.find import (
     require_plausible_units,
     suspicions,
 )
-from wbc.measurement.torque import rotor_torques, torque_quantity
+from wbc.measurement.torque import reports_torque, rotor_torques, torque_quantity
 
 __all__ = [
     "MAX_ROWS",
@@ -55,6 +55,7 @@ __all__ = [
     "parse_column_map",
     "read_column_map",
     "read_logs",
+    "reports_torque",
     "require_plausible_units",
     "residual_noise",
     "rotor_torques",

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, remade
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.schema import (
-    CONTACT_QUANTITIES,
+    FORCE_QUANTITIES,
     JOINT_QUANTITIES,
     TIME,
     is_column,
@@ -109,7 +109,7 @@ class Log:
     @property
     def contacts(self) -> tuple[str, ...]:
         """Names of the contacts that have a force channel, in order of appearance."""
-        return owners(self.columns, CONTACT_QUANTITIES)
+        return owners(self.columns, FORCE_QUANTITIES)
 
     @property
     def duration(self) -> float:
@@ -203,5 +203,6 @@ def _not_a_column(name: str) -> str:
     hint = f" Did you mean '{meant}'?" if meant else ""
     return (
         f"'{name}' is not a column of a log.{hint} Names are <joint>.<quantity> with "
-        f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z; base.<quantity> (time is separate)."
+        f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z or active; base.<quantity> "
+        "(time is separate)."
     )

@@ -38,8 +38,11 @@ winding is open, `target_position` and `target_velocity` the set point of a posi
 OLD_NAMES = {"goal_position": "target_position"}
 """Quantity by its old name -> by its name of today; a log is asked for either."""
 
-CONTACT_QUANTITIES: dict[str, tuple[str, ...]] = {f"force.{axis}": ("N",) for axis in "xyz"}
+FORCE_QUANTITIES: dict[str, tuple[str, ...]] = {f"force.{axis}": ("N",) for axis in "xyz"}
 """Quantity of `<contact>.<quantity>`: force of the ground on the robot, world frame."""
+
+CONTACT_QUANTITIES: dict[str, tuple[str, ...]] = {**FORCE_QUANTITIES, "active": ("1",)}
+"""Quantity of `<contact>.<quantity>`: its force, or `active`, 1 while it touches and else 0."""
 
 BASE_QUANTITIES: dict[str, tuple[str, ...]] = {
     **{f"position.{axis}": ("m",) for axis in "xyz"},

@@ -32,6 +32,11 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
     return torques
 
 
+def reports_torque(log: Log, joint: str) -> bool:
+    """Whether a log holds what the drive of a joint reports, in any of the three ways."""
+    return any(log.has(f"{joint}.{quantity}") for quantity in _QUANTITIES)
+
+
 def torque_quantity(log: Log, joint: str) -> str:
     """Return which quantity the torque of a joint is read from, see `rotor_torques`.
 

@@ -48,6 +48,7 @@ _TOP_LEVEL = (
     "poses",
 )
 _LEFT_OUT = {
+    "gear_ratio": 1.0,
     "forward_efficiency": 1.0,
     "torque_limit": np.inf,
     "speed_limit": np.inf,
@@ -55,6 +56,7 @@ _LEFT_OUT = {
     "torque_constant": np.nan,
     "resistance": np.nan,
 }
+_SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
 _CONTACT_KEYS = ("name", "frame", "offset", "friction", "radius")
 
@@ -126,6 +128,7 @@ def build_robot(description: RobotDescription) -> Robot:
         rotors_turn_with_links=coupling,
         source=RobotSource(_source_name(path)),
         notes=notes,
+        sensor_only=_sensor_only(table.get("gears", {})),
     )
     return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
 
@@ -141,11 +144,18 @@ def _source_name(path: Path) -> str:
 def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
     if not isinstance(gears, Mapping):
         raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
+    only = _sensor_only(gears)
     for joint, gear in gears.items():
         place = f"{path}: gear of '{joint}'"
+        table_in(gear, (*_GEAR_UNITS, "housing", _SENSOR), place)
+        if not isinstance(gear.get(_SENSOR, False), bool):
+            raise RobotError(f"{place}: {_SENSOR}: true or false expected, got {gear[_SENSOR]!r}.")
         for key in ("gear_ratio", "rotor_inertia"):
-            if key not in table_in(gear, (*_GEAR_UNITS, "housing"), place):
-                raise RobotError(f"{place}: the key '{key}' is missing.")
+            if key not in gear and joint not in only:
+                raise RobotError(
+                    f"{place}: the key '{key}' is missing. Where logs hold nothing but a torque "
+                    f"sensor behind the gear, {_SENSOR} = true stands in place of both."
+                )
     arrays: dict[str, Any] = {
         key: [_gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()]
         for key in _GEAR_UNITS
@@ -154,6 +164,17 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
         arrays["topology"] = numbers_in(topology, "1", f"{path}: topology")
     housings = tuple(str(gear.get("housing", "")) for gear in gears.values())
     return Transmission(joints=tuple(gears), housings=housings, **arrays)
+
+
+def _sensor_only(gears: Any) -> tuple[str, ...]:
+    """Return the joints of whose drives nothing but a torque sensor behind the gear is known."""
+    if not isinstance(gears, Mapping):
+        return ()
+    return tuple(
+        joint
+        for joint, gear in gears.items()
+        if isinstance(gear, Mapping) and gear.get(_SENSOR) is True and "gear_ratio" not in gear
+    )
 
 
 def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -55,6 +55,10 @@ class Robot:
             can be added without losing it, because only they can be saved.
         poses: named configurations q (nq,) of the description, the first one its usual one.
         notes: what the loader read but could not use, for the user to see.
+        torque_sensors: driven joints with a torque sensor behind their gear, in the order of the
+            transmission: logs then show what the gear gives, apart from what the links need.
+        sensor_only: driven joints of whose gears nothing is known: only what a torque sensor
+            behind them shows is compared.
         before_effects: the robot to which the effects were added, None where there is none: no
             effect was added, or bodies or gears were changed in code since.
     """
@@ -68,6 +72,8 @@ class Robot:
     source: RobotSource | None = None
     poses: Mapping[str, FloatArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    torque_sensors: tuple[str, ...] = ()
+    sensor_only: tuple[str, ...] = ()
     before_effects: Robot | None = field(default=None, repr=False)
     actuated: IntArray = field(init=False)
     actuated_position: IntArray = field(init=False)
@@ -80,6 +86,10 @@ class Robot:
     def __post_init__(self) -> None:
         """Resolve names to indices and check that everything refers to something."""
         object.__setattr__(self, "contacts", tuple(self.contacts))
+        for joint in self.torque_sensors:
+            self.transmission.index(joint)
+        sensed = tuple(j for j in self.transmission.joints if j in self.torque_sensors)
+        object.__setattr__(self, "torque_sensors", sensed)
         poses = {name: frozen(q) for name, q in self.poses.items()}
         object.__setattr__(self, "poses", MappingProxyType(poses))
         model = self.model
@@ -228,6 +238,21 @@ class Robot:
     def without_effects(self) -> Robot:
         """Return the robot to which the effects were added; itself where that is not known."""
         return self.before_effects or self
+
+    @cached_property
+    def sensed(self) -> IntArray:
+        """Numbers (s,) of the gears with a torque sensor behind them."""
+        return frozen([self.transmission.index(j) for j in self.torque_sensors], np.int_)
+
+    def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
+        """Return the same robot with torque sensors behind the gears of these joints."""
+        chosen = tuple(joints)
+        before = self.before_effects
+        return replace(
+            self,
+            torque_sensors=chosen,
+            before_effects=None if before is None else before.with_torque_sensors(chosen),
+        )
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""

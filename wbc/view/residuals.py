@@ -88,7 +88,9 @@ def output_names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return name and unit of every output of a residual: driven joints, then the rest."""
     names, units = coordinate_names(robot)
     order = [*robot.actuated, *robot.unactuated]
-    return tuple(names[row] for row in order), tuple(units[row] for row in order)
+    sensors = [f"{joint} (link side)" for joint in robot.torque_sensors]
+    behind = [units[row] for row in robot.actuated[robot.sensed]]
+    return (*(names[row] for row in order), *sensors), (*(units[row] for row in order), *behind)
 
 
 def _run(robot: Robot, fitted: Robot, record: Record) -> ResidualRun:
@@ -99,6 +101,7 @@ def _run(robot: Robot, fitted: Robot, record: Record) -> ResidualRun:
         [
             motion.velocity[:, robot.actuated] @ gears.motor_from_joint.T,
             motion.velocity[:, robot.unactuated],
+            motion.velocity[:, robot.actuated[robot.sensed]],
         ],
         axis=1,
     )[rows]

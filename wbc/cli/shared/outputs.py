@@ -16,6 +16,7 @@ _ENDINGS = {
     "gif": (".gif", ".mp4"),
     "save": (".toml",),
     "out": (".parquet", ".csv"),
+    "file": (".xml", ".urdf", ".py"),
     "fix": (".toml",),
     "json": (),
 }

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
+from wbc.identification.records.outputs import output_gear, output_row
 from wbc.identification.records.record import Record
 
 _WHITE = 0.5  # whiteness from which on what is left is noise
@@ -76,11 +77,10 @@ def attainable(problem: Problem, fit: Fit) -> Attainable:
 def _reached(problem: Problem, fit: Fit) -> tuple[FloatArray, int]:
     """Return what regressions leave at each output, and how many numbers one has."""
     folds = _interleaved(problem.blocks)
-    size = problem.robot.transmission.size
     kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]
     reached, numbers = [], 0
     for column, output in enumerate(kept):
-        features = np.concatenate([_features(r, output, size) for r in problem.records])
+        features = np.concatenate([_features(r, output) for r in problem.records])
         reached.append(_held_out(features, fit.residual[:, column], folds))
         numbers = max(numbers, features.shape[1])
     return np.array(reached), numbers
@@ -113,23 +113,23 @@ def _held_out(features: FloatArray, residual: FloatArray, folds: IntArray) -> fl
     return best
 
 
-def _features(record: Record, output: int, driven: int) -> FloatArray:
+def _features(record: Record, output: int) -> FloatArray:
     """Return (rows, F) what the torque at one output may depend on, in the residual's band."""
     robot = record.robot
-    row = int(robot.actuated[output] if output < driven else robot.unactuated[output - driven])
+    row, gear = output_row(robot, output), output_gear(robot, output)
     velocity = record.motion.velocity
     acceleration = record.motion.acceleration
     a = np.zeros_like(velocity) if acceleration is None else acceleration
-    load = (record.links - record.contacts)[:, row]
+    load = record.load[:, row]
     time = np.linspace(-1.0, 1.0, len(load))
     own = [_scaled(x) for x in (velocity[:, row], a[:, row], load, time)]
     columns: list[FloatArray] = [np.ones(len(load)), *own]
     columns += [x * y for k, x in enumerate(own) for y in own[k:]]
     columns += [bend for x in own[:3] for bend in _bends(x)]
     ways = [np.tanh(own[0] / slow) for slow in _SLOW]
-    if output < driven:
-        position = record.motion.position[:, robot.actuated_position[output]]
-        columns += _over_travel(position, own[0], ways, robot.transmission.gear_ratio[output])
+    if gear is not None:
+        position = record.motion.position[:, robot.actuated_position[gear]]
+        columns += _over_travel(position, own[0], ways, robot.transmission.gear_ratio[gear])
     for way in ways:
         columns += [
             way,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.records.outputs import output_gear, output_names, output_row
 from wbc.identification.records.record import Record
 
 _BINS = 12
@@ -44,24 +45,13 @@ def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> li
         residuals: (rows, m + b) condensed residual of each.
     """
     found = []
-    robot = records[0].robot
-    outputs = output_names(records[0])
+    outputs = output_names(records[0].robot)
     stacked = np.concatenate(residuals)
     for column, output in enumerate(outputs):
-        for variable, unit, values in _variables(records, column, robot.transmission.size):
+        for variable, unit, values in _variables(records, column):
             if np.ptp(values) > 0.0:
                 found.append(binned(output, variable, unit, values, stacked[:, column]))
     return sorted(found, key=lambda b: -b.share)
-
-
-def output_names(record: Record) -> tuple[str, ...]:
-    """Return the names of the residual's columns: driven joints, then undriven coordinates."""
-    robot = record.robot
-    names = list(robot.transmission.joints)
-    for row in robot.unactuated:
-        single = [n for n in robot.single_joints if robot.velocity_index(n) == row]
-        names.append(single[0] if single else f"base[{row}]")
-    return tuple(names)
 
 
 def binned(
@@ -79,24 +69,22 @@ def binned(
     return Breakdown(output, variable, unit, centre, mean, np.sqrt(power), share)
 
 
-def _variables(
-    records: Sequence[Record], column: int, driven: int
-) -> list[tuple[str, str, FloatArray]]:
+def _variables(records: Sequence[Record], column: int) -> list[tuple[str, str, FloatArray]]:
     """Return (name, unit, values (rows,)) for one output."""
     robot = records[0].robot
-    row = int(robot.actuated[column] if column < driven else robot.unactuated[column - driven])
+    row, gear = output_row(robot, column), output_gear(robot, column)
     speed = _rows(records, lambda r: r.motion.velocity[:, row])
     acceleration = _rows(records, lambda r: _accelerations(r)[:, row])
-    load = _rows(records, lambda r: (r.links - r.contacts)[:, row])
+    load = _rows(records, lambda r: r.load[:, row])
     found = [
         ("speed", "rad/s", speed),
         ("acceleration", "rad/s^2", acceleration),
         ("load", "N m", load),
         ("time", "s", np.concatenate([record.time for record in records])),
     ]
-    if column < driven:
-        position = _rows(records, lambda r: r.motion.position[:, robot.actuated_position[column]])
-        ratio = float(robot.transmission.gear_ratio[column])
+    if gear is not None:
+        position = _rows(records, lambda r: r.motion.position[:, robot.actuated_position[gear]])
+        ratio = float(robot.transmission.gear_ratio[gear])
         found += [
             ("position", "rad", position),
             ("rotor angle", "rad", np.mod(position * ratio, 2.0 * np.pi)),
@@ -107,7 +95,7 @@ def _variables(
         ]
         if all(record.motion.temperature is not None for record in records):
             found.append(
-                ("temperature", "deg C", _rows(records, lambda r: _temperatures(r)[:, column]))
+                ("temperature", "deg C", _rows(records, lambda r: _temperatures(r)[:, gear]))
             )
     for name in records[0].forces:
         force = [record.thinned(np.linalg.norm(record.forces[name], axis=1)) for record in records]

@@ -8,14 +8,14 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.identification.answer.breakdown import breakdowns, output_names
+from wbc.identification.answer.breakdown import breakdowns
 from wbc.identification.answer.comparison import HORIZON, Comparison, OutputError
 from wbc.identification.answer.series import Series, series_of
 from wbc.identification.model.problem import Problem
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
-from wbc.robot.coordinates import output_units
 
 
 def compare(robot: Robot, logs: Sequence[Log]) -> Comparison:
@@ -65,7 +65,7 @@ def _outputs(
     step = record.stride / record.rate
     measured = np.concatenate([s.measured for s in series])
     units, found = output_units(problem.robot), []
-    for column, name in enumerate(output_names(record)):
+    for column, name in enumerate(output_names(problem.robot)):
         driven = column < gears.size
         rms = _rms([r[:, column] for r in residuals])
         found.append(
@@ -107,8 +107,9 @@ def _acceleration_error(record: Record, residual: FloatArray) -> FloatArray:
         mass = pin.crba(robot.model, data, q)
         mass = np.triu(mass) + np.triu(mass, 1).T
         mass[np.ix_(robot.actuated, robot.actuated)] += rotors
-        force = np.concatenate([lift.T @ residual[row, :m], residual[row, m:]])
-        errors[row] = np.linalg.solve(mass[np.ix_(order, order)], force)
+        force = np.concatenate([lift.T @ residual[row, :m], residual[row, m : order.size]])
+        errors[row, : order.size] = np.linalg.solve(mass[np.ix_(order, order)], force)
+    errors[:, order.size :] = errors[:, robot.sensed]
     return errors
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from wbc.effects import EFFECTS
 from wbc.identification.answer.attainable import Attainable, attainable
-from wbc.identification.answer.breakdown import output_names
 from wbc.identification.answer.correlation import correlation_of
 from wbc.identification.answer.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.findings import describe_findings
@@ -34,9 +33,9 @@ from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
-from wbc.robot.coordinates import output_units
 
 _STILL = (
     "{} does not move in these logs: they say nothing about its friction, inertia or gears. Record "
@@ -93,6 +92,7 @@ def diagnose(
     found = look_closer(found, robot, different, classes, progress)
     warnings += _about_the_search(found)
     trials = found.trials
+    trials.until = inf  # the search is over: what the answer still needs is fitted
     problem, first = trials.problem, trials.nothing
     final, odds, level, support, more = _believed(found)
     verdict = verdict_of(problem, first, final, list(support.values()), more)
@@ -153,7 +153,8 @@ def _believed(
     doubted: set[Key] = set()
     while True:
         # What rests on a cause that is not believed is no evidence for others.
-        odds = odds_of(trials, [h for h in trials.known if doubted.isdisjoint(h.keys)])
+        known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
+        odds = odds_of(trials, known, final)
         level = attainable(problem, trials.fit(final))
         more = unexplained(problem, first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
@@ -167,7 +168,7 @@ def _believed(
 
 
 def _outputs(problem: Problem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
-    names, units = output_names(problem.records[0]), output_units(problem.robot)
+    names, units = output_names(problem.robot), output_units(problem.robot)
     left = condensed_residual(fit.robot, problem.records)
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))

@@ -9,10 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.answer.breakdown import Breakdown, binned, breakdowns, output_names
+from wbc.identification.answer.breakdown import Breakdown, binned, breakdowns
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.outputs import output_gear, output_names, output_row
 from wbc.identification.records.record import Record
 
 _MATTERS = 2.0  # floors above which an output is mentioned
@@ -94,7 +95,7 @@ def remainders(problem: Problem, fit: Fit) -> tuple[Remainder, ...]:
     given = [condensed_residual(problem.robot, [record]) for record in records]
     found = breakdowns(records, parts)
     result = []
-    for column, name in enumerate(output_names(records[0])):
+    for column, name in enumerate(output_names(records[0].robot)):
         values = [part[:, column] for part in parts]
         size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
         floor = float(problem.floor.values[column])
@@ -134,11 +135,11 @@ def _elsewhere(
 ) -> Breakdown | None:
     """Return the motion of another joint that what is left follows more than its own, if any."""
     robot = records[0].robot
-    names = output_names(records[0])
+    names = output_names(records[0].robot)
     residual = np.concatenate(list(values))
     best: Breakdown | None = None
     for other in range(robot.transmission.size):
-        if other == column:
+        if other == output_gear(robot, column):
             continue
         row = int(robot.actuated[other])
         speed = np.concatenate([r.thinned(r.motion.velocity[:, row]) for r in records])
@@ -159,9 +160,7 @@ def _growth(values: list[FloatArray]) -> float:
 
 def _speed(record: Record, column: int) -> FloatArray:
     """Return the speed (rows,) of the coordinate behind an output."""
-    robot = record.robot
-    order = np.concatenate([robot.actuated, robot.unactuated])
-    return record.thinned(record.motion.velocity[:, order[column]])
+    return record.thinned(record.motion.velocity[:, output_row(record.robot, column)])
 
 
 def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:

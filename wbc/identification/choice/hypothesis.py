@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.robot import Effect
 
@@ -77,6 +77,13 @@ class Hypothesis:
     def bounces(self) -> bool:
         """Whether one of these links has play."""
         return loose(self.effects)
+
+
+def fold_means(folds: IntArray, squares: FloatArray) -> FloatArray:
+    """Return (F, outputs) the mean of squares (rows, outputs) over each fold."""
+    _, index = np.unique(folds, return_inverse=True)
+    sums = np.stack([np.bincount(index, column) for column in squares.T], axis=1)
+    return np.asarray(sums / np.bincount(index)[:, None])
 
 
 def without(effects: Sequence[Effect], *dropped: Effect) -> tuple[Effect, ...]:

@@ -7,6 +7,7 @@ from itertools import chain, combinations, islice
 
 from wbc.identification.choice.candidate_columns import Shelf
 from wbc.identification.choice.drive_order import placed_first, reordered
+from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.hypothesis import Hypothesis, Key, without
 from wbc.identification.choice.proposals import Offer, Proposer
 from wbc.identification.model.yielding import deflects
@@ -18,6 +19,9 @@ _MERGED = 2  # ... in the place of several names
 _GROUPS = 8  # groups of names that are tried, so that a long list costs no more than a short one
 _LARGEST = 3  # names that one may replace
 _PAIRS = 6
+# Times the prior's gain, that the derivatives may say a drop loses of the density and be wrong: of
+# 172 drops on a recorded arm the true loss was 0.58 to 1.37 times the one they say.
+_MISSED = 3.0
 
 
 def additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) -> list[Hypothesis]:
@@ -32,10 +36,21 @@ def additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) ->
 
 
 def drops(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
-    """Return hypotheses without one of the causes, or without one name at all its places."""
-    offers = [without(h.effects, effect) for effect in h.effects]
-    offers += [without(h.effects, *_named(h, name)) for name in _repeated(h)]
-    return proposer.trials.all_of(offers)
+    """Return hypotheses without one of the causes, or without one name at all its places.
+
+    Those alone are fitted of which the derivatives say that they may win, and one without all the
+    causes that say too little.
+    """
+    trials = proposer.trials
+    dropped = [(effect,) for effect in h.effects]
+    dropped += [_named(h, name) for name in _repeated(h)]
+    if not h.swings:
+        expected = losses(trials.problem, trials.fit(h), h, dropped)
+        pairs = list(zip(dropped, expected, strict=True))
+        idle = [own[0] for own, (loss, gain) in pairs if len(own) == 1 and loss < gain]
+        dropped = [own for own, (loss, gain) in pairs if loss < _MISSED * gain]
+        dropped = [tuple(idle), *dropped] if len(idle) > 1 else dropped
+    return trials.all_of(without(h.effects, *own) for own in dropped)
 
 
 def swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:

@@ -64,9 +64,22 @@ class Odds:
         return next(nats for h, nats in pairs if frozenset(h.keys) == keys)
 
 
-def odds_of(trials: Trials, known: Sequence[Hypothesis] | None = None) -> Odds:
-    """Return the odds of everything believable that was tried on one problem."""
+def odds_of(
+    trials: Trials,
+    known: Sequence[Hypothesis] | None = None,
+    final: Hypothesis | None = None,
+) -> Odds:
+    """Return the odds of everything believable that was tried on one problem.
+
+    Args:
+        trials: on the problem.
+        known: what is compared, by default all that was tried.
+        final: one that is compared even if it is not believable: what is left of an answer once
+            its doubtful causes are gone.
+    """
     tried = [h for h in (trials.known if known is None else known) if h.believable]
+    if final is not None and frozenset(final.keys) not in {frozenset(h.keys) for h in tried}:
+        tried.append(final)
     scores = weigh(trials.problem, tried)
     best: dict[frozenset[Key], tuple[float, Hypothesis]] = {}
     for h, score in zip(tried, scores, strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,14 +26,14 @@ _DRAWN = 3  # names that one of a wrong drawing stands for; a payload stays the 
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
-def asked(fit: Fit) -> float:
-    """Return what the names, places and numbers of a fitted set of causes cost [nats].
+def asked(effects: Sequence[Effect]) -> float:
+    """Return what the names, places and numbers of a set of causes cost [nats].
 
     A wrong drawing says of a link that its mass, its centre and its inertia are wrong: three names.
     """
-    names = {effect.name: _DRAWN if effect.departures.size else 1 for effect in fit.effects}
-    numbers = sum(effect.freedom for effect in fit.effects)
-    return _NAME * sum(names.values()) + _PLACE * len(fit.effects) + _NUMBER * numbers
+    names = {effect.name: _DRAWN if effect.departures.size else 1 for effect in effects}
+    numbers = sum(effect.freedom for effect in effects)
+    return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
 
 
 def implausible(problem: Problem, fit: Fit) -> tuple[float, ...]:
@@ -88,7 +89,7 @@ def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
     if gear is None or gear.play == 0.0:
         return True
     row = problem.robot.velocity_index(effect.where)
-    loads = [record.links[:, row] - record.contacts[:, row] for record in problem.records]
+    loads = [record.load[:, row] for record in problem.records]
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 

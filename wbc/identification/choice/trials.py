@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wbc.errors import IdentificationError
-from wbc.identification.choice.hypothesis import Hypothesis
+from wbc.identification.choice.hypothesis import Hypothesis, fold_means
 from wbc.identification.choice.prior import asked, implausible
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.kept_columns import IMPOSSIBLE
@@ -116,13 +116,12 @@ def hypothesis_of(problem: Problem, fit: Fit) -> Hypothesis:
         raise FloatingPointError("what is left is not finite.")
     _, index = np.unique(problem.folds, return_inverse=True)
     rows = np.bincount(index).astype(float)
-    folds = np.stack([np.bincount(index, column) for column in squares.T], axis=1)
     return Hypothesis(
         effects=fit.effects,
-        folds=folds / rows[:, None],
+        folds=fold_means(problem.folds, squares),
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),
         rows=rows,
-        asked=asked(fit),
+        asked=asked(fit.effects),
         implausible=implausible(problem, fit),
     )

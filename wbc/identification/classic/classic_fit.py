@@ -20,6 +20,7 @@ from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.inertial_columns import inertial_columns
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -93,7 +94,7 @@ def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
     The residual is linear in all of them. Columns that depend on those before are left out, so that
     the numbers of the links are base parameters (Gautier & Khalil, 1990). Outputs are weighted by
     what a first fit leaves. Nothing is chosen, nothing is bounded: a number may be one that no
-    machine has.
+    machine has. Torque sensors behind gears are not used where the drives report torques.
 
     Args:
         robot: the robot; losses of its gears are left out.
@@ -103,7 +104,7 @@ def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    return classic_fit(Problem.from_logs(robot.lossless(), logs))
+    return classic_fit(Problem.from_logs(robot.lossless(), without_torque_sensors(robot, logs)))
 
 
 def classic_fit(problem: Problem) -> ClassicFit:

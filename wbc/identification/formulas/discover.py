@@ -18,6 +18,7 @@ from wbc.identification.formulas.proposals import estimated, proposals_of
 from wbc.identification.formulas.term_table import term_table
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
+from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -50,7 +51,7 @@ def discover(
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    problem = Problem.from_logs(robot, logs)
+    problem = Problem.from_logs(robot, without_torque_sensors(robot, logs))
     start = Attempt.of(problem, known, {})
     found = _search(problem, start, progress)
     if known:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_robot_and_logs
-from wbc.identification.log_warnings import moving_bases
+from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.fit import Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.kept_columns import KeptColumns
@@ -27,8 +27,10 @@ from wbc.identification.records.noise_floor import (
     noise_floor,
     with_even_noise,
 )
+from wbc.identification.records.outputs import output_count, output_names
 from wbc.identification.records.preparation import REVERSAL, prepare
 from wbc.identification.records.record import Record
+from wbc.identification.records.torque_sensors import not_judged, sensed_joints
 from wbc.identification.silent_drives import reported_torque, silent_drives
 from wbc.measurement import Log, cut_at_gaps, suspicions
 from wbc.robot import Effect, Robot
@@ -67,15 +69,18 @@ class Problem:
         effects: so any two models of one machine are measured by the same floor.
         """
         require_robot_and_logs(robot, logs)
+        robot = robot.with_torque_sensors(sensed_joints(robot, logs))
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
+        warnings += unmeasured_forces(prepared, output_names(robot))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
         links = records[0].robot
         parts = [condensed_residual(links, [record]) for record in records]
         floor = noise_floor(records, parts, drawn)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
+        aside += not_judged(records)
         floor = replace(floor, aside=aside)
         believed = tuple(record.believing(robot) for record in records)
         return cls(
@@ -91,15 +96,22 @@ class Problem:
     @property
     def torque_in_floors(self) -> float:
         """Root mean square over the judged joints of the reported torque in noise floors."""
-        size = self.robot.transmission.size
-        kept = [k for k in range(size) if k not in self.floor.aside]
+        robot, count = self.robot, output_count(self.robot)
+        sensors = range(count - len(robot.torque_sensors), count)
+        judged = (*range(robot.transmission.size), *sensors)
+        kept = [k for k in judged if k not in self.floor.aside]
         torque = np.concatenate([reported_torque(record) for record in self.records])[:, kept]
         return float(np.sqrt(np.mean((torque / self.floor.values[kept]) ** 2)))
 
     @property
     def silent(self) -> tuple[str, ...]:
         """The joints whose drives report nothing that could be compared."""
-        return tuple(self.robot.transmission.joints[k] for k in self.floor.aside)
+        known = self.records[0].reported
+        return tuple(
+            joint
+            for k, joint in enumerate(self.robot.transmission.joints)
+            if k in self.floor.aside and known[k]
+        )
 
     @property
     def whitening(self) -> FloatArray:

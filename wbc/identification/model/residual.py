@@ -8,23 +8,26 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import rotor_torque
+from wbc.dynamics import motor_torque, output_torque
 from wbc.identification.model.link_friction import LinkSide
 from wbc.identification.model.link_motion import driven, swing
 from wbc.identification.model.yielding import deflects, some_deflect
+from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.links import LinkResponse
 from wbc.robot import Motion, Robot
 
 _STEP = 1e-7  # of the largest load, by which loads are varied
+_SQUEEZES = 3  # rounds in which internal forces and the gears' direction of power settle
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
 
 def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = None) -> FloatArray:
-    """Return (N, m + b) measured minus modelled, before weights and filters.
+    """Return (N, m + b + s) measured minus modelled, before weights and filters.
 
     The m driven joints come first (torque at the motor output, reported minus needed), then the b
-    undriven coordinates (minus the wrench that nothing provides).
+    undriven coordinates (minus the wrench that nothing provides), and the s torque sensors behind
+    gears (measured minus what the links need); see `records.outputs`.
 
     Reported torque goes through the robot's drives forward, so that a drive that clips, sags or
     lags needs no inverse; the result is divided by what the drive's slope does to the size of the
@@ -141,11 +144,62 @@ def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
 def _unexplained(
     robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
 ) -> FloatArray:
-    needed, wrench = rotor_torque(_without_drives(robot), motion, links, contacts)
     delivered, slope = _delivered(robot, motion, record.torque)
+    gears, base, sensors = _rows(robot, record.along(motion), links, contacts, delivered)
     size = _noise_size(record, slope)
-    driven = (delivered - needed) / size * np.abs(robot.transmission.gear_ratio)
-    return np.concatenate([driven, -wrench], axis=1)
+    driven = gears / size * np.abs(robot.transmission.gear_ratio)
+    return np.concatenate([driven, base, sensors], axis=1)
+
+
+def _rows(
+    robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray, delivered: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what is unexplained at the rotors (N, m), at the base (N, b), at sensors (N, s).
+
+    Contact forces that were not measured are those that leave least: first of the base's balance,
+    then, where contacts press against each other, at the gears' outputs.
+    """
+    plain = _without_drives(robot)
+    output, wrench = output_torque(plain, moved.motion, links, contacts)
+    balance = moved.balance
+    if balance is not None:
+        contacts = contacts + balance.carried(wrench)
+        output, wrench = output_torque(plain, moved.motion, links, contacts)
+    if balance is None or balance.inner is None:
+        gears = delivered - motor_torque(plain, moved.motion, _carried(moved, output))
+        return gears, -wrench, moved.sensed - output[:, robot.sensed]
+    ratio = robot.transmission.gear_ratio
+    left, slope = np.zeros_like(output), np.ones_like(output)
+    for last in (*(False,) * _SQUEEZES, True):
+        carried = _carried(moved, output)
+        gears = delivered - motor_torque(plain, moved.motion, carried)
+        slope = slope if last else _mesh_slope(plain, moved.motion, carried)
+        left = gears * ratio / slope  # at the outputs of the gears
+        left[:, robot.sensed] = moved.sensed - output[:, robot.sensed]
+        if not last:
+            contacts = contacts - balance.squeezed(left)
+            output, wrench = output_torque(plain, moved.motion, links, contacts)
+    left = balance.seen(left)
+    free = slope * left / ratio
+    free[:, robot.sensed] = gears[:, robot.sensed]  # these know nothing of the contacts
+    return free, -wrench, left[:, robot.sensed]
+
+
+def _carried(moved: Record, output: FloatArray) -> FloatArray:
+    """Return what the gears give (N, m): as the sensors behind them say, else as links need."""
+    result = np.array(output)
+    result[:, moved.robot.sensed] = moved.sensed
+    return result
+
+
+def _mesh_slope(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
+    """Return (N, m) how much the motors must give per torque at the outputs of their gears."""
+    gears = robot.transmission
+    if np.all(gears.forward_efficiency == 1.0) and np.all(gears.backward_efficiency == 1.0):
+        return np.ones_like(output)
+    step = _STEP * max(float(np.max(np.abs(output))), 1.0)
+    more = motor_torque(robot, motion, output + step) - motor_torque(robot, motion, output)
+    return np.asarray(more * gears.gear_ratio / step)
 
 
 def _noise_size(record: Record, slope: FloatArray) -> FloatArray:
@@ -162,7 +216,8 @@ def noise_sizes(robot: Robot, records: Sequence[Record]) -> FloatArray:
     parts = []
     for record in records:
         _, slope = _delivered(robot, record.motion, record.torque)
-        sizes = np.concatenate([_noise_size(record, slope), np.ones(robot.floating_size)])
+        others = np.ones(output_count(robot) - robot.transmission.size)
+        sizes = np.concatenate([_noise_size(record, slope), others])
         parts.append(np.broadcast_to(sizes, (record.rows, sizes.size)))
     return np.concatenate(parts)
 
@@ -186,13 +241,14 @@ def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
 def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
     missing, needed = [], []
-    size, passive = robot.transmission.size, robot.floating_size
+    size = robot.transmission.size
     for record in records:
         motion, links, contacts = _loads(robot, record, None)
-        need, _ = rotor_torque(_without_drives(robot), motion, links, contacts)
         delivered, _ = _delivered(robot, motion, record.torque)
-        nothing = np.zeros((len(need), passive))
-        missing.append(record.condense(np.concatenate([delivered - need, nothing], axis=1)))
+        lacking, _, _ = _rows(robot, record.along(motion), links, contacts, delivered)
+        nothing = np.zeros((len(lacking), output_count(robot) - size))
+        missing.append(record.condense(np.concatenate([lacking, nothing], axis=1)))
+        need = delivered - lacking
         needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
     left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
     return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))

@@ -23,12 +23,14 @@ class SensorNoise:
         velocity: (nv,).
         torque: (m,), at the motor output side.
         forces: contact name -> (3,).
+        sensed: (s,), of the torque sensors behind gears.
     """
 
     position: FloatArray
     velocity: FloatArray
     torque: FloatArray
     forces: Mapping[str, FloatArray] = field(default_factory=dict)
+    sensed: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def acceleration_variance(self, cutoff: float) -> tuple[FloatArray, FloatArray]:
         """Return the variance (nv,) of accelerations up to `cutoff` from position, velocity."""

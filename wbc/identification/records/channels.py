@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import IdentificationError
-from wbc.measurement import Log, rotor_torques
+from wbc.identification.records.contact_flags import active_contacts
+from wbc.measurement import Log, reports_torque, rotor_torques
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -27,7 +28,10 @@ class Channels:
         position: (N, nq).
         velocity: (N, nv), or None if some joint has no velocity channel.
         torque: (N, m) on the rotors [N m].
+        reported: (m,) whether the drive of a joint reports a torque; 0 stands where not.
+        sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N].
+        active: contact name -> (N,) whether it touches, of contacts without a force sensor.
         temperature: (N, m) [deg C], or None.
         supply_voltage: (N, m) [V], or None.
     """
@@ -38,7 +42,10 @@ class Channels:
     position: FloatArray
     velocity: FloatArray | None
     torque: FloatArray
+    reported: BoolArray
+    sensed: FloatArray
     forces: dict[str, FloatArray]
+    active: dict[str, BoolArray]
     temperature: FloatArray | None
     supply_voltage: FloatArray | None
 
@@ -63,8 +70,10 @@ def read_channels(robot: Robot, log: Log) -> Channels:
     def on_grid(values: FloatArray) -> FloatArray:
         if even:
             return values
-        columns = values.reshape(len(log), -1).T
-        return np.stack([np.interp(grid, log.time, c) for c in columns], axis=1)
+        found = np.empty((count, values.shape[1]))
+        for k, column in enumerate(values.T):
+            found[:, k] = np.interp(grid, log.time, column)
+        return found
 
     _require_reachable(robot, log)
     joints = robot.transmission.joints
@@ -74,24 +83,41 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         for contact in robot.contacts
         if contact.name in log.contacts
     }
-    # A robot without contacts flies: its base needs no force.
-    if robot.floating_size and robot.contacts and not forces:
-        named = ", ".join(contact.name for contact in robot.contacts)
-        raise IdentificationError(
-            f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
-            f"forces, for example '<contact>.force.z' of: {named}."
-        )
+    position = on_grid(_position(robot, log))
+    active = active_contacts(robot, log, grid, position)
+    torque, reported = _torque(robot, log)
     return Channels(
         name=log.source.label,
         rate=1.0 / step,
         time=grid,
-        position=on_grid(_position(robot, log)),
+        position=position,
         velocity=None if velocity is None else on_grid(velocity),
-        torque=on_grid(rotor_torques(log, robot.transmission)),
+        torque=on_grid(torque),
+        reported=reported,
+        sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
         forces=forces,
+        active=active,
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
     )
+
+
+def _torque(robot: Robot, log: Log) -> tuple[FloatArray, BoolArray]:
+    """Return what the drives report (N, m), 0 where only a sensor behind the gear does, and who.
+
+    Raises:
+        LogError: a joint has neither.
+    """
+    gears = robot.transmission
+    reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
+    reported |= [joint not in robot.torque_sensors for joint in gears.joints]
+    reported &= [joint not in robot.sensor_only for joint in gears.joints]
+    nothing = {
+        f"{joint}.rotor_torque": np.zeros(len(log))
+        for joint, yes in zip(gears.joints, reported, strict=True)
+        if not yes
+    }
+    return rotor_torques(log.with_columns(nothing), gears), reported
 
 
 def _require_reachable(robot: Robot, log: Log) -> None:

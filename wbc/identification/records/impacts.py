@@ -36,4 +36,8 @@ def away_from_impacts(robot: Robot, channels: Channels, band: Bandwidth) -> Bool
         if jump[k] < _JUMP * weight or np.mean(away) < 1.0 - _MOST:
             break
         away[max(0, k - reach) : k + reach] = False
+    for touches in channels.active.values():
+        # A flag says the moment of a touch or a lift as roughly as a sample does.
+        for k in np.flatnonzero(np.diff(touches.astype(np.int8))):
+            away[max(0, k - reach) : k + reach] = False
     return away

@@ -14,6 +14,7 @@ from wbc.identification.records.bandwidth import Bandwidth, SensorNoise, choose_
 from wbc.identification.records.channels import Channels, read_channels
 from wbc.identification.records.impacts import away_from_impacts
 from wbc.identification.records.load_noise import load_bands
+from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.identification.records.smoothing import (
     derivative,
@@ -72,12 +73,16 @@ def _noise(robot: Robot, channels: Channels) -> SensorNoise:
     velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
     torque = channels.torque * np.abs(robot.transmission.gear_ratio)
     rate = channels.rate
+    level, sensed = white_level(torque, rate), white_level(channels.sensed, rate)
+    unknown = robot.sensed[~channels.reported[robot.sensed]]
+    level[unknown] = sensed[np.isin(robot.sensed, unknown)]
     return SensorNoise(
         # NaN, where no position was measured, stays NaN.
         position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
         velocity=white_level(velocities, rate),
-        torque=white_level(torque, rate),
+        torque=level,
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},
+        sensed=sensed,
     )
 
 
@@ -123,7 +128,10 @@ def _record(
         robot=robot,
         motion=thinned,
         torque=frozen(torque[thin]),
+        reported=frozen(channels.reported, np.bool_),
+        sensed=frozen(low_pass(channels.sensed, cutoff, rate)[thin]),
         forces=forces,
+        active={name: touches[thin] for name, touches in channels.active.items()},
         weight=frozen(
             _weight(robot, thinned, noise, band, reversal)
             * away_from_impacts(robot, channels, band)[thin, None]
@@ -132,7 +140,7 @@ def _record(
         bandwidth=band,
         noise=noise,
         reported_share=np.ones(robot.transmission.size),
-        certainty=np.ones(robot.transmission.size + robot.floating_size),
+        certainty=np.ones(output_count(robot)),
         load_band=np.full(robot.transmission.size, np.inf),
     )
 
@@ -186,7 +194,7 @@ def _at_rest(robot: Robot, velocity: FloatArray, noise: SensorNoise, band: Bandw
 def _weight(
     robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth, reversal: float
 ) -> FloatArray:
-    """Return (N, m + b): how far the direction of motion behind each output can be trusted.
+    """Return (N, m + b + s): how far the direction of motion behind each output can be trusted.
 
     Around a reversal the smoothed velocity is wrong about the moment and hides standstill, so
     that dry friction there cannot be told; the window scales with the band and the acceleration.
@@ -206,7 +214,8 @@ def _weight(
     # A mesh turns with every joint that its motor moves: all of them must have a direction.
     moves = np.abs(robot.transmission.topology) > 0.0
     per_gear = np.stack([trusted[:, moves[:, k]].min(axis=1) for k in range(rows.size)], axis=1)
-    weight = np.concatenate([per_gear, np.ones((len(speed), robot.floating_size))], axis=1)
+    passive = np.ones((len(speed), robot.floating_size))
+    weight = np.concatenate([per_gear, passive, per_gear[:, robot.sensed]], axis=1)
     return np.asarray(weight * settled[:, None])
 
 

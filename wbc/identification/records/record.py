@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import (
     contact_torque,
     inertial_parameters,
@@ -19,6 +19,7 @@ from wbc.dynamics import (
     link_torque,
 )
 from wbc.identification.records.bandwidth import Bandwidth, SensorNoise
+from wbc.identification.records.contact_balance import ContactBalance
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.identification.records.smoothing import low_pass
 from wbc.links import LinkResponse
@@ -36,7 +37,10 @@ class Record:
         robot: the robot that the user believes in; link terms are cached for it.
         motion: smoothed q, v, a (N, ...).
         torque: (N, m) rotor torque that the drives reported [N m].
+        reported: (m,) whether a drive reports its torque.
+        sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N], ground on robot.
+        active: contact name -> (N,) whether it touches, of contacts without a force sensor.
         weight: (N, m + b) between 0 and 1, small where a joint is too slow for its direction to
             be known.
         rate: [Hz] of this grid.
@@ -53,7 +57,10 @@ class Record:
     robot: Robot
     motion: Motion
     torque: FloatArray
+    reported: BoolArray
+    sensed: FloatArray
     forces: Mapping[str, FloatArray]
+    active: Mapping[str, BoolArray]
     weight: FloatArray
     rate: float
     bandwidth: Bandwidth
@@ -115,9 +122,23 @@ class Record:
         return replace(self, bandwidth=band)
 
     @cached_property
+    def balance(self) -> ContactBalance | None:
+        """The active contacts whose forces were not measured, None without any."""
+        if not any(touches.any() for touches in self.active.values()):
+            return None
+        return ContactBalance.of(self.robot, self.motion.position, self.active)
+
+    @cached_property
     def contacts(self) -> FloatArray:
-        """J' f of the measured contact forces, (N, nv)."""
-        return contact_torque(self.robot, self.motion.position, self.forces)
+        """J' f of the contact forces, (N, nv): measured, or as the balance of the base asks."""
+        return self._balanced(contact_torque(self.robot, self.motion.position, self.forces))
+
+    def _balanced(self, measured: FloatArray) -> FloatArray:
+        """Return J' f (N, nv) with the forces beside the measured ones that carry the links."""
+        if self.balance is None:
+            return measured
+        lacking = (self.links - measured)[:, self.robot.unactuated]
+        return measured + self.balance.carried(lacking)
 
     def forces_of(self, robot: Robot) -> ContactForces:
         """Return the contact forces (N, 3) that a robot believes behind those measured."""
@@ -131,7 +152,7 @@ class Record:
         forces = self.forces_of(robot)
         if forces is self.forces:
             return self.contacts
-        return contact_torque(self.robot, self.motion.position, forces)
+        return self._balanced(contact_torque(self.robot, self.motion.position, forces))
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""
@@ -158,6 +179,15 @@ class Record:
     def links(self) -> FloatArray:
         """H_l a + c_l of the believed robot, (N, nv)."""
         return link_torque(self.robot, self.motion)
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """What the joints carry (N, nv): of the believed links, or as torque sensors show it."""
+        load = self.links - self.contacts
+        output = load[:, self.robot.actuated] @ self.robot.transmission.topology
+        output[:, self.robot.sensed] = self.sensed
+        load[:, self.robot.actuated] = output @ self.robot.transmission.motor_from_joint
+        return load
 
     @cached_property
     def regressor(self) -> FloatArray:

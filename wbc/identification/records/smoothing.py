@@ -25,7 +25,7 @@ def low_pass(values: FloatArray, cutoff: float, rate: float, order: int = _ORDER
         rate: [Hz] sampling rate; a cutoff at or above half of it leaves the values unchanged.
         order: of each pass.
     """
-    if cutoff >= 0.5 * rate or len(values) < 4:
+    if cutoff >= 0.5 * rate or len(values) < 4 or not values.size:
         return values
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
     before = 2.0 * values[0] - values[padding:0:-1]

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
+from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.identification.records.smoothing import derivative, low_pass
 from wbc.robot import Robot
@@ -30,7 +31,7 @@ def _disturbed(
 
 
 def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArray]:
-    """Return drawn noise (N, m + b) of the reported torque, and of what the model needs.
+    """Return drawn noise (N, m + b + s) of the reported torque, and of what the model needs.
 
     Positions, velocities, torques and forces get white noise of the level found in the log, the
     same filters, and the model's mass matrix and contact Jacobians.
@@ -56,11 +57,22 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     forces = {name: white(level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     gears = robot.transmission
+    balance = record.balance
+    if balance is not None:
+        torque -= balance.carried(torque[:, robot.unactuated])
     mesh = torque[:, robot.actuated] @ gears.topology
+    sensed = white(noise.sensed)
+    behind = sensed - mesh[:, robot.sensed]
+    mesh[:, robot.sensed] = sensed
     spin = acceleration[:, robot.actuated] @ gears.motor_from_joint.T
     needed = np.sign(gears.gear_ratio) * mesh + np.abs(gears.gear_ratio) * (
         gears.rotor_inertia * gears.gear_ratio * spin
     )
-    reported = np.zeros((count, gears.size + robot.floating_size))
+    reported = np.zeros((count, output_count(robot)))
     reported[:, : gears.size] = white(noise.torque)
-    return reported, -np.concatenate([needed, torque[:, robot.unactuated]], axis=1)
+    if balance is not None:
+        sign = np.sign(gears.gear_ratio)
+        needed = sign * balance.seen(sign * needed)
+        reported[:, : gears.size] = sign * balance.seen(sign * reported[:, : gears.size])
+    rows = [-needed, -torque[:, robot.unactuated], behind]
+    return reported, np.concatenate(rows, axis=1)

@@ -10,13 +10,12 @@ from scipy.stats import norm
 
 from wbc.effects import load_robot
 from wbc.errors import WbcError
-from wbc.identification.answer.breakdown import output_names
 from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.problem import Problem
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
-from wbc.robot.coordinates import output_units
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
@@ -104,7 +103,7 @@ def _measured(
 def _errors(problem: Problem) -> dict[Quantity, Estimate]:
     """Return the rms of every output with its interval, blocks of the logs being samples."""
     units, found = output_units(problem.robot), {}
-    for column, name in enumerate(output_names(problem.records[0])):
+    for column, name in enumerate(output_names(problem.robot)):
         blocks = problem.block_means(problem.residual[:, column] ** 2)
         mean = float(np.mean(blocks))
         spread = DEVIATIONS * float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))

@@ -10,7 +10,9 @@ from wbc.measurement.log import Log
 from wbc.measurement.suspicions.matching import match_joints
 from wbc.robot import Robot
 
-_TORQUES = ("rotor_torque", "motor_torque", "current")
+_TORQUES = ("rotor_torque", "motor_torque", "current", "joint_torque")
+
+_OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
 
 
 def check_robot(log: Log, robot: Robot) -> list[Finding]:
@@ -76,8 +78,8 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
                 "error",
                 "no_torque",
                 "",
-                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque and current "
-                "is needed.",
+                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
+                "and joint_torque is needed.",
                 "Record what the drive reports; a log of positions alone can be played, not "
                 "compared.",
             )
@@ -86,7 +88,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         joint
         for k, joint in enumerate(robot.transmission.joints)
         if joint not in lacking
-        and not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES[:2])
+        and not any(_known(log, f"{joint}.{quantity}") for quantity in _OF_UNIT)
         and not np.isfinite(constant[k])
     ]
     if silent:

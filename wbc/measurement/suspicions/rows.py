@@ -105,7 +105,8 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     if not joints or not _has_all(robot, log) or len(log) < 50:
         return None
     forces = {c.name: c.name for c in robot.contacts if c.name in log.contacts}
-    if robot.floating_size and robot.contacts and not forces:
+    flagged = any(log.has(f"{c.name}.active") and c.name not in forces for c in robot.contacts)
+    if robot.floating_size and robot.contacts and (flagged or not forces):
         return None
     grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
     if not _moves(robot, log):

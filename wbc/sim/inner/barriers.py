@@ -11,9 +11,11 @@ from wbc.compiled import (
     Flag,
     Flags,
     Nothing,
+    Number,
     OutDense,
     OutPlaces,
     OutRow,
+    Places,
     Row,
     Table,
     compiled,
@@ -204,3 +206,95 @@ def barrier_rows(
                     + r * column[5]
                 )
                 i = rows[i, 1]
+
+
+@compiled(
+    Nothing, Flags, Flags, Row, Row, Number, Table, Dense, Table, Dense, Dense, Flag, Table, Dense,
+    Row, Dense, Row, Count, OutDense, OutDense, OutPlaces, OutRow, OutRow, OutRow,
+)  # fmt: skip
+def held_rows(
+    closed: BoolArray,
+    kept: BoolArray,
+    rate: FloatArray,
+    speed: FloatArray,
+    step: float,
+    limit_at: IntArray,
+    limit_range: FloatArray,
+    contact_at: IntArray,
+    contacts: FloatArray,
+    solids: FloatArray,
+    planar: bool,
+    rows: IntArray,
+    columns: FloatArray,
+    about: FloatArray,
+    poses: FloatArray,
+    middle: FloatArray,
+    first: int,
+    matrix: FloatArray,
+    axes: FloatArray,
+    which: IntArray,
+    targets: FloatArray,
+    frictions: FloatArray,
+    gap: FloatArray,
+) -> None:
+    """Write the rows of the closed barriers, their lowest speeds and frictions.
+
+    Args:
+        closed: (2 j + c,).
+        kept: (2 j + c,) barriers that may close within the part.
+        rate: (2 j + c,) speed at which closed contacts opened at the start.
+        speed: v (nv,) in the middle.
+        step: h [s].
+        limit_at, limit_range, contact_at, contacts, solids: see `gaps_at`.
+        planar, rows, columns, about, poses, first, matrix, axes, which: see `barrier_rows`.
+        middle: q (nq,) in the middle.
+        targets: (l + k,) to write.
+        frictions: (k,) to write.
+        gap: (2 j + c,) in the middle, to write where any barrier is closed.
+    """
+    if len(targets):
+        gaps_at(limit_at, limit_range, contact_at, contacts, solids, middle, poses, gap)
+        barrier_rows(
+            closed, limit_at, contact_at, contacts, solids, planar, rows, columns, about, poses,
+            first, matrix, axes, which,
+        )  # fmt: skip
+    row = 0
+    for i in range(len(closed)):
+        if closed[i]:
+            targets[row] = 0.0
+            if kept[i]:
+                # It was kept ahead of its closing and may close, over the half step left.
+                targets[row] = -2.0 / step * max(gap[i], 0.0)
+            elif i >= 2 * len(limit_at):
+                # What it opened over the first half it closes over the second: `problem`.
+                drifted = -rate[i]
+                for c in range(len(speed)):
+                    drifted += matrix[first + row, c] * speed[c]
+                targets[row] = -max(drifted, 0.0)
+            row += 1
+    for c in range(len(frictions)):
+        frictions[c] = contacts[which[c] % len(contact_at), 4]
+
+
+@compiled(Nothing, Row, Dense, Places, Count, OutDense)
+def world_pushes(
+    solved: FloatArray, axes: FloatArray, which: IntArray, tangents: int, pushes: FloatArray
+) -> None:
+    """Write the impulse on every contact point (k, 3), world.
+
+    Args:
+        solved: normal impulses of the closed contacts, then their tangents' (c (1 + d),).
+        axes: (c (1 + d), 3), see `barrier_rows`.
+        which: (c,) numbers of the closed contact barriers.
+        tangents: d.
+        pushes: to write.
+    """
+    pushes[:] = 0.0
+    count = len(which)
+    for c in range(count):
+        for x in range(3):
+            push = solved[c] * axes[c * (1 + tangents), x]
+            for a in range(tangents):
+                along = axes[c * (1 + tangents) + 1 + a, x]
+                push += solved[count + c * tangents + a] * along
+            pushes[which[c] % len(pushes), x] += push

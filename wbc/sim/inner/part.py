@@ -21,23 +21,18 @@ from wbc.compiled import (
     Table,
     compiled,
 )
-from wbc.sim.inner.barriers import barrier_rows, gaps_at
+from wbc.sim.inner.arrival import arrive
+from wbc.sim.inner.barriers import held_rows, world_pushes
 from wbc.sim.inner.motion import (
     FIRST,
     JOINT,
     PLANAR,
-    advance,
     base_frame,
-    look,
     point_of_reference,
-    set_momentum,
 )
-from wbc.sim.inner.program import INERTIA, free_velocity, gear_laws, solve_rows
-from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
-from wbc.sim.step.momentum import momentum_at, part_on_joints
-from wbc.sim.step.overlap import least
+from wbc.sim.inner.program import free_velocity, gear_laws, solve_rows
+from wbc.sim.step.momentum import part_on_joints
 from wbc.sim.tree.inertia import bias_at
-from wbc.sim.tree.kinematics import moved_along, place
 
 FAILED, SMOOTH, LANDED = range(3)
 """No solution by Newton; a part to the end; one in which a barrier was passed on the way."""
@@ -66,60 +61,6 @@ def bias_of(
             weight[k] = -composite[bases[i, JOINT], 0] * gravity[k]
         planar = bases[i, PLANAR] == 1
         part_on_joints(inertia, turn, lever, bases[i, FIRST], planar, weight, bias)
-
-
-@compiled(Flag, Dense, Dense, Dense, Dense, Flags, Row, Number, OutRow)
-def shift_of(
-    inertia: FloatArray,
-    gear_rows: FloatArray,
-    gears: FloatArray,
-    matrix: FloatArray,
-    pressed: BoolArray,
-    gap: FloatArray,
-    furthest: float,
-    shift: FloatArray,
-) -> bool:
-    """Write the least shift (nv,) that takes overlaps back; False where none can be found.
-
-    Args:
-        inertia: H_l; rotors are added, so that what is light moves first.
-        gear_rows, gears: of the rotors.
-        matrix: (b, nv) rows of the closed limits and normals.
-        pressed: (b,) whether they carry an impulse: their gaps are taken back from either side.
-        gap: (b,) of these; a gap that is left may close.
-        furthest: [m, rad] by which an overlap is taken back at most.
-        shift: to write.
-    """
-    n, count = len(shift), len(gap)
-    metric, lower = np.empty((n, n)), np.empty((n, n))
-    for i in range(n):
-        for j in range(n):
-            metric[i, j] = inertia[i, j]
-    for g in range(len(gears)):
-        for i in range(n):
-            if gear_rows[g, i] != 0.0:
-                for j in range(n):
-                    metric[i, j] += gears[g, INERTIA] * gear_rows[g, i] * gear_rows[g, j]
-    if not factor_inertia(metric, lower):
-        return False
-    half, delassus = np.empty((n, count)), np.empty((count, count))
-    missing, lowest, push = np.empty(count), np.empty(count), np.zeros(count)
-    for i in range(count):
-        for j in range(n):
-            half[j, i] = matrix[i, j]
-    halfway(lower, half)
-    products(half, delassus)
-    for i in range(count):
-        missing[i], lowest[i] = min(-gap[i], furthest), 0.0
-        if pressed[i]:
-            missing[i], lowest[i] = max(missing[i], -furthest), -np.inf
-    least(delassus, missing, lowest, push)
-    for j in range(n):
-        shift[j] = 0.0
-        for i in range(count):
-            shift[j] += half[j, i] * push[i]
-    rest_of_way(lower, shift)
-    return True
 
 
 @compiled(Nothing, Count, Count, Count, Count, Count, Flags, OutPlaces)
@@ -228,7 +169,7 @@ def from_middle(
     Returns:
         FAILED, SMOOTH or LANDED; and minus SMOOTH or LANDED where some overlap is left.
     """
-    n, m, j, k = len(v), len(gears), len(limit_at), len(contact_at)
+    n, m, j = len(v), len(gears), len(limit_at)
     q_end, v_end, motor = out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]]
     impulse, gap, after = out[ends[2] : ends[3]], out[ends[3] : ends[4]], out[ends[4] : ends[5]]
     mesh, overlap = out[ends[5] : ends[6]], out[ends[6] : ends[7]]
@@ -251,30 +192,13 @@ def from_middle(
     total = m + both + d * touching
     matrix, axes = np.empty((total, n)), np.empty((touching * (1 + d), 3))
     which, about = np.empty(touching, dtype=np.int64), np.empty(3)
-    targets, frictions = np.zeros(both), np.empty(touching)
+    targets, frictions = np.empty(both), np.empty(touching)
     point_of_reference(bases, poses, about)
-    if both:
-        gaps_at(limit_at, limit_range, contact_at, contacts, solids, middle, poses, gap)
-        barrier_rows(
-            closed, limit_at, contact_at, contacts, solids, planar, rows, columns, about, poses, m,
-            matrix, axes, which,
-        )  # fmt: skip
-    row = 0
-    for i in range(size):
-        if closed[i]:
-            if kept[i]:
-                # It was kept ahead of its closing and may close, over the half step left.
-                targets[row] = -2.0 / step * max(gap[i], 0.0)
-            elif i >= 2 * j:
-                # What it opened over the first half it closes over the second: `flow._add_drift`.
-                drifted = -rate[i]
-                at = m + row
-                for c in range(n):
-                    drifted += matrix[at, c] * speed[c]
-                targets[row] = -max(drifted, 0.0)
-            row += 1
-    for c in range(touching):
-        frictions[c] = contacts[which[c] % k, 4]
+    held_rows(
+        closed, kept, rate, speed, step, limit_at, limit_range, contact_at, contacts, solids,
+        planar, rows, columns, about, poses, middle, m, matrix, axes, which, targets, frictions,
+        gap,
+    )  # fmt: skip
     # Gear rows.
     laws = np.empty((m, 7))
     gear_laws(gears, gear_rows, v, torque, dry, step, laws)
@@ -300,56 +224,18 @@ def from_middle(
     for i in range(m):
         motor[i] = moved[i]
         mesh[i] = solved[i] + np.sign(moved[i]) * laws[i, 5]
-    contact_impulse[:] = 0.0
-    for c in range(touching):
-        for x in range(3):
-            push = solved[m + limits + c] * axes[c * (1 + d), x]
-            for a in range(d):
-                push += solved[m + both + c * d + a] * axes[c * (1 + d) + 1 + a, x]
-            contact_impulse[which[c] % k, x] += push
+    world_pushes(solved[m + limits :], axes, which, d, contact_impulse)
     # New state.
-    turn, lever, half = np.empty((3, 3)), np.empty(3), 0.5 * step
-    for i in range(len(bases)):
-        base_frame(bases, i, poses, composite, turn, lever)
-        momentum_at(
-            inertia, turn, lever, bases[i, FIRST], bases[i, PLANAR] == 1, after, carried[i, :6]
-        )
-    moved_along(joints, middle, after, half, q_end)
-    place(joints, shapes, q_end, poses)
-    advance(joints, bases, shapes, half, carried, q_end, poses)
-    gaps_at(limit_at, limit_range, contact_at, contacts, solids, q_end, poses, gap)
-    pressed, drift = np.empty(both, dtype=np.bool_), np.empty(both)
-    row, worst, deepest, left = 0, 0.0, 0.0, False
-    for i in range(size):
-        overlap[i] = 0.0
-        if closed[i]:
-            pressed[row], drift[row] = solved[m + row] > 0.0, gap[i]
-            worst = max(worst, abs(gap[i]) if pressed[row] else -gap[i])
-            deepest = min(deepest, gap[i])
-            row += 1
-    if worst > drift_from:
-        furthest, shift = return_speed * step, np.empty(n)
-        if deepest < -furthest - touch:
-            left = True
-            for i in range(size):
-                overlap[i] = max(-gap[i] - furthest, 0.0) if closed[i] else 0.0
-        if shift_of(
-            inertia, gear_rows, gears, matrix[m : m + both], pressed, drift, furthest, shift
-        ):
-            moved_along(joints, q_end.copy(), shift, 1.0, q_end)
-            place(joints, shapes, q_end, poses)
-            gaps_at(limit_at, limit_range, contact_at, contacts, solids, q_end, poses, gap)
-    v_end[:] = after
-    if len(bases):
-        upto = 0
-        for i in range(len(bases)):
-            upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
-        look(joints, shapes, rows, bases, upto, poses, columns, bodies, composite, inertia)
-        set_momentum(bases, poses, composite, inertia, carried, v_end)
+    left = arrive(
+        joints, shapes, rows, bases, limit_at, limit_range, contact_at, contacts, solids, gears,
+        gear_rows, closed, matrix[m : m + both], solved[m : m + both], middle, after, step,
+        return_speed, drift_from, touch, poses, columns, bodies, composite, inertia, carried,
+        q_end, v_end, gap, overlap,
+    )  # fmt: skip
     result, row = SMOOTH, 0
     for i in range(size):
         if closed[i]:
-            closed[i] = gap[i] <= touch or pressed[row]
+            closed[i] = gap[i] <= touch or solved[m + row] > 0.0
             row += 1
         elif gap[i] < -touch:
             result = LANDED

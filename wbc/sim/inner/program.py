@@ -133,9 +133,10 @@ def solve_rows(
     tolerance = accuracy * (1.0 + fastest)
     used = 0
     if size > 0:
+        ways = np.ascontiguousarray(half.T) if size > n else np.empty((0, 0))
         used = newton_loop(
-            delassus, own, spring, slope, laws, targets, frictions, tangents, start, tolerance,
-            limit, impulse,
+            ways, delassus, own, spring, slope, laws, targets, frictions, tangents, start,
+            tolerance, limit, impulse,
         )  # fmt: skip
         if used < 0:
             return -1

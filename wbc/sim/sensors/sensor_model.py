@@ -23,7 +23,7 @@ class SensorModel:
     Attributes:
         position, velocity: of the joints.
         rotor_torque: as the drives report it.
-        joint_torque: at the outputs.
+        joint_torque: behind the gears; None where no sensor is there, as on most robots.
         force: of the contacts, each axis.
         columns: full column name -> sensor, in place of the quantity's.
         every: rows of the recording per row of the log (its rate).
@@ -32,7 +32,7 @@ class SensorModel:
     position: Sensor = field(default_factory=Sensor)
     velocity: Sensor = field(default_factory=Sensor)
     rotor_torque: Sensor = field(default_factory=Sensor)
-    joint_torque: Sensor = field(default_factory=Sensor)
+    joint_torque: Sensor | None = None
     force: Sensor = field(default_factory=Sensor)
     columns: Mapping[str, Sensor] = field(default_factory=dict)
     every: int = 1
@@ -59,6 +59,8 @@ class SensorModel:
         columns = {}
         for name, values in recording.columns.items():
             if name.endswith(_ROTOR):  # an encoder on it is what `position` comes from
+                continue
+            if name.endswith(".joint_torque") and self.joint_torque is None:
                 continue
             sensor = self.columns.get(name, self._sensor(name))
             columns[name] = sensor.read(recording.time, shown.get(name, values), random)

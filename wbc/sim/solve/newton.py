@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutRow, Row, compiled
+from wbc.compiled import Count, Dense, Flag, Nothing, Number, OutRow, Row, compiled
 from wbc.sim.solve.branches import pieces_at, solve_pieces
+from wbc.sim.solve.in_velocities import solve_in_velocities
 from wbc.sim.solve.reduced import Reduced
 
 _FULL_STEPS = 4
@@ -25,22 +26,34 @@ def speeds_at(
         speed[i] = free[i] + total
 
 
+@compiled(Flag, Dense, Dense, Row, Row, Row, Count, Dense, Dense, Row, OutRow)
+def solve_smaller(
+    ways: FloatArray,
+    delassus: FloatArray,
+    spring: FloatArray,
+    slope: FloatArray,
+    frictions: FloatArray,
+    tangents: int,
+    pieces: FloatArray,
+    sliding: FloatArray,
+    impulse: FloatArray,
+    solved: FloatArray,
+) -> bool:
+    """Solve the pieces in velocities where W' is given (not empty), else in impulses."""
+    if len(ways):
+        return solve_in_velocities(
+            ways, spring, slope, frictions, tangents, pieces, sliding, impulse, solved
+        )
+    return solve_pieces(
+        delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, solved
+    )
+
+
 @compiled(
-    Count,
-    Dense,
-    Row,
-    Row,
-    Row,
-    Dense,
-    Row,
-    Row,
-    Count,
-    Row,
-    Number,
-    Count,
-    OutRow,
-)
+    Count, Dense, Dense, Row, Row, Row, Dense, Row, Row, Count, Row, Number, Count, OutRow
+)  # fmt: skip
 def newton_loop(
+    ways: FloatArray,
     delassus: FloatArray,
     free: FloatArray,
     spring: FloatArray,
@@ -56,6 +69,8 @@ def newton_loop(
 ) -> int:
     """Write the row impulses (r,) at which every row is on its law; see `newton`.
 
+    With W' (r, n) in `ways`, W'W = delassus, its systems are solved in velocities; (0, 0) for none.
+
     Returns:
         the number of linear systems solved, as a negative number where it did not converge (less
         one, so that it is never zero).
@@ -67,8 +82,8 @@ def newton_loop(
     speeds_at(delassus, free, impulse, speed)
     pieces_at(laws, targets, frictions, tangents, slope, impulse, speed, pieces, sliding)
     for iteration in range(1, _FULL_STEPS + 1):
-        if not solve_pieces(
-            delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, aim
+        if not solve_smaller(
+            ways, delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, aim
         ):
             impulse[:] = start
             return -iteration - 1
@@ -87,8 +102,8 @@ def newton_loop(
     for i in range(size):
         merit += pieces[i, 3] * pieces[i, 3]
     for iteration in range(1, limit + 1):
-        if not solve_pieces(
-            delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, aim
+        if not solve_smaller(
+            ways, delassus, spring, slope, frictions, tangents, pieces, sliding, impulse, aim
         ):
             return -iteration - _FULL_STEPS - 1
         share = 1.0
@@ -128,6 +143,7 @@ def newton(
         return start, 0, True
     impulse = np.empty(len(start))
     used = newton_loop(
+        reduced.ways,
         reduced.delassus,
         reduced.free,
         reduced.spring,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from wbc.arrays import FloatArray
 from wbc.sim.solve.newton import newton
-from wbc.sim.solve.reduced import Reduced
+from wbc.sim.solve.reduced import IN_IMPULSES, Reduced
 
 _FIRST, _SMALLEST, _LARGEST = 1e-6, 1e-9, 1.0
 _HARDER, _SOFTER = 0.3, 30.0
@@ -58,4 +58,5 @@ def _softened(reduced: Reduced, compliance: float, about: FloatArray) -> Reduced
         diagonal=(1.0 + compliance) * reduced.diagonal,
         spring=(1.0 + compliance) * reduced.spring,
         slope=reduced.slope / (1.0 + compliance),
+        ways=IN_IMPULSES,
     )

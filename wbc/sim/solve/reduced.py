@@ -17,6 +17,8 @@ NOT_POSITIVE = (
     "the inertia matrix of the links is not positive definite: some body without mass moves "
     "freely. Give every moving body a mass."
 )
+IN_IMPULSES = np.empty((0, 0))
+"""`Reduced.ways` of a step whose systems are solved in impulses."""
 
 
 def blown_up(inertia: FloatArray, velocity: FloatArray) -> SimulationError:
@@ -56,6 +58,8 @@ class Reduced:
         limits: l; rows m .. m + l.
         contacts: k; normals are rows m + l .. m + l + k.
         tangents: d per contact; the last k d rows.
+        ways: W' (r, n), W'W = delassus, where there are more rows than freedoms and no springs;
+            else (0, 0).
     """
 
     program: StepProgram
@@ -72,6 +76,7 @@ class Reduced:
     limits: int
     contacts: int
     tangents: int
+    ways: FloatArray
 
     @property
     def normal_rows(self) -> slice:
@@ -113,12 +118,14 @@ def reduce_program(program: StepProgram) -> Reduced:
     rows = program.rows()
     elements, unilateral = program.elements, program.unilateral
     m, k = elements.size, len(unilateral.normals)
-    _, response, info = lapack.dposv(program.inertia, rows.T)
+    upper, response, info = lapack.dposv(program.inertia, rows.T)
     if info != 0:
         if not np.isfinite(program.inertia).all():
             raise blown_up(program.inertia, program.free_velocity)
         raise SimulationError(NOT_POSITIVE)
-    delassus = rows @ response
+    delassus, ways = rows @ response, IN_IMPULSES
+    if len(rows) > len(program.inertia) and not elements.compliance.any():
+        ways = np.ascontiguousarray(lapack.dtrtrs(upper, rows.T, trans=1)[0].T)
     free = rows @ program.free_velocity
     if m:
         delassus.ravel()[: m * (len(free) + 1) : len(free) + 1] += elements.compliance
@@ -150,6 +157,7 @@ def reduce_program(program: StepProgram) -> Reduced:
         len(unilateral.limits),
         k,
         d,
+        ways,
     )
 
 

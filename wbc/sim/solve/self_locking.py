@@ -11,6 +11,9 @@ Where Lambda + diag(eta_b / M) is positive definite, Lambda being the compliance
 with all other rows held, the whole step is strictly monotone and has one solution. Otherwise each
 of these gears is held to one of the three ranges at a time: `high` and `low` are monotone laws,
 `fall` is a line that is eliminated. What solves the rest and lies in its ranges solves the step.
+
+A spring in series adds its compliance c to Lambda's diagonal. With c > |eta_b| / M the sum is
+positive definite whatever Lambda is: gears that yield that much have one solution in every step.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ from wbc.errors import SimulationError
 from wbc.sim.laws.elements import Elements, falling_rows
 from wbc.sim.solve.newton import newton
 from wbc.sim.solve.proximal import proximal
-from wbc.sim.solve.reduced import Reduced, row_laws
+from wbc.sim.solve.reduced import IN_IMPULSES, Reduced, row_laws
 
 _SLOWEST = 1e-9
 """[rad/s] below which two solutions count as one."""
@@ -95,10 +98,13 @@ def solve_in_ranges(
     if len(found) == 1:
         return found[0], used
     several = f"{len(found)} solutions" if found else "no solution that could be found"
+    e = reduced.program.elements
+    yields = float((e.inertia[rows] / -e.backward[rows]).min())
     raise SimulationError(
         f"the step has {several} with the self-locking gears {called}: they turn against rotors "
-        "too light for what their gears lock. Give these gears more rotor inertia or a backward "
-        "efficiency nearer to zero, or shorten the step."
+        "too light for what their gears lock. Let the gears yield, as real teeth do (`stiffness`): "
+        f"with stiffness dt^2 / 4 + damping dt below {yields:.3g} kg m^2 every step has one "
+        "solution. Or give them more rotor inertia, or backward efficiencies nearer to zero."
     )
 
 
@@ -180,5 +186,6 @@ def _held_to(
         slope=slope[kept],
         laws=row_laws(elements),
         elements=len(own),
+        ways=IN_IMPULSES,
     )
     return inner, fixed, kept

@@ -1,0 +1,193 @@
+"""What was found, in the formats of other simulators: read back there, it moves as it does here."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import Robot, load_robot
+from wbc.cli import main
+from wbc.effects import (
+    ActuationDelay,
+    CoulombFriction,
+    JointSpring,
+    LinkInertia,
+    PayloadMass,
+    StribeckFriction,
+    TorqueConstant,
+    TorqueOffset,
+    TransmissionEfficiency,
+    ViscousFriction,
+    save_robot,
+)
+from wbc.errors import RobotError
+from wbc.export import export_robot
+from wbc.sim import Plane, Plant, simulate
+
+_DURATION, _STEP = 0.6, 2e-4  # [s]; no joint reaches its stop
+
+
+def told(robot: Robot) -> Robot:
+    """Return the robot with effects that MJCF can say."""
+    return robot.with_effects(
+        PayloadMass.at("shin", {"mass": 0.7}),
+        ViscousFriction("knee", 0.4),
+        CoulombFriction("hip", 0.8),
+        JointSpring("knee", 3.0, 0.5),
+        TorqueConstant("hip", 0.9),
+        TorqueOffset("knee", 0.25),
+    )
+
+
+def motor_torque(time: float) -> np.ndarray:
+    """Return what both motors are asked for, at their outputs [N m]."""
+    return np.array([4.0 * np.sin(5.0 * time), 3.0 * np.cos(4.0 * time)])
+
+
+def ours(robot: Robot, q: np.ndarray) -> np.ndarray:
+    gears = robot.transmission
+    plant = Plant(robot, terrain=Plane(height=-10.0))
+    run = simulate(
+        plant,
+        lambda state: motor_torque(state.time + 0.5 * _STEP) / gears.gear_ratio,
+        plant.state(q),
+        _DURATION,
+        dt=_STEP,
+    )
+    return run.state.position
+
+
+def theirs(robot: Robot, q: np.ndarray) -> np.ndarray:
+    model = mujoco.MjModel.from_xml_string(export_robot(robot, "mjcf").text)
+    model.opt.timestep = _STEP
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.opt.iterations, model.opt.tolerance = 200, 1e-14
+    # As stiff a dry friction as the step allows.
+    model.dof_solref[:], model.dof_solimp[:] = [2.0 * _STEP, 1.0], [0.999, 0.9999, 1e-3, 0.5, 2.0]
+    model.tendon_solref_fri[:] = [2.0 * _STEP, 1.0]
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    for tick in range(round(_DURATION / _STEP)):
+        data.ctrl[:] = motor_torque((tick + 0.5) * _STEP)
+        mujoco.mj_step(model, data)
+    return np.array(data.qpos)
+
+
+def test_mujoco_moves_the_exported_leg_as_our_plant_does() -> None:
+    leg = told(load_robot("planar_leg_fixed").lossless())
+    q = leg.pose("paper")
+    here, there = ours(leg, q), theirs(leg, q)
+    assert np.abs(here - q).max() > 0.3
+    np.testing.assert_allclose(there, here, atol=2e-3)
+    # The effects matter: a leg without them ends elsewhere.
+    assert np.abs(ours(load_robot("planar_leg_fixed").lossless(), q) - here).max() > 0.1
+
+
+def test_coupled_gears_move_as_our_plant_does() -> None:
+    leg = load_robot("parallelogram_leg").lossless()
+    q = leg.pose("paper")
+    q[leg.position_index("base_z")] = 30.0  # in the air
+    np.testing.assert_allclose(theirs(leg, q), ours(leg, q), atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["planar_leg_fixed", "planar_leg", "staubli_tx40", "solo12"])
+def test_urdf_reads_back_with_the_same_links(name: str, tmp_path: Path) -> None:
+    robot = load_robot(name)
+    if name == "planar_leg_fixed":
+        robot = robot.with_effects(
+            LinkInertia.at("shin", {"alpha": 0.1}), ViscousFriction("hip", 2)
+        )
+    path = export_robot(robot, "urdf").write(tmp_path / "robot.urdf")
+    root = (pin.JointModelFreeFlyer(),) if robot.has_free_flyer else ()
+    model = pin.buildModelFromUrdf(str(path), *root)
+    assert list(model.names)[2:] == list(robot.model.names)[2:]
+    random = np.random.default_rng(0)
+    data, own = model.createData(), robot.model.createData()
+    model.gravity.linear = robot.model.gravity.linear
+    for _ in range(5):
+        q = pin.integrate(robot.model, robot.neutral(), random.uniform(-1, 1, model.nv))
+        v, a = random.standard_normal((2, model.nv))
+        mine = pin.rnea(robot.model, own, q, v, a)
+        np.testing.assert_allclose(pin.rnea(model, data, q, v, a), mine, atol=1e-9, rtol=1e-9)
+    if name == "planar_leg_fixed":
+        assert model.damping[0] == pytest.approx(2.0)
+    for contact in robot.contacts:
+        assert model.existFrame(contact.name)
+
+
+@pytest.mark.parametrize(
+    "name", ["solo12", "anymal", "talos", "staubli_tx40", "differential_biped"]
+)
+def test_mujoco_reads_every_kind_of_robot(name: str) -> None:
+    robot = load_robot(name)
+    model = mujoco.MjModel.from_xml_string(export_robot(robot, "mjcf").text)
+    assert model.nu == robot.transmission.size
+    assert model.nv == robot.model.nv
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    gears = robot.transmission
+    q = np.array(data.qpos)
+    if robot.has_free_flyer:
+        q[3:7] = q[[4, 5, 6, 3]]
+    expected = pin.crba(robot.model, robot.model.createData(), q)
+    turned = gears.motor_from_joint
+    joints = np.ix_(robot.actuated, robot.actuated)
+    expected = np.triu(expected) + np.triu(expected, 1).T
+    expected[joints] += turned.T @ np.diag(gears.reflected_inertia) @ turned
+    np.testing.assert_allclose(mass[joints], expected[joints], rtol=1e-4, atol=1e-5)
+
+
+def test_isaac_parameters_are_plain_python() -> None:
+    leg = told(load_robot("planar_leg_fixed")).with_effects(ActuationDelay("hip", 0.004))
+    exported = export_robot(leg, "isaac")
+    held = {
+        node.targets[0].id: ast.literal_eval(node.value)
+        for node in ast.parse(exported.text).body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+    assert held["ACTUATORS"]["armature"]["hip"] == pytest.approx(20.0**2 * 6.6666666e-5)
+    assert held["ACTUATORS"]["friction"]["hip"] == pytest.approx(0.8)
+    assert held["ACTUATORS"]["viscous_friction"]["knee"] == pytest.approx(0.4)
+    assert held["ACTUATORS"]["effort_limit_sim"]["hip"] == pytest.approx(20.0)
+    assert held["DELAY"]["hip"] == pytest.approx(0.004)
+    assert held["INERTIAS"]["shin"]["mass"] == pytest.approx(2.7)
+    said = " ".join(exported.unsaid)
+    for missing in ("losses in the gear at hip", "spring at knee", "torque constant of hip"):
+        assert missing in said
+
+
+def test_what_a_format_cannot_say_stands_on_the_terminal_and_in_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    leg = load_robot("planar_leg_fixed").with_effects(
+        TransmissionEfficiency("knee", 0.66, 0.5),
+        StribeckFriction("hip", 0.4, 0.2),
+        ActuationDelay("knee", 0.006),
+    )
+    save_robot(leg, tmp_path / "fitted.toml")
+    target = tmp_path / "leg.xml"
+    assert (
+        main(["export", str(tmp_path / "fitted.toml"), "--to", "mjcf", "--file", str(target)]) == 0
+    )
+    printed, written = (
+        " ".join(capsys.readouterr().out.split()),
+        " ".join(target.read_text().split()),
+    )
+    for text in ("forward efficiency 0.66", "stribeck friction at hip", "delay of knee: 0.006 s"):
+        assert text in printed
+        assert text in written
+    assert "delay" not in " ".join(export_robot(leg, "mjcf").unsaid)
+
+
+def test_a_wrong_ending_and_a_wrong_format_are_said(tmp_path: Path) -> None:
+    code = main(["export", "planar_leg_fixed", "--to", "mjcf", "--file", str(tmp_path / "a.urdf")])
+    assert code == 2
+    with pytest.raises(RobotError, match="format 'sdf'"):
+        export_robot(load_robot("planar_leg_fixed"), "sdf")

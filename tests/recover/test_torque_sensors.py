@@ -1,0 +1,196 @@
+"""A torque sensor behind a gear: what is wrong before it and behind it, told apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc import Robot, load_robot, save_robot
+from wbc.effects import (
+    EFFECTS,
+    CoulombFriction,
+    PayloadMass,
+    TransmissionEfficiency,
+    effect_class,
+)
+from wbc.errors import LogError
+from wbc.identification import diagnose
+from wbc.identification.model.problem import Problem
+from wbc.identification.model.residual import raw_residual
+from wbc.measurement import Log
+from wbc.sim import Sensor
+from wbc.sim.excitation import ENCODER, record_run
+from wbc.transmission import mesh_input
+
+LEG = load_robot("planar_leg_fixed").lossless()
+SENSING = replace(ENCODER, joint_torque=Sensor(noise=0.02, delay=0.5e-3))
+LOSSY = TransmissionEfficiency("knee", 0.8, 0.72)
+HEAVY = PayloadMass("shin", 0.15)
+KINDS = [
+    EFFECTS[name]
+    for name in (
+        "transmission_efficiency",
+        "payload_mass",
+        "center_of_mass",
+        "coulomb_friction",
+        "viscous_friction",
+        "rotor_coulomb_friction",
+        "rotor_viscous_friction",
+        "torque_constant",
+        "load_friction",
+        "rotor_inertia",
+    )
+]
+
+
+@pytest.fixture(scope="module")
+def sensed() -> list[Log]:
+    """Return two logs of a leg with a heavy shin and a lossy knee, sensors behind both gears."""
+    real = LEG.with_effects(LOSSY, HEAVY)
+    runs = [record_run(real, LEG, seed, 4.0) for seed in (7, 8)]
+    return [SENSING.measure(real, run, k) for k, run in enumerate(runs)]
+
+
+def blind(logs: list[Log]) -> list[Log]:
+    return [log.select(n for n in log.names if "joint_torque" not in n) for log in logs]
+
+
+def test_a_wrong_mass_and_a_lossy_gear_are_named_each_on_its_side(sensed: list[Log]) -> None:
+    with_sensor, without = (diagnose(LEG, logs, KINDS) for logs in (sensed, blind(sensed)))
+    assert with_sensor.verdict == "named"
+    findings = {f.effect.key: f for f in with_sensor.findings}
+    assert findings.keys() == {LOSSY.key, HEAVY.key}
+    for truth in (LOSSY, HEAVY):
+        found = findings[truth.key]
+        assert found.probability > 0.95
+        for name, value in truth.values.items():
+            assert found.parameters[name].value == pytest.approx(value, rel=0.01)
+    other = {f.effect.key: f for f in without.findings}
+
+    def width(finding, name: str) -> float:
+        return finding.parameters[name].high - finding.parameters[name].low
+
+    mass = width(findings[HEAVY.key], "mass"), width(other[HEAVY.key], "mass")
+    print("width of the mass with and without a sensor", *mass)
+    assert mass[0] < 0.8 * mass[1]
+    names = [output.output for output in with_sensor.outputs]
+    assert names == ["hip", "knee", "hip (link side)", "knee (link side)"]
+
+
+def test_neither_row_knows_what_is_wrong_on_the_other_side(sensed: list[Log]) -> None:
+    problem = Problem.from_logs(LEG, sensed)
+    record, robot = problem.records[0], problem.robot
+    before = raw_residual(robot, record)
+    links = raw_residual(robot.with_effects(HEAVY), record) - before
+    gears = raw_residual(robot.with_effects(LOSSY), record) - before
+    assert np.all(links[:, :2] == 0.0)
+    assert np.abs(links[:, 2:]).max() > 0.1
+    assert np.all(gears[:, 2:] == 0.0)
+    assert np.abs(gears[:, 1]).max() > 0.1
+
+
+def test_dry_friction_is_told_by_its_side_of_the_sensor() -> None:
+    rotor = effect_class("rotor_coulomb_friction")
+    for hidden in (CoulombFriction("hip", 0.4), rotor.at("hip", {"level": 0.4})):
+        real = LEG.with_effects(hidden)
+        logs = [SENSING.measure(real, record_run(real, LEG, k, 3.0), k) for k in (7, 8)]
+        found = diagnose(LEG, logs, KINDS)
+        assert [f.effect.key for f in found.findings] == [hidden.key]
+
+
+def test_a_found_rotor_friction_is_saved_and_used_without_the_sensor(tmp_path: Path) -> None:
+    rotor = effect_class("rotor_coulomb_friction").at("hip", {"level": 0.4})
+    path = save_robot(LEG.with_effects(rotor), tmp_path / "fitted.toml")
+    assert load_robot(path).effects == (rotor,)
+
+
+SENSOR_ONLY = """
+model = "{model}"
+lock = ["base_x", "base_z", "base_pitch"]
+[gears.hip]
+torque_sensor = true
+[gears.knee]
+torque_sensor = true
+"""
+
+
+def test_a_robot_that_only_has_the_sensor_needs_no_ratio(sensed: list[Log], tmp_path: Path) -> None:
+    model = Path(__file__).parents[2] / "robots" / "planar_leg" / "planar_leg.urdf"
+    (tmp_path / "robot.toml").write_text(SENSOR_ONLY.format(model=model))
+    robot = load_robot(tmp_path / "robot.toml")
+    logs = [log.select(n for n in log.names if "rotor_torque" not in n) for log in sensed]
+    found = diagnose(robot, logs, KINDS)
+    assert [f.effect.key for f in found.findings] == [HEAVY.key]
+    assert found.findings[0].parameters["mass"].value == pytest.approx(0.15, rel=0.01)
+    assert not any("torque constant" in text for text in found.warnings)
+    with pytest.raises(LogError, match=r"needs 'hip\.joint_torque'"):
+        diagnose(robot, blind(logs))
+
+
+BENCH = """
+model = "bench.urdf"
+[gears.test]
+gear_ratio = { value = 50.0, unit = "1" }
+rotor_inertia = { value = 2e-5, unit = "kg m^2" }
+[gears.brake]
+gear_ratio = { value = 1.0, unit = "1" }
+rotor_inertia = { value = 3e-3, unit = "kg m^2" }
+"""
+URDF = """<robot name="bench"><link name="world"/><link name="a"/><link name="b"/>
+<joint name="test" type="revolute"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
+<limit lower="-1000" upper="1000" effort="100" velocity="100"/></joint>
+<joint name="brake" type="revolute"><parent link="world"/><child link="b"/><axis xyz="1 0 0"/>
+<limit lower="-1000" upper="1000" effort="100" velocity="100"/></joint></robot>"""
+
+
+def bench_log(robot: Robot, seed: int) -> Log:
+    """Return a run of two motors on one shaft, speed and load waves of their own (closed form)."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0.0, 8.0, 0.004)
+    phase = random.uniform(0.0, 6.0, 4)
+    speed = 3.0 * np.sin(1.3 * time + phase[0]) + 2.0 * np.sin(3.1 * time + phase[1])
+    change = 3.9 * np.cos(1.3 * time + phase[0]) + 6.2 * np.cos(3.1 * time + phase[1])
+    angle = -3.0 / 1.3 * np.cos(1.3 * time + phase[0]) - 2.0 / 3.1 * np.cos(3.1 * time + phase[1])
+    shaft = 6.0 * np.sin(2.2 * time + phase[2]) + 4.0 * np.sin(0.7 * time + phase[3])
+    forward, backward = np.array([0.8]), np.array([0.7])
+    mesh = mesh_input(shaft[:, None], speed[:, None], forward, backward)[:, 0]
+    motor = mesh + 50.0**2 * 2e-5 * change + 0.3 * np.sign(speed)  # dry friction of the rotor
+    brake = -shaft + 3e-3 * change
+
+    def noisy(values: np.ndarray, size: float) -> np.ndarray:
+        return values + size * random.standard_normal(time.size)
+
+    return Log(
+        time,
+        {
+            "test.position": noisy(angle, 2e-5),
+            "test.velocity": noisy(speed, 1e-3),
+            "test.motor_torque": noisy(motor, 0.02),
+            "test.joint_torque": noisy(shaft, 0.02),
+            "brake.position": noisy(angle, 2e-5),
+            "brake.velocity": noisy(speed, 1e-3),
+            "brake.motor_torque": noisy(brake, 0.02),
+            "brake.joint_torque": noisy(-shaft, 0.02),
+        },
+    )
+
+
+def test_a_dynamometer_gives_efficiencies_and_friction_in_both_directions(tmp_path: Path) -> None:
+    (tmp_path / "bench.urdf").write_text(URDF)
+    (tmp_path / "robot.toml").write_text(BENCH)
+    assert len(BENCH.strip().splitlines()) <= 10
+    robot = load_robot(tmp_path / "robot.toml")
+    found = diagnose(robot, [bench_log(robot, k) for k in (1, 2)], KINDS)
+    findings = {f.effect.key: f for f in found.findings}
+    assert findings.keys() == {
+        ("transmission_efficiency", "test"),
+        ("rotor_coulomb_friction", "test"),
+    }
+    gear = findings["transmission_efficiency", "test"].parameters
+    assert gear["forward_efficiency"].value == pytest.approx(0.8, abs=0.005)
+    assert gear["backward_efficiency"].value == pytest.approx(0.7, abs=0.005)
+    friction = findings["rotor_coulomb_friction", "test"].parameters
+    assert friction["level"].value == pytest.approx(0.3, abs=0.02)

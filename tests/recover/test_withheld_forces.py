@@ -1,0 +1,126 @@
+"""Legs whose feet have no force sensors: what is still found, and what is said not to be seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.corpus.case import Case
+from benchmarks.corpus.excitation import Excitation
+from benchmarks.corpus.families import draw_machine
+from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.record import record_cases
+from benchmarks.corpus.sensors import Sensors
+from benchmarks.corpus.trial import logs_of, robot_of, without_forces
+from wbc import Robot, load_robot
+from wbc.dynamics import contact_torque
+from wbc.errors import IdentificationError
+from wbc.identification import compare, diagnose
+from wbc.identification.model.residual import raw_residual
+from wbc.identification.records.preparation import prepare
+from wbc.measurement import Log
+
+SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
+KNEE = {"forward_efficiency": 0.8, "backward_efficiency": 0.72}
+
+
+@pytest.fixture(scope="module")
+def biped() -> tuple[Robot, list[Log]]:
+    """Return two planar legs that stand, with a lossy knee, as a plant of its own moves them."""
+    machine = draw_machine(np.random.default_rng(4), "biped")
+    runs = tuple(Excitation(kind, 30 + k, 4.0, k) for k, kind in enumerate(("multisine", "fast")))
+    flaws = (Flaw("transmission_efficiency", "knee_f", KNEE),)
+    case = Case(0, machine, flaws, runs, "fair", SENSORS, 0.01 * np.ones(4))
+    return robot_of(case), logs_of(record_cases([(case, runs)])[0])
+
+
+def test_the_losses_of_a_knee_are_named_without_force_sensors(
+    biped: tuple[Robot, list[Log]],
+) -> None:
+    robot, logs = biped
+    withheld = [without_forces(log) for log in logs]
+    assert not any(log.contacts for log in withheld)
+    found = diagnose(robot, withheld)
+    knee = {f.effect.key: f for f in found.findings}["transmission_efficiency", "knee_f"]
+    assert knee.probability > 0.95
+    for name, truth in KNEE.items():
+        assert knee.parameters[name].value == pytest.approx(truth, abs=0.01)
+    said = " ".join(found.warnings)
+    assert "no force was measured at foot_f, foot_h" in said
+    assert "base_z" in said
+
+
+def test_a_robot_that_stands_needs_no_flags(biped: tuple[Robot, list[Log]]) -> None:
+    robot, logs = biped
+    with_flags, without = (
+        compare(robot, [without_forces(log, flags=flags) for log in logs])
+        for flags in (True, False)
+    )
+    assert without.error == pytest.approx(with_flags.error)
+
+
+def _moving_quadruped(robot: Robot, feet: tuple[str, ...]) -> Log:
+    """Return a log of slow joints under a still base, some feet touching."""
+    random = np.random.default_rng(3)
+    count, gears = 400, robot.transmission
+    time = np.arange(count) * 0.005
+    columns = {f"base.position.{axis}": np.zeros(count) for axis in "xyz"}
+    columns |= {f"base.orientation.{axis}": np.full(count, float(axis == "w")) for axis in "xyzw"}
+    for joint in gears.joints:
+        usual = robot.pose()[robot.position_index(joint)]
+        columns[f"{joint}.position"] = usual + 0.1 * np.sin(3.0 * time + random.uniform(0.0, 6.0))
+        columns[f"{joint}.rotor_torque"] = np.zeros(count)
+    return Log(time, columns | {f"{name}.active": np.ones(count) for name in feet})
+
+
+@pytest.mark.parametrize(("feet", "sensors"), [(1, 0), (2, 0), (3, 0), (4, 0), (4, 5), (2, 12)])
+def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int, sensors: int) -> None:
+    """Whatever pushes at feet that touch, a quadruped leaves the same in its rows.
+
+    Also with torque sensors behind some or all of its gears.
+    """
+    robot = load_robot("solo12").lossless()
+    gears = robot.transmission
+    robot = robot.with_torque_sensors(gears.joints[:sensors])
+    names = tuple(contact.name for contact in robot.contacts[:feet])
+    log = _moving_quadruped(robot, names)
+    log = log.with_columns({f"{j}.joint_torque": np.zeros(len(log)) for j in robot.torque_sensors})
+    record = prepare(robot, [log])[0]
+    before = raw_residual(robot, record)
+    random = np.random.default_rng(feet)
+    forces = {n: 50.0 * random.standard_normal((len(before), 3)) for n in names}
+    pushed = contact_torque(robot, record.motion.position, forces)
+    carried = -(pushed[:, robot.actuated] @ gears.topology) / gears.gear_ratio
+    behind = (carried * gears.gear_ratio)[:, robot.sensed]
+    moved = replace(
+        record.believing(robot), torque=record.torque + carried, sensed=record.sensed + behind
+    )
+    # What the base needs holds the forces, too, as if it had moved under them.
+    links = record.links.copy()
+    links[:, robot.unactuated] += pushed[:, robot.unactuated]
+    moved.__dict__["links"] = links
+    np.testing.assert_allclose(raw_residual(robot, moved), before, atol=1e-9)
+    assert np.abs(carried * gears.gear_ratio).max() > 1.0
+    assert np.abs(before).max() > 0.1  # gravity and inertia are not all hidden
+
+
+def test_without_flags_a_foot_that_moves_needs_them(biped: tuple[Robot, list[Log]]) -> None:
+    robot, logs = biped
+    log = without_forces(logs[0], flags=False)
+    walking = log.with_columns(
+        {"base_x.position": log.column("base_x.position") + 0.1 * (log.time - log.time[0])}
+    )
+    with pytest.raises(IdentificationError, match=r"<contact>\.active.*foot_[fh]' moves by 0\."):
+        diagnose(robot, [walking])
+
+
+def test_rows_near_a_change_of_a_flag_are_not_judged(biped: tuple[Robot, list[Log]]) -> None:
+    robot, logs = biped
+    log = without_forces(logs[0], flags=True)
+    lifted = np.where(log.time < log.time[len(log) // 2], 1.0, 0.0)
+    record = prepare(robot, [log.with_columns({"foot_h.active": lifted})])[0]
+    change = int(np.flatnonzero(np.diff(record.active["foot_h"].astype(int)))[0])
+    assert np.all(record.weight[change - 2 : change + 2] == 0.0)
+    assert replace(record, active={}).balance is None

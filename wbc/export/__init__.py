@@ -1,0 +1,6 @@
+"""A robot with its effects, written for the simulators that people train in."""
+
+from wbc.export.export import FORMATS, Exported, export_robot
+from wbc.export.joint_numbers import JointNumbers, joint_numbers
+
+__all__ = ["FORMATS", "Exported", "JointNumbers", "export_robot", "joint_numbers"]

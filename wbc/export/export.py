@@ -1,0 +1,95 @@
+"""One robot, one file: the text in a format, and what the format cannot say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+from xml.etree import ElementTree as ET
+
+from wbc.errors import RobotError, unknown_name
+from wbc.export.isaac import isaac
+from wbc.export.joint_numbers import JointNumbers, joint_numbers
+from wbc.export.mjcf import mjcf
+from wbc.export.urdf import urdf
+from wbc.files import write_text
+from wbc.robot import Robot
+
+FORMATS = {"mjcf": ".xml", "urdf": ".urdf", "isaac": ".py"}
+"""Format -> ending of its file."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A robot in the format of another simulator.
+
+    Attributes:
+        text: of the file.
+        unsaid: sentences on what the format cannot say; they stand in a comment of the file, too.
+        notes: delays of the drives, which the user sets.
+    """
+
+    text: str
+    unsaid: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def write(self, path: str | Path) -> Path:
+        """Write the file, whole or not at all."""
+        return write_text(path, self.text)
+
+
+def export_robot(robot: Robot, to: str) -> Exported:
+    """Return a robot with its effects in the format of a simulator.
+
+    Links, joints, contact points, rotor inertia, friction, springs and limits are written as far
+    as the format holds them. Shapes and pictures are not.
+
+    Args:
+        robot: with its effects.
+        to: `mjcf`, `urdf` or `isaac`.
+
+    Raises:
+        RobotError: another format, or a joint of a kind that is not exported.
+    """
+    if to not in FORMATS:
+        raise RobotError(unknown_name("format", to, FORMATS))
+    found = joint_numbers(robot)
+    content: ET.Element | str
+    if to == "isaac":
+        content, more = isaac(robot, found)
+    else:
+        content, more = (mjcf if to == "mjcf" else urdf)(robot, found)
+    unsaid = tuple(dict.fromkeys([*found.unsaid, *more]))
+    notes = tuple(_delays(robot, found))
+    comment = _comment(robot, unsaid, notes)
+    if isinstance(content, str):
+        text = content.replace("{comment}", comment.replace("\\", "/").replace('"', "'"))
+    else:
+        text = _xml(content, comment)
+    return Exported(text, unsaid, notes)
+
+
+def _delays(robot: Robot, found: JointNumbers) -> list[str]:
+    names = robot.transmission.joints
+    return [
+        f"actuator delay of {joint}: {delay:.6g} s; give it to your simulator's actuator model"
+        for joint, delay in zip(names, found.delay, strict=True)
+        if delay
+    ]
+
+
+def _comment(robot: Robot, unsaid: tuple[str, ...], notes: tuple[str, ...]) -> str:
+    lines = [f"{robot.name}, written by wbc export. Shapes and pictures are not in it."]
+    for title, texts in (("Set by hand:", notes), ("This format cannot say:", unsaid)):
+        if texts:
+            lines.append(title)
+        for text in texts:
+            lines += wrap(text, 96, initial_indent="  - ", subsequent_indent="    ")
+    return "\n".join(lines)
+
+
+def _xml(root: ET.Element, comment: str) -> str:
+    ET.indent(root)
+    # Two hyphens end a comment in XML.
+    safe = comment.replace("--", "- -")
+    return f"<!--\n{safe}\n-->\n{ET.tostring(root, encoding='unicode')}\n"

@@ -1,0 +1,123 @@
+"""A robot in the words of other simulators: numbers per joint, and what no such number says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.export.probing import (
+    drive_laws,
+    friction_levels,
+    joint_law,
+    probe_motion,
+    rotor_offsets,
+)
+from wbc.robot import Effect, Motion, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class JointNumbers:
+    """What simulators can be told about joints and motors, beside the links' inertias.
+
+    Attributes:
+        damping: (nv,) [N m s/rad].
+        friction: (nv,) level of dry friction [N m].
+        stiffness: (nv,) of springs beside the joints [N m/rad].
+        constant: (nv,) torque of these springs at position zero [N m].
+        motor_armature: (m,) inertia of each rotor at the motor's output [kg m^2].
+        motor_damping: (m,) viscous friction of each rotor, at the motor's output [N m s/rad].
+        motor_friction: (m,) dry friction of each rotor, at the motor's output [N m].
+        motor_limit: (m,) torque at the motor's output [N m], infinite where there is none.
+        motor_speed: (m,) limit at the motor's output [rad/s].
+        gain: (m,) delivered over reported torque.
+        offset: (m,) delivered minus reported torque at the motor's output [N m].
+        delay: (m,) [s].
+        unsaid: sentences on what none of these numbers holds.
+    """
+
+    damping: FloatArray
+    friction: FloatArray
+    stiffness: FloatArray
+    constant: FloatArray
+    motor_armature: FloatArray
+    motor_damping: FloatArray
+    motor_friction: FloatArray
+    motor_limit: FloatArray
+    motor_speed: FloatArray
+    gain: FloatArray
+    offset: FloatArray
+    delay: FloatArray
+    unsaid: tuple[str, ...]
+
+
+def joint_numbers(robot: Robot) -> JointNumbers:
+    """Return the numbers of a robot with its effects, each asked for what it does."""
+    gears, count = robot.transmission, robot.model.nv
+    ratio = np.abs(gears.gear_ratio)
+    found = JointNumbers(
+        damping=np.zeros(count),
+        friction=np.zeros(count),
+        stiffness=np.zeros(count),
+        constant=np.zeros(count),
+        motor_armature=gears.reflected_inertia,
+        motor_damping=ratio**2 * gears.rotor_viscous_friction,
+        motor_friction=ratio * gears.rotor_coulomb_friction,
+        motor_limit=ratio * gears.torque_limit,
+        motor_speed=gears.speed_limit / ratio,
+        gain=np.ones(gears.size),
+        offset=np.zeros(gears.size),
+        delay=np.zeros(gears.size),
+        unsaid=tuple(_of_gears(robot)),
+    )
+    motion = probe_motion(robot)
+    unsaid = [text for effect in robot.effects for text in _add(robot, effect, motion, found)]
+    return replace(found, unsaid=(*found.unsaid, *dict.fromkeys(unsaid)))
+
+
+def _of_gears(robot: Robot) -> Iterator[str]:
+    gears = robot.transmission
+    for k, joint in enumerate(gears.joints):
+        forward, backward = gears.forward_efficiency[k], gears.backward_efficiency[k]
+        if forward != 1.0 or backward != 1.0:
+            yield (
+                f"losses in the gear at {joint} (forward efficiency {forward:.3g}, backward "
+                f"efficiency {backward:.3g}): the exported gear loses nothing that grows with "
+                "the load"
+            )
+        if np.isfinite(gears.stiffness[k]):
+            yield (
+                f"the spring in the gear at {joint} ({gears.stiffness[k]:.3g} N m/rad): the "
+                "exported gear is rigid"
+            )
+        if gears.backlash[k] > 0.0:
+            yield f"the play in the gear at {joint} ({gears.backlash[k]:.3g} rad)"
+    if robot.rotors_turn_with_links:
+        yield "the rotors' reaction to the turning of their housings"
+
+
+def _add(robot: Robot, effect: Effect, motion: Motion, found: JointNumbers) -> Iterator[str]:
+    """Add what an effect does to the numbers found; yield what they cannot hold."""
+    laws = joint_law(robot, effect, motion)
+    for joint, law in (laws or {}).items():
+        row = robot.velocity_index(joint)
+        found.damping[row] += law.damping
+        found.stiffness[row] += law.stiffness
+        found.constant[row] += law.constant
+    levels = friction_levels(robot, effect, motion)
+    if levels is not None:
+        found.friction[:] += levels
+    offsets = rotor_offsets(robot, effect, motion)
+    if offsets is not None:
+        found.offset[:] += offsets * robot.transmission.gear_ratio
+    drives = drive_laws(robot, effect, motion)
+    for joint, drive in (drives or {}).items():
+        k = robot.transmission.index(joint)
+        found.gain[k] *= drive.gain
+        found.delay[k] += drive.delay
+    if laws is None or levels is None or offsets is None or drives is None:
+        yield effect.said
+    if effect.acts_by & {"measured", "true", "measured_forces", "true_forces"}:
+        yield f"{effect.said}: it belongs to the sensors, so correct what they report"

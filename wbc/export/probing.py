@@ -1,0 +1,130 @@
+"""What an effect does, asked of its hooks: the part of it that is linear, and whether that is all.
+
+No effect is known by its name here, so an effect of a user is exported like one of the catalogue.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.robot import Effect, Motion, Robot
+
+_SAMPLES = 64
+_EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear law
+_TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
+
+
+@dataclass(frozen=True)
+class JointLaw:
+    """The smooth torque constant - stiffness q - damping v of one joint [N m, rad, s]."""
+
+    constant: float
+    stiffness: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class DriveLaw:
+    """A drive that delivers gain times the torque of `delay` earlier [s]."""
+
+    gain: float
+    delay: float
+
+
+def probe_motion(robot: Robot) -> Motion:
+    """Return a random motion (64, ...) with everything that a hook may look at."""
+    random = np.random.default_rng(0)
+    model, size = robot.model, robot.transmission.size
+    position = np.tile(robot.neutral(), (_SAMPLES, 1))
+    for joint in robot.single_joints:
+        position[:, robot.position_index(joint)] = random.uniform(-1.0, 1.0, _SAMPLES)
+    return Motion(
+        position=position,
+        velocity=random.uniform(-3.0, 3.0, (_SAMPLES, model.nv)),
+        acceleration=random.uniform(-5.0, 5.0, (_SAMPLES, model.nv)),
+        time=np.linspace(0.0, 10.0, _SAMPLES),
+        temperature=random.uniform(20.0, 60.0, (_SAMPLES, size)),
+        supply_voltage=random.uniform(12.0, 48.0, (_SAMPLES, size)),
+    )
+
+
+def joint_law(robot: Robot, effect: Effect, motion: Motion) -> dict[str, JointLaw] | None:
+    """Return the law of every joint that an effect pushes smoothly, None if it has another law."""
+    torque = effect.joint_torque(robot, motion)
+    if torque is None:
+        return {}
+    laws = {}
+    for joint in robot.joints:
+        row = robot.velocity_index(joint)
+        if not np.any(torque[:, row : row + robot.model.joints[robot.joints.index(joint) + 1].nv]):
+            continue
+        if joint not in robot.single_joints:
+            return None
+        place = motion.position[:, robot.position_index(joint)]
+        speed = motion.velocity[:, row]
+        columns = np.stack([np.ones_like(place), -place, -speed], axis=1)
+        numbers = np.linalg.lstsq(columns, torque[:, row], rcond=None)[0]
+        if not _equal(columns @ numbers, torque[:, row]):
+            return None
+        small = _EXACT * np.abs(torque[:, row]).max()
+        laws[joint] = JointLaw(*(float(x) if abs(x) > small else 0.0 for x in numbers))
+    return laws
+
+
+def friction_levels(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
+    """Return the levels (nv,) [N m] of an effect's dry friction, None if they are not constant."""
+    level = effect.joint_friction(robot, motion)
+    if level is None:
+        return np.zeros(robot.model.nv)
+    return level[0] if _equal(level, np.broadcast_to(level[0], level.shape)) else None
+
+
+def rotor_offsets(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
+    """Return the constant torques (m,) [N m] that an effect puts on the rotors, None if others."""
+    torque = effect.rotor_torque(robot, motion)
+    if torque is None:
+        return np.zeros(robot.transmission.size)
+    return torque[0] if _equal(torque, np.broadcast_to(torque[0], torque.shape)) else None
+
+
+def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, DriveLaw] | None:
+    """Return gain and delay of every drive that an effect changes, None if it does other things.
+
+    A torque that grows evenly from far below any limit to far above it is delivered late by a
+    shift and weakened by a slope; whatever else happens to it shows as a bend.
+    """
+    if "drive" not in effect.acts_by:
+        return {}
+    gears = robot.transmission
+    time = np.linspace(0.0, 10.0, 2001)
+    still = Motion(
+        position=np.tile(robot.neutral(), (time.size, 1)),
+        velocity=np.zeros((time.size, robot.model.nv)),
+        acceleration=np.zeros((time.size, robot.model.nv)),
+        time=time,
+        temperature=np.tile(motion.temperature[0], (time.size, 1)),  # type: ignore[index]
+        supply_voltage=np.tile(motion.supply_voltage[0], (time.size, 1)),  # type: ignore[index]
+    )
+    torque = np.outer((time - 5.0) / 5.0, _TORQUE / np.abs(gears.gear_ratio))
+    delivered = effect.drive(robot, still, torque)
+    inner = slice(200, -200)  # a delay has nothing to show before the first sample
+    laws = {}
+    for k, joint in enumerate(gears.joints):
+        if np.array_equal(delivered[:, k], torque[:, k]):
+            continue
+        slope, shift = np.polyfit(time[inner], delivered[inner, k], 1)
+        if not _equal(slope * time[inner] + shift, delivered[inner, k]):
+            return None
+        rate = float(torque[-1, k] - torque[0, k]) / 10.0
+        gain = float(slope) / rate
+        delay = 0.0 if gain == 0.0 else -5.0 - float(shift) / float(slope)
+        laws[joint] = DriveLaw(gain, delay if abs(delay) > 1e-9 else 0.0)
+    return laws
+
+
+def _equal(one: FloatArray, other: FloatArray) -> bool:
+    size = max(float(np.max(np.abs(other), initial=0.0)), 1e-300)
+    return bool(np.max(np.abs(one - other), initial=0.0) <= _EXACT * size)
