@@ -42,7 +42,7 @@ def drops(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     causes that say too little.
     """
     trials = proposer.trials
-    dropped = [(effect,) for effect in h.effects]
+    dropped: list[tuple[Effect, ...]] = [(effect,) for effect in h.effects]
     dropped += [_named(h, name) for name in _repeated(h)]
     if not h.swings:
         expected = losses(trials.problem, trials.fit(h), h, dropped)
