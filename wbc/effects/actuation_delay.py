@@ -20,7 +20,8 @@ class ActuationDelay(JointEffect):
     Along a log the torque is that of `delay` earlier. A simulator carries the torque that is on
     its way: what it delivers over a step is the mean of the command over the same time `delay`
     earlier, and nothing before the first command. A lone sample without past passes unchanged,
-    because a controller cannot undo a delay.
+    because a controller cannot undo a delay. Of a drive that follows a target, the target comes
+    late: what the drive makes of its own measurement does not.
 
     Attributes:
         delay: [s].
@@ -81,5 +82,8 @@ class ActuationDelay(JointEffect):
             return torque
         column = robot.transmission.index(self.where)
         result = np.array(torque)
-        result[:, column] = np.interp(motion.time + shift, motion.time, torque[:, column])
+        own = np.zeros_like(torque) if motion.feedback_torque is None else motion.feedback_torque
+        late = torque[:, column] - own[:, column]
+        shifted = np.interp(motion.time + shift, motion.time, late)
+        result[:, column] = shifted + own[:, column]
         return result

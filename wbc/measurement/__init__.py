@@ -24,7 +24,12 @@ from wbc.measurement.suspicions.find import (
     require_plausible_units,
     suspicions,
 )
-from wbc.measurement.torque import reports_torque, rotor_torques, torque_quantity
+from wbc.measurement.torque import (
+    feedback_torques,
+    reports_torque,
+    rotor_torques,
+    torque_quantity,
+)
 
 __all__ = [
     "MAX_ROWS",
@@ -43,6 +48,7 @@ __all__ = [
     "check_log",
     "check_logs",
     "cut_at_gaps",
+    "feedback_torques",
     "filtered_derivatives",
     "find_duplicates",
     "find_repeats",

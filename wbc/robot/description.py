@@ -32,10 +32,13 @@ _GEAR_UNITS = {
     "speed_limit": "rad/s",
     "torque_constant": "N m/A",
     "resistance": "ohm",
+    "kp": "N m/rad",
+    "kd": "N m s/rad",
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
     "backlash": "rad",
 }
+_FIELDS = {"kp": "position_gain", "kd": "velocity_gain"}
 _TOP_LEVEL = (
     "name",
     "model",
@@ -55,6 +58,7 @@ _LEFT_OUT = {
     "stiffness": np.inf,
     "torque_constant": np.nan,
     "resistance": np.nan,
+    "kp": np.nan,
 }
 _SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
@@ -157,7 +161,9 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
                     f"sensor behind the gear, {_SENSOR} = true stands in place of both."
                 )
     arrays: dict[str, Any] = {
-        key: [_gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()]
+        _FIELDS.get(key, key): [
+            _gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()
+        ]
         for key in _GEAR_UNITS
     }
     if topology is not None:

@@ -34,6 +34,8 @@ class Motion:
         time: (...) [s], or None.
         temperature: (..., m) of the motors [deg C], or None.
         supply_voltage: (..., m) [V] at the motor drives, or None.
+        feedback_torque: (..., m) on the rotors [N m]: what position drives command because of the
+            motion they measure, not of their target; None where no drive follows a target.
         memory: own state of the effect that is asked, where a simulator carries it; else None.
     """
 
@@ -43,6 +45,7 @@ class Motion:
     time: FloatArray | None = None
     temperature: FloatArray | None = None
     supply_voltage: FloatArray | None = None
+    feedback_torque: FloatArray | None = None
     memory: Memory | None = None
 
     def replace(self, **changes: Any) -> Motion:

@@ -15,6 +15,7 @@ from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
 
 _POSITIVE_INFINITY_ALLOWED = ("torque_limit", "speed_limit", "stiffness")
+_UNKNOWN_ALLOWED = ("torque_constant", "resistance", "position_gain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,9 @@ class Transmission:
         speed_limit: (m,) [rad/s] of the rotor.
         torque_constant: (m,) [N m/A] of the motor, NaN where unknown.
         resistance: (m,) [ohm] of the winding, NaN where unknown.
+        position_gain: kp (m,) [N m/rad] of a drive that follows target positions, at the motor
+            output; NaN where there is none.
+        velocity_gain: kd (m,) [N m s/rad] of that drive.
         stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
         damping: (m,) [N m s/rad] beside the stiffness.
         backlash: (m,) [rad], the whole free play at the motor output.
@@ -57,6 +61,8 @@ class Transmission:
     speed_limit: FloatArray = None  # type: ignore[assignment]
     torque_constant: FloatArray = None  # type: ignore[assignment]
     resistance: FloatArray = None  # type: ignore[assignment]
+    position_gain: FloatArray = None  # type: ignore[assignment]
+    velocity_gain: FloatArray = None  # type: ignore[assignment]
     stiffness: FloatArray = None  # type: ignore[assignment]
     damping: FloatArray = None  # type: ignore[assignment]
     backlash: FloatArray = None  # type: ignore[assignment]
@@ -101,6 +107,8 @@ class Transmission:
             "speed_limit": np.full(m, np.inf),
             "torque_constant": np.full(m, np.nan),
             "resistance": np.full(m, np.nan),
+            "position_gain": np.full(m, np.nan),
+            "velocity_gain": np.zeros(m),
             "stiffness": np.full(m, np.inf),
             "damping": np.zeros(m),
             "backlash": np.zeros(m),
@@ -112,9 +120,9 @@ class Transmission:
             _require(self, name, getattr(self, name) >= 0.0, ">= 0")
         for name in ("torque_limit", "speed_limit", "stiffness"):
             _require(self, name, getattr(self, name) > 0.0, "> 0")
-        for name in ("damping", "backlash"):
+        for name in ("damping", "backlash", "velocity_gain"):
             _require(self, name, getattr(self, name) >= 0.0, ">= 0")
-        for name in ("torque_constant", "resistance"):
+        for name in _UNKNOWN_ALLOWED:
             _require(self, name, ~(getattr(self, name) <= 0.0), "> 0, or NaN where unknown")
         _require(self, "gear_ratio", self.gear_ratio != 0.0, "other than 0")
         topology = np.eye(m) if self.topology is None else self.topology
@@ -127,7 +135,7 @@ class Transmission:
     def _store(self, name: str, values: ArrayLike, m: int) -> None:
         label = f"transmission {name}"
         array = np.asarray(values, dtype=np.float64)
-        if name in (*_POSITIVE_INFINITY_ALLOWED, "torque_constant", "resistance"):
+        if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED):
             if array.shape != (m,):
                 raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
             object.__setattr__(self, name, frozen(array))

@@ -60,11 +60,17 @@ def run(options: argparse.Namespace, console: Console) -> int:
     else:
         joints = model_joints(model, options.base)
         start = guess_names(given[0], joints)
-        driven = start.driven or joints
-        if not start.driven:
+        driven = start.driven + start.targets or joints
+        if start.targets:
+            console.print(
+                "no torque but targets: replace the guessed drive gains kp and kd in robot.toml"
+            )
+        elif not start.driven:
             console.print("no column looks like a torque or current: every joint gets a gear")
         title = model.resolve().stem
-        name = str(write_robot(folder / "robot.toml", model, options.base, driven, title))
+        name = str(
+            write_robot(folder / "robot.toml", model, options.base, driven, title, start.targets)
+        )
         console.print(f"wrote {name}")
         robot = load_robot(name)
     guess = guess_map(robot, options.logs, start)

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import IdentificationError
 from wbc.identification.records.contact_flags import active_contacts
-from wbc.measurement import Log, reports_torque, rotor_torques
+from wbc.measurement import Log, feedback_torques, reports_torque, rotor_torques
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -28,7 +28,9 @@ class Channels:
         position: (N, nq).
         velocity: (N, nv), or None if some joint has no velocity channel.
         torque: (N, m) on the rotors [N m].
-        reported: (m,) whether the drive of a joint reports a torque; 0 stands where not.
+        feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
+            None where no torque comes from a target.
+        reported: (m,) whether the drive of a joint reports or is told a torque; 0 stands where not.
         sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N].
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
@@ -42,6 +44,7 @@ class Channels:
     position: FloatArray
     velocity: FloatArray | None
     torque: FloatArray
+    feedback: FloatArray | None
     reported: BoolArray
     sensed: FloatArray
     forces: dict[str, FloatArray]
@@ -85,7 +88,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
     }
     position = on_grid(_position(robot, log))
     active = active_contacts(robot, log, grid, position)
-    torque, reported = _torque(robot, log)
+    torque, feedback, reported = _torque(robot, log)
     return Channels(
         name=log.source.label,
         rate=1.0 / step,
@@ -93,6 +96,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         position=position,
         velocity=None if velocity is None else on_grid(velocity),
         torque=on_grid(torque),
+        feedback=None if feedback is None else on_grid(feedback),
         reported=reported,
         sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
         forces=forces,
@@ -102,14 +106,18 @@ def read_channels(robot: Robot, log: Log) -> Channels:
     )
 
 
-def _torque(robot: Robot, log: Log) -> tuple[FloatArray, BoolArray]:
-    """Return what the drives report (N, m), 0 where only a sensor behind the gear does, and who.
+def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, BoolArray]:
+    """Return the drives' torque (N, m), their feedback's share, and who has one.
+
+    It is 0 where only a sensor behind the gear reports.
 
     Raises:
         LogError: a joint has neither.
     """
     gears = robot.transmission
     reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
+    targets = np.array([log.has(f"{joint}.target_position") for joint in gears.joints], dtype=bool)
+    reported |= targets & np.isfinite(gears.position_gain)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]
     reported &= [joint not in robot.sensor_only for joint in gears.joints]
     nothing = {
@@ -117,7 +125,8 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, BoolArray]:
         for joint, yes in zip(gears.joints, reported, strict=True)
         if not yes
     }
-    return rotor_torques(log.with_columns(nothing), gears), reported
+    told = log.with_columns(nothing)
+    return rotor_torques(told, gears), feedback_torques(told, gears), reported
 
 
 def _require_reachable(robot: Robot, log: Log) -> None:

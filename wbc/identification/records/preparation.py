@@ -113,6 +113,7 @@ def _record(
     every = max(1, int(rate / (_OVERSAMPLING * cutoff)))
     thin = slice(None, None, every)
     forces = {name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()}
+    feedback = None if channels.feedback is None else low_pass(channels.feedback, cutoff, rate)
     thinned = Motion(
         position=frozen(motion.position[thin]),
         velocity=frozen(motion.velocity[thin]),
@@ -122,6 +123,7 @@ def _record(
         supply_voltage=(
             None if channels.supply_voltage is None else frozen(channels.supply_voltage[thin])
         ),
+        feedback_torque=None if feedback is None else frozen(feedback[thin]),
     )
     return Record(
         name=channels.name,

@@ -8,10 +8,10 @@ from wbc.measurement.checks.finding import Finding
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.matching import match_joints
+from wbc.measurement.torque import REPORTED
 from wbc.robot import Robot
 
-_TORQUES = ("rotor_torque", "motor_torque", "current", "joint_torque")
-
+_TORQUES = (*REPORTED, "joint_torque")
 _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
 
 
@@ -70,16 +70,32 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         for joint in robot.transmission.joints
         if not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES)
     ]
+    gains = dict(zip(robot.transmission.joints, robot.transmission.position_gain, strict=True))
+    targets = [joint for joint in lacking if _known(log, f"{joint}.target_position")]
+    followed = [joint for joint in targets if np.isfinite(gains[joint])]
+    lacking = [joint for joint in lacking if joint not in followed]
     constant = robot.transmission.torque_constant
     found = []
-    if lacking:
+    if lacking and set(lacking) <= set(targets):
+        found.append(
+            Finding(
+                "error",
+                "no_drive_gains",
+                "",
+                f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
+                "their position drives.",
+                "State kp [N m/rad] and kd [N m s/rad] of these gears in robot.toml: they make the "
+                "commanded torque.",
+            )
+        )
+    elif lacking:
         found.append(
             Finding(
                 "error",
                 "no_torque",
                 "",
                 f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
-                "and joint_torque is needed.",
+                "and joint_torque is needed, or target_position and the drive's gains kp and kd.",
                 "Record what the drive reports; a log of positions alone can be played, not "
                 "compared.",
             )
@@ -88,6 +104,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         joint
         for k, joint in enumerate(robot.transmission.joints)
         if joint not in lacking
+        and joint not in followed
         and not any(_known(log, f"{joint}.{quantity}") for quantity in _OF_UNIT)
         and not np.isfinite(constant[k])
     ]

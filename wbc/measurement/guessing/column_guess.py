@@ -18,16 +18,16 @@ from wbc.measurement.formats.table import Table
 from wbc.measurement.guessing.names import NameGuess, guess_name
 from wbc.measurement.load import read_logs
 from wbc.measurement.log import Log
-from wbc.measurement.schema import TIME
+from wbc.measurement.schema import OLD_NAMES, TIME
 from wbc.measurement.suspicions.find import find_suspicions, single_ratios
 from wbc.measurement.suspicions.matching import match_joints
 from wbc.measurement.suspicions.torques import LIKELY
+from wbc.measurement.torque import REPORTED
 from wbc.robot import Robot
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 5  # of corrections, one upon another
 _OF_MOTION = ("time_unit", "velocity_unit", "velocity_sign", "gear_side", "degrees")
-_DRIVEN = ("rotor_torque", "motor_torque", "current")
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,13 @@ class MapGuess:
         table: the map.
         reasons: why its lines say what they say.
         driven: joints of the robot with a column of torque or current.
+        targets: joints with a column of target positions and none of torque.
     """
 
     table: Mapping[str, Any]
     reasons: tuple[str, ...]
     driven: tuple[str, ...]
+    targets: tuple[str, ...] = ()
 
 
 def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
@@ -80,12 +82,17 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
     mapped |= _clock(guesses, table)
     mapped |= _parts(table, mapped)
-    driven = tuple(
-        ours
+    held = {
+        ours: {OLD_NAMES.get(g.quantity, g.quantity) for g in guesses if g.owner == theirs}
         for theirs, ours in named.items()
-        if any(g.owner == theirs and g.quantity in _DRIVEN for g in guesses)
+    }
+    driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
+    targets = tuple(
+        joint
+        for joint, quantities in held.items()
+        if joint not in driven and "target_position" in quantities
     )
-    return MapGuess(mapped, tuple(reasons), driven)
+    return MapGuess(mapped, tuple(reasons), driven, targets)
 
 
 def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
@@ -124,7 +131,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         else:
             break
         unsure = unsure and not moved
-    return MapGuess(table, tuple(reasons), start.driven)
+    return MapGuess(table, tuple(reasons), start.driven, start.targets)
 
 
 def _denied(finding: Finding, table: Mapping[str, Any]) -> bool:

@@ -96,7 +96,7 @@ def guess_name(name: str) -> NameGuess:
     if not quantity and unit in _OF_UNITS:
         quantity = _OF_UNITS[unit]
     if quantity and _TARGETS & set(rest):
-        quantity = "target_position" if quantity == "position" else ""
+        quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
     owner = "_".join(t for t in rest if t not in _FILL | _TARGETS)
     return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
 

@@ -12,6 +12,7 @@ from wbc.errors import RobotError
 from wbc.files import write_text
 from wbc.robot.model_file import read_model
 
+_KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
 _GUESS = "guess: not in the model file; look it up"
 
 
@@ -36,7 +37,12 @@ def model_joints(path: Path, base: str) -> tuple[str, ...]:
 
 
 def write_robot(
-    target: str | Path, model: Path, base: str, driven: Sequence[str], name: str
+    target: str | Path,
+    model: Path,
+    base: str,
+    driven: Sequence[str],
+    name: str,
+    targets: Sequence[str] = (),
 ) -> Path:
     """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
 
@@ -46,6 +52,7 @@ def write_robot(
         base: fixed or free_flyer.
         driven: joints that get a gear.
         name: of the robot.
+        targets: joints of those whose drive follows a target that the logs hold, without a torque.
     """
     stated = {**_reductions(model), **_armatures(model)}
     lines = [
@@ -62,6 +69,12 @@ def write_robot(
             _number("gear_ratio", ratio, 1.0, "1", "torque is then taken behind the gear"),
             _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
         ]
+        if joint in targets:
+            why = "it scales every torque: the gains of the drive make the torque of the target"
+            lines += [
+                _number("kp", None, _KP, "N m/rad", why),
+                _number("kd", None, _KD, "N m s/rad", "as kp"),
+            ]
     return write_text(Path(target), "\n".join(lines) + "\n")
 
 

@@ -1,0 +1,160 @@
+"""Logs without torque: the targets and the gains of the drives make it.
+
+The plant is independent of the library; its drives follow a target by kp and kd.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.recover.plant import JOINTS, Lane, _reference, simulate
+from wbc.cli import main
+from wbc.effects import ActuationDelay, load_robot
+from wbc.errors import LogError
+from wbc.identification import compare, diagnose
+from wbc.measurement import Log, rotor_torques, save_log
+from wbc.measurement.checks.robot_check import check_robot
+from wbc.robot import Motion, Robot, robots_directory
+
+GAINS = {"position_gain": np.array([120.0, 60.0]), "velocity_gain": np.array([7.0, 3.0])}
+
+
+def with_gains(factor: float = 1.0) -> Robot:
+    robot = load_robot("planar_leg_fixed").lossless()
+    return robot.with_transmission(
+        robot.transmission.replace(**{name: factor * gain for name, gain in GAINS.items()})
+    )
+
+
+LOSSES: dict[str, float | tuple[float, float]] = {
+    "eta_f": (1.0, 0.8),
+    "eta_b": (1.0, 0.75),
+    "coulomb": (0.5, 0.0),
+}
+LOGS = 3  # of each of two machines
+Tables = list[dict[str, np.ndarray]]
+
+
+@pytest.fixture(scope="module")
+def tables() -> Tables:
+    """Return runs of a machine as drawn, then of one that loses power and rubs."""
+    return simulate(_lanes(), duration=8.0, step=5e-4, rate=200.0)
+
+
+def _lanes() -> list[Lane]:
+    machines: list[dict[str, float | tuple[float, float]]] = [{}, LOSSES]
+    return [Lane(dict(flaws), k, noise=k) for flaws in machines for k in range(LOGS)]
+
+
+def target_log(lane: Lane, table: dict[str, np.ndarray]) -> Log:
+    """Return targets, positions and velocities; no torque."""
+    columns = {name: values for name, values in table.items() if name.endswith("ity")}
+    columns |= {name: values for name, values in table.items() if name.endswith(".position")}
+    wanted = _reference(lane)(table["time"])
+    for j, joint in enumerate(JOINTS):
+        columns[f"{joint}.goal_position"] = wanted[0][j]
+        columns[f"{joint}.target_velocity"] = wanted[1][j]
+    return Log(table["time"], columns)
+
+
+@pytest.fixture(scope="module")
+def logs(tables: Tables) -> list[Log]:
+    return [target_log(lane, table) for lane, table in zip(_lanes(), tables, strict=True)]
+
+
+def test_targets_and_gains_make_the_torque_that_the_drive_was_told(
+    tables: Tables, logs: list[Log]
+) -> None:
+    gears = with_gains().transmission
+    told = np.stack([tables[0][f"{joint}.rotor_torque"] for joint in JOINTS], axis=1)
+    error = rotor_torques(logs[0], gears) - told
+    # The plant's drives see no sensor noise: 3e-3 rad/s times kd over a ratio of 20, and 2e-3 N m.
+    np.testing.assert_allclose(error.std(axis=0), [2.26e-3, 2.05e-3], rtol=0.1)
+    assert np.abs(error).max() < 6.0 * 2.3e-3
+    limited = gears.replace(torque_limit=np.array([0.05, 0.05]))
+    assert np.abs(rotor_torques(logs[0], limited)).max() == 0.05
+    with pytest.raises(LogError, match=r"add kp .* of \[gears\.hip\] to robot\.toml"):
+        rotor_torques(logs[0], load_robot("planar_leg_fixed").transmission)
+
+
+def test_the_check_asks_for_gains_and_takes_them(logs: list[Log]) -> None:
+    bare = {finding.kind for finding in check_robot(logs[0], load_robot("planar_leg_fixed"))}
+    assert bare == {"no_drive_gains"}
+    assert not check_robot(logs[0], with_gains())
+
+
+def test_a_coupled_motor_follows_the_target_of_its_own_motion() -> None:
+    gears = load_robot("parallelogram_leg").transmission
+    m = gears.size
+    kp = np.arange(1.0, m + 1.0)
+    gears = gears.replace(position_gain=kp)
+    time = np.linspace(0.0, 1.0, 5)
+    error = np.arange(1.0, m + 1.0) * 0.1
+    columns = {f"{joint}.position": np.zeros(5) for joint in gears.joints}
+    columns |= {
+        f"{joint}.target_position": np.full(5, e)
+        for joint, e in zip(gears.joints, error, strict=True)
+    }
+    made = rotor_torques(Log(time, columns), gears)[0]
+    # Virtual work: the springs kp at the motors' outputs store 1/2 kp (D^-1 e)^2.
+    psi = np.linalg.solve(gears.topology, error)
+    np.testing.assert_allclose(made * gears.gear_ratio, kp * psi)
+
+
+def test_only_the_target_comes_late() -> None:
+    robot = with_gains()
+    time = np.linspace(0.0, 1.0, 101)
+    told, own = np.sin(7.0 * time), np.cos(11.0 * time)
+    both = np.stack([told + own, told + own], axis=1)
+    zero = np.zeros((101, 2))
+    motion = Motion(zero, zero, zero, time, feedback_torque=np.stack([own, own], axis=1))
+    late = ActuationDelay("hip", 0.02).drive(robot, motion, both)
+    np.testing.assert_allclose(late[2:, 0], told[:-2] + own[2:], atol=1e-12)
+    np.testing.assert_allclose(late[:, 1], both[:, 1])
+    back = ActuationDelay("hip", 0.02).drive_inverse(robot, motion, late)
+    np.testing.assert_allclose(back[2:-2], both[2:-2], atol=1e-12)
+
+
+def test_true_gains_leave_noise_only(logs: list[Log]) -> None:
+    found = diagnose(with_gains(), logs[:LOGS])
+    assert found.verdict == "none"
+    assert max(joint.rms for joint in compare(with_gains(), logs[:LOGS]).outputs) < 0.02
+
+
+def test_a_hidden_loss_and_friction_are_named_from_targets(logs: list[Log]) -> None:
+    found = diagnose(with_gains(), logs[LOGS:])
+    named = {(e.name, e.where): e for e in found.robot.effects}
+    assert set(named) == {("transmission_efficiency", "knee"), ("coulomb_friction", "hip")}
+    gear, friction = named["transmission_efficiency", "knee"], named["coulomb_friction", "hip"]
+    assert gear.values["forward_efficiency"] == pytest.approx(0.8, abs=0.01)
+    assert friction.values["level"] == pytest.approx(0.5, abs=0.02)
+
+
+def test_wrong_gains_are_a_wrong_scale_of_the_torque(logs: list[Log]) -> None:
+    found = diagnose(with_gains(0.8), logs[:LOGS])
+    named = {(e.name, e.where): e for e in found.robot.effects}
+    assert set(named) == {("torque_constant", "hip"), ("torque_constant", "knee")}
+    for effect in named.values():
+        assert effect.values["factor"] == pytest.approx(1.25, rel=0.01)
+
+
+def test_init_asks_for_gains_where_the_files_hold_targets(
+    tmp_path: Path, logs: list[Log], capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = logs[0].with_columns({})
+    names = [f"{joint}.{kind}" for joint in JOINTS for kind in ("position", "goal_position")]
+    save_log(log.select(names), tmp_path / "run.csv")
+    text = (robots_directory() / "planar_leg_fixed" / "robot.toml").read_text(encoding="utf-8")
+    model = robots_directory() / "planar_leg_fixed" / tomllib.loads(text)["model"]
+    out = tmp_path / "leg"
+    assert main(["init", str(model), str(tmp_path / "run.csv"), "--out", str(out)]) == 0
+    assert "no torque but targets" in " ".join(capsys.readouterr().out.split())
+    gears = load_robot(out / "robot.toml").transmission
+    assert gears.joints == JOINTS
+    assert np.isfinite(gears.position_gain).all()
+    written = (out / "robot.toml").read_text(encoding="utf-8")
+    assert written.count("guess: not in the model file; look it up; it scales every torque") == 2
