@@ -126,10 +126,16 @@ def designs() -> None:
     command += ["--rounds", "100", "--figures", str(OUT), "--between"]
     wbc([*command, "rotor_inertia@knee", "payload_mass@shin"])
     keep(OUT / "planar_leg_fixed_experiment.png", "experiment")
-    for study in (case_study, energy_flow, wedge):
-        study.report(study.main())
-    for name in ("case_foot", "case_efficiency", "energy_flow", "wedge"):
-        keep(OUT / f"{name}.png", name)
+    plots(case_study.draw, case_foot="case_foot", case_efficiency="case_efficiency")
+    flow, blocks = energy_flow.main(), wedge.panels(wedge.main())
+    plots(
+        lambda theme: {
+            "energy_flow": energy_flow.flow_figure(flow, theme),
+            "wedge": sweep_figure(blocks, theme=theme),
+        },
+        energy_flow="energy_flow",
+        wedge="wedge",
+    )
 
 
 def studies() -> None:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from sims.plots import Curves, Panel, sweep_figure
+from sims.plots import Curves, Panel, sweep_figure, write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
@@ -29,8 +29,8 @@ from wbc.metrics import (
     share_of_accelerations_forward,
 )
 from wbc.transmission import CompoundPlanetaryGear, Direction, wedge_backward_efficiency
-from wbc.view import LIGHT
-from wbc.view.plots import DASHES, drawing, new_figure, write_figure
+from wbc.view import LIGHT, Theme
+from wbc.view.plots import DASHES, drawing, new_figure
 
 OUT = Path("out")
 UP = (0.0, 1.0)
@@ -86,17 +86,17 @@ def _mitigation(robot: Robot) -> dict[str, float]:
     }
 
 
-def foot_figure() -> Figure:
+def foot_figure(theme: Theme = LIGHT) -> Figure:
     """Return inertia and force at the foot, direction by direction."""
     found, robot = inertia(), load_robot("planar_leg_fixed")
-    with drawing():
+    with drawing(theme):
         figure, grid = new_figure(1, 2, 9.6, 4.9)
-        _draw_inertia(grid[0][0], found)
-        _draw_force(grid[0][1], robot)
+        _draw_inertia(grid[0][0], found, theme)
+        _draw_force(grid[0][1], robot, theme)
     return figure
 
 
-def _draw_inertia(ax: Axes, found: DirectionalInertia) -> None:
+def _draw_inertia(ax: Axes, found: DirectionalInertia, theme: Theme) -> None:
     n = found.directions
     far = 1.08 * float(np.nanmax(found.driven))
     edges = np.flatnonzero(np.diff(found.all_forward.astype(int), append=found.all_forward[0]))
@@ -104,7 +104,7 @@ def _draw_inertia(ax: Axes, found: DirectionalInertia) -> None:
         rows = np.arange(start + 1, stop + 1 if stop > start else stop + 1 + len(n)) % len(n)
         if not found.all_forward[rows[0]]:
             wedge = np.vstack([[0.0, 0.0], far * n[rows]])
-            ax.add_patch(Polygon(wedge, facecolor=LIGHT.faint, alpha=0.55, edgecolor="none"))
+            ax.add_patch(Polygon(wedge, facecolor=theme.faint, alpha=0.55, edgecolor="none"))
     for i, (label, mass) in enumerate(
         {
             "perfect gears (GIT)": found.lossless,
@@ -114,16 +114,16 @@ def _draw_inertia(ax: Axes, found: DirectionalInertia) -> None:
         }.items()
     ):
         curve = np.vstack([n, n[:1]]) * np.append(mass, mass[0])[:, None]
-        ax.plot(*curve.T, color=LIGHT.series[i], linestyle=DASHES[i], label=label)
+        ax.plot(*curve.T, color=theme.series[i], linestyle=DASHES[i], label=label)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_title("effective mass of the foot by direction of the force")
     ax.set_xlabel("x [kg]")
     ax.set_ylabel("z [kg]")
-    ax.plot([], [], color=LIGHT.faint, linewidth=8, label="some gear is driven or sticks")
+    ax.plot([], [], color=theme.faint, linewidth=8, label="some gear is driven or sticks")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
 
-def _draw_force(ax: Axes, robot: Robot) -> None:
+def _draw_force(ax: Axes, robot: Robot, theme: Theme) -> None:
     reach = force_capability(robot, robot.pose("paper"), "foot", "xz")
     polygons = {
         "lift (forward)": reach.vertices(Direction.FORWARD),
@@ -134,17 +134,17 @@ def _draw_force(ax: Axes, robot: Robot) -> None:
         around = corners - corners.mean(axis=0)
         order = np.argsort(np.arctan2(around[:, 1], around[:, 0]))
         ring = corners[np.append(order, order[0])]
-        ax.plot(*ring.T, color=LIGHT.series[i], linestyle=DASHES[i], label=label, zorder=3 - i)
+        ax.plot(*ring.T, color=theme.series[i], linestyle=DASHES[i], label=label, zorder=3 - i)
         if label.startswith("combined"):
-            ax.add_patch(Polygon(ring, facecolor=LIGHT.series[i], alpha=0.15))
-    ax.plot(0.0, 0.0, "+", color=LIGHT.ink)
+            ax.add_patch(Polygon(ring, facecolor=theme.series[i], alpha=0.15))
+    ax.plot(0.0, 0.0, "+", color=theme.ink)
     ax.set_title("forces of the foot on the ground")
     ax.set_xlabel("$f_x$ [N]")
     ax.set_ylabel("$f_z$ [N]")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
 
-def efficiency_figure() -> Figure:
+def efficiency_figure(theme: Theme = LIGHT) -> Figure:
     """Return what the two efficiencies do, together and apart, and what the reduction does."""
     eta = np.linspace(_LOCKING, 1.0, 200)
     wedge, equal = efficiencies(eta), efficiencies(eta, eta)
@@ -171,10 +171,11 @@ def efficiency_figure() -> Figure:
         Panel("impact mitigation factor, up", across, "IMF [-]", factors),
         Panel("two ways to hold more", "hold up [N]", "IMF [-]", _ways(eta)),
     ]  # fmt: skip
-    figure = sweep_figure(panels, columns=2)
-    figure.axes[0].legend(loc="lower right", fontsize=7, frameon=False)
-    figure.axes[3].set_ylim(0.2, 1.15)  # room for the legend above the curves
-    figure.axes[3].legend(loc="upper right", fontsize=8, frameon=False)
+    figure = sweep_figure(panels, columns=2, theme=theme)
+    with drawing(theme):
+        figure.axes[0].legend(loc="lower right", fontsize=7, frameon=False)
+        figure.axes[3].set_ylim(0.2, 1.15)  # room for the legend above the curves
+        figure.axes[3].legend(loc="upper right", fontsize=8, frameon=False)
     return figure
 
 
@@ -209,14 +210,16 @@ def _ways(eta: FloatArray) -> Curves:
     return curves
 
 
+def draw(theme: Theme = LIGHT) -> dict[str, Figure]:
+    """Return both figures by name."""
+    return {"case_foot": foot_figure(theme), "case_efficiency": efficiency_figure(theme)}
+
+
 def report(found: dict[str, dict[str, float]]) -> list[Path]:
     """Print the numbers; return the two figures written."""
     for title, rows in found.items():
         print_columns(title, {"": rows})
-    return [
-        write_figure(OUT / "case_foot.png", foot_figure()),
-        write_figure(OUT / "case_efficiency.png", efficiency_figure()),
-    ]
+    return write_figures(OUT, draw())
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
-from wbc.view import LIGHT
+from wbc.view import LIGHT, Theme
 from wbc.view.plots import drawing, new_figure, write_figure
 
 OUT = Path("out")
@@ -89,17 +89,17 @@ def main(duration: float = 4.0) -> dict[str, dict[str, float]]:
     return found
 
 
-def flow_figure(found: dict[str, dict[str, float]]) -> Figure:
+def flow_figure(found: dict[str, dict[str, float]], theme: Theme = LIGHT) -> Figure:
     """Return one panel per run: bands from what comes in to where it goes, as wide as joules."""
-    with drawing():
+    with drawing(theme):
         figure, grid = new_figure(1, len(found), 5.4 * len(found), 4.2)
         for ax, (name, rows) in zip(grid[0], found.items(), strict=True):
-            _bands(ax, rows)
+            _bands(ax, rows, theme)
             ax.set_title(f"{name}: {sum(max(v, 0.0) for v in rows.values()):.3g} J come in")
     return figure
 
 
-def _bands(ax: Axes, rows: dict[str, float]) -> None:
+def _bands(ax: Axes, rows: dict[str, float], theme: Theme) -> None:
     ax.set_axis_off()
     ax.set_xlim(-0.55, 1.75)
     total = sum(max(value, 0.0) for value in rows.values())
@@ -112,7 +112,7 @@ def _bands(ax: Axes, rows: dict[str, float]) -> None:
         inner = 0.5 * sum(share for _, share in bands)
         outer = inner + 0.5 * _GAP * (len(bands) - 1)
         for i, (name, share) in enumerate(bands):
-            colour = LIGHT.series[(i + 2 * side) % len(LIGHT.series)]
+            colour = theme.series[(i + 2 * side) % len(theme.series)]
             ends = ((outer, outer - share), (inner, inner - share))
             _band(ax, side, ends, colour)
             label = f"{name}\n{share * total:.3g} J"

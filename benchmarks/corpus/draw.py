@@ -16,7 +16,7 @@ from benchmarks.corpus.recipes import Typical, flaws_of_size, recipe
 from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.stepping import STEP
-from benchmarks.corpus.unlisted import NAMES, TWO_JOINTS
+from benchmarks.corpus.unlisted import DRAWN, NAMES, TWO_JOINTS
 
 SEED = 20
 COUNT = 520
@@ -27,6 +27,7 @@ LISTED = (
     "torque_offset", "torque_ripple", "actuation_delay", "position_offset",
     "gravity_direction", "supply_sag", "current_limit", "thermal_drift",
 )  # fmt: skip
+_FIRST_WITH_PRESLIDING = 24  # seeds below it are the cases that they always were
 _ONLY_CLOSED_LOOP = ("backlash", "current_limit")
 _ALONE = ("backlash", "joint_compliance", "current_limit")
 _ALL_GEARS = {"actuation_delay": 0.7} | dict.fromkeys(
@@ -60,7 +61,7 @@ def draw_case(number: int, seed: int = SEED) -> Case:
     # Cases beyond the count hold a cause of the list beside one that is not in it.
     kind = "mixed" if number >= COUNT else kind
     flaws: list[Flaw] = []
-    for effect in _effects(random, machine, kind):
+    for effect in _effects(random, machine, kind, seed):
         flaws += _sized(random, effect, machine, signatures, kind)
     if machine.family in CLOSED_LOOP:
         flaws = [_in_whole_steps(flaw) for flaw in flaws]
@@ -113,15 +114,17 @@ def _excitations(
     return tuple(runs[:3] if machine.base_size else runs)
 
 
-def _effects(random: np.random.Generator, machine: Machine, kind: str) -> list[str]:
+def _effects(random: np.random.Generator, machine: Machine, kind: str, seed: int) -> list[str]:
+    new = seed >= _FIRST_WITH_PRESLIDING
+    inside = (*LISTED, "presliding") if new else LISTED
     closed, single = machine.family in CLOSED_LOOP, len(machine.driven) == 1
-    outside = [n for n in NAMES if not (single and n in TWO_JOINTS)]
+    outside = [n for n in (NAMES if new else DRAWN) if not (single and n in TWO_JOINTS)]
     if kind == "unlisted":
         return [str(random.choice(outside))]
     if kind == "mixed":
-        listed = [n for n in LISTED if n not in _ALONE]
+        listed = [n for n in inside if n not in _ALONE]
         return [str(random.choice(listed)), str(random.choice(outside))]
-    possible = [n for n in LISTED if closed or n not in _ONLY_CLOSED_LOOP]
+    possible = [n for n in inside if closed or n not in _ONLY_CLOSED_LOOP]
     if kind in ("two", "three"):
         possible = [n for n in possible if n not in _ALONE]
     size = {"one": 1, "two": 2, "three": 3}.get(kind, 0)

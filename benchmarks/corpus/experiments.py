@@ -14,6 +14,7 @@ RUN_FOR = {
     "quadratic_drag": "speeds",
     "coulomb_friction": "sweep",  # slowly both ways
     "stribeck_friction": "sweep",
+    "presliding": "sweep",
     "torque_ripple": "sweep",
     "load_friction": "slow",  # lift and lower slowly
     "transmission_efficiency": "slow",

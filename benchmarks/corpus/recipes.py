@@ -172,7 +172,7 @@ def _unlisted(random: np.random.Generator, effect: str, j: int, typical: Typical
     rest, phase = float(random.uniform(-0.3, 0.3)), float(random.uniform(-3.0, 3.0))
     both = centre + float(typical.machine.centre[j - 1]) + rest
     shape, most = {
-        "dahl_bristle": ({"rate": float(random.uniform(5.0, 20.0))}, 0.8 * torque),
+        "presliding": ({"length": 1.0 / float(random.uniform(5.0, 20.0))}, 0.8 * torque),
         "bouc_wen": ({"rate": float(random.uniform(2.0, 6.0))}, 0.8 * torque),
         "one_sided_cable": ({"rest": centre + rest}, 3.0 * torque),
         "position_dependent_friction": ({"order": 3.0, "phase": phase}, 0.8 * torque),
@@ -187,7 +187,8 @@ def _unlisted(random: np.random.Generator, effect: str, j: int, typical: Typical
         ),
         "encoder_eccentricity": ({"phase": phase}, 0.1),
     }.get(effect, ({}, 0.0))
-    return Recipe(lambda u: {"size": u, **shape}, most) if most else None
+    size = "level" if effect == "presliding" else "size"
+    return Recipe(lambda u: {size: u, **shape}, most) if most else None
 
 
 def _of_bodies(random: np.random.Generator, effect: str, where: str, typical: Typical) -> Recipe:

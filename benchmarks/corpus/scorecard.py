@@ -22,6 +22,7 @@ _SHAPES = {
     ("torque_ripple", "order"),
     ("torque_ripple", "phase"),
     ("stribeck_friction", "speed"),
+    ("presliding", "length"),
     ("thermal_drift", "time_constant"),
     ("joint_compliance", "damping"),
     ("backlash", "stiffness"),

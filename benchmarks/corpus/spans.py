@@ -12,6 +12,7 @@ from benchmarks.corpus.recipes import Typical
 Span = tuple[Flaw, ...]  # one column each
 
 _SLOWNESS = (0.1, 0.2, 0.4, 0.8)
+_BENT = (0.05, 0.08, 0.125, 0.2)  # [rad], the range that is drawn
 _ORDERS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 20.0, 30.0)
 _WARMING = (0.1, 0.4, 2.0, 10.0)
 _CLIPPED = (0.05, 0.15, 0.25, 0.4)
@@ -38,6 +39,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
         yield both[1:]
     elif effect == "stribeck_friction":
         yield from ((flaw(level=_SMALL * torque, speed=s * speed),) for s in _SLOWNESS)
+    elif effect == "presliding":
+        yield from ((flaw(level=_SMALL * torque, length=length),) for length in _BENT)
     elif effect == "joint_spring":
         yield tuple(flaw(stiffness=_SMALL * torque, rest=rest) for rest in (0.0, 1.0))
         centre = float(machine.centre[j])

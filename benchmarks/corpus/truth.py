@@ -165,7 +165,7 @@ def _candidates(signatures: Signatures, typical: Typical) -> list[tuple[str, str
 
     kept: list[Flaw] = []  # so that identities stay unique
     found = []
-    for effect in LISTED:
+    for effect in (*LISTED, "presliding"):
         places = places_of(effect, typical)
         first = []
         for where in places:

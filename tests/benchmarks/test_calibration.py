@@ -58,7 +58,7 @@ def test_cases_beyond_the_count_hold_a_cause_of_the_list_beside_one_outside() ->
 def test_a_certain_cause_that_is_false_is_wrong_beside_one_outside() -> None:
     mixed = result("coulomb_friction", 0.99, "partial")
     mixed["unlisted"], mixed["unexplained"] = True, 9.0
-    mixed["causes"].append({"effect": "dahl_bristle", "where": ["j2"], "size": 9.0, "felt": True,
+    mixed["causes"].append({"effect": "bouc_wen", "where": ["j2"], "size": 9.0, "felt": True,
                             "stand_ins": []})  # fmt: skip
     assert judge_result(mixed).kind == "mixed"
     assert judge_result(mixed).good

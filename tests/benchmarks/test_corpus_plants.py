@@ -35,6 +35,7 @@ def flaw_of(effect: str, machine: Machine) -> Flaw:
         "viscous_friction": Flaw(effect, last, {"coefficient": 0.2 * torque}),
         "coulomb_friction": Flaw(effect, last, {"level": 0.2 * torque}),
         "stribeck_friction": Flaw(effect, last, {"level": 0.2 * torque, "speed": 0.5}),
+        "presliding": Flaw(effect, last, {"level": 0.2 * torque, "length": 0.05}),
         "load_friction": Flaw(effect, last, {"coefficient": 0.15}),
         "quadratic_drag": Flaw(effect, last, {"coefficient": 0.1 * torque}),
         "transmission_efficiency": Flaw(
@@ -80,7 +81,11 @@ def test_a_machine_without_flaws_leaves_nothing_but_noise(family: str) -> None:
 
 @pytest.mark.parametrize(
     ("family", "effect"),
-    [("arm3", effect) for effect in LISTED if effect not in ("current_limit", "backlash")]
+    [
+        ("arm3", effect)
+        for effect in (*LISTED, "presliding")
+        if effect not in ("current_limit", "backlash")
+    ]
     + [("biped", effect) for effect in ("load_friction", "payload_mass", "gravity_direction")],
 )
 def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, effect: str) -> None:
@@ -90,7 +95,8 @@ def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, e
 
 def test_the_librarys_effects_are_the_plants_in_closed_loop() -> None:
     machine = draw_machine(np.random.default_rng(3), "pendulum")
-    names = [e for e in LISTED if e not in ("joint_compliance", "backlash", "supply_sag")]
+    left_out = ("joint_compliance", "backlash", "supply_sag")
+    names = [e for e in (*LISTED, "presliding") if e not in left_out]
     cases = [recorded(machine, (flaw_of(name, machine),), ("multisine",)) for name in names]
     jobs = [(case, case.excitations) for case in cases]
     for case, tables in zip(cases, record_cases(jobs), strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -11,6 +12,7 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
 from wbc.identification import diagnose
+from wbc.identification.choice.find_causes import Found
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
 
@@ -71,6 +73,24 @@ def test_a_search_without_time_says_so() -> None:
     diagnosis = diagnose(LEG, LOGS, budget=0.0)
     assert diagnosis.effects == ()
     assert any("best answer so far" in text for text in diagnosis.warnings)
+
+
+def test_time_that_ends_after_the_search_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    answering = importlib.import_module("wbc.identification.answer.diagnose")
+
+    def late(found: Found, *rest: object) -> Found:
+        found.trials.until = 0.0
+        return found
+
+    hidden = [
+        CoulombFriction("knee", 0.5),
+        ViscousFriction("hip", 0.3),
+        CoulombFriction("hip", 0.7),
+    ]
+    logs = record_with(LEG, hidden, duration=4.0)
+    monkeypatch.setattr(answering, "look_closer", late)
+    diagnosis = diagnose(LEG, logs, [CoulombFriction, ViscousFriction], budget=1e3)
+    assert {e.key for e in diagnosis.effects} == {e.key for e in hidden}
 
 
 def test_an_interrupted_search_keeps_what_it_found() -> None:

@@ -104,6 +104,17 @@ def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
         assert gains[one, other] == pytest.approx(left([3, 4]) - left([one, other, 3, 4]), rel=1e-6)
 
 
+def test_a_matrix_whose_residual_moved_is_that_of_the_moved_residual() -> None:
+    random = np.random.default_rng(4)
+    columns, residual = random.standard_normal((60, 2, 4)), random.standard_normal((60, 2))
+    folds, steps = np.repeat([0, 1, 2], 20), np.array([0.7, -2.0])
+    moved = DesignMatrix.from_rows(columns, residual, folds).moved([1, 3], steps)
+    fresh = DesignMatrix.from_rows(columns, residual - columns[..., [1, 3]] @ steps, folds)
+    for chosen in ([], [0], [0, 2], [0, 1, 2, 3]):
+        assert moved.held_out(chosen) == pytest.approx(fresh.held_out(chosen), rel=1e-12)
+    np.testing.assert_allclose(moved.fit([0, 2]), fresh.fit([0, 2]), rtol=1e-9)
+
+
 def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
     records = prepare(ROBOT, logs)
     assert find_repeats(records) == ((0, 1),)

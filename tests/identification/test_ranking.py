@@ -25,3 +25,30 @@ def test_a_hypothesis_is_named_by_what_differs(added: tuple, removed: tuple, tex
     row = Ranked(added, removed, 2.0, 3.0, 0.1, -20.0, "worse")
     assert row.text == text
     assert [item["effect"] for item in row.to_json()["added"]] == [name for name, _ in added]
+
+
+@pytest.mark.parametrize(
+    ("added", "removed", "difference", "standing", "judgement"),
+    [
+        ((), (), 0.0, "found", "found"),
+        ((FRICTION,), (), -0.1, "worse", "not needed"),
+        ((FRICTION,), (), -3.0, "worse", "fits better, but less probable"),
+        ((), (FRICTION,), 3.0, "worse", "fits worse"),
+        ((FRICTION,), (EFFICIENCY,), 0.1, "worse", "fits as well, but less probable"),
+        ((FRICTION,), (EFFICIENCY,), 0.1, "not distinguishable", "as good"),
+        ((FRICTION,), (), -3.0, "better", "more probable"),
+    ],
+)
+def test_a_model_that_fits_equally_is_not_called_worse(
+    added: tuple, removed: tuple, difference: float, standing: str, judgement: str
+) -> None:
+    row = Ranked(added, removed, 2.0, difference, 0.1, -5.0, standing)
+    assert row.judgement == judgement
+
+
+@pytest.mark.parametrize(
+    ("evidence", "odds"),
+    [(-3.0, "1 : 20"), (-9.2, "1 : 10^4"), (-80.0, "1 : > 10^6"), (2.0, "7.4 : 1")],
+)
+def test_odds_are_written_as_people_say_them(evidence: float, odds: str) -> None:
+    assert Ranked((FRICTION,), (), 2.0, 0.0, 0.1, evidence, "worse").odds == odds

@@ -17,6 +17,7 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
+from wbc.identification.choice import moves
 from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import log_densities
 from wbc.identification.choice.hypothesis import Hypothesis, without
@@ -77,6 +78,18 @@ def test_derivatives_say_what_a_hypothesis_loses_without_a_cause() -> None:
 def test_causes_that_no_other_explains_stay(hidden: list[Effect]) -> None:
     _, end = _climbed(hidden, hidden)
     assert set(end.keys) == {e.key for e in hidden}
+
+
+def test_what_explains_something_else_is_not_tried_in_the_place_of_a_cause() -> None:
+    """It was tried as a cause more: on twelve joints such trials were most of the cost."""
+    hidden = [ViscousFriction("hip", 0.3), CoulombFriction("knee", 0.6)]
+    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    proposer = Proposer(Trials(problem), tuple(EFFECTS.values())).at_once
+    begun = proposer.trials.of((ViscousFriction("hip", 0.2),))
+    assert begun is not None
+    tried = [h.keys for h in moves.swaps(proposer, begun)]
+    assert any(("coulomb_friction", "hip") in keys for keys in tried)  # both rub at the hip
+    assert not [keys for keys in tried if all(where == "knee" for _, where in keys)]
 
 
 def test_a_wrong_start_is_left() -> None:

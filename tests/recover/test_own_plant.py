@@ -42,13 +42,27 @@ CASES: dict[str, tuple[dict[str, Any], dict[tuple[str, str], dict[str, float]]]]
             ("actuation_delay", "knee"): {"delay": 0.006},
         },
     ),
+    "presliding": (
+        {"hysteresis": (0.5, 0.0)},
+        {("presliding", "hip"): {"level": 0.5, "length": 0.125}},
+    ),
+    "short presliding": (
+        {"hysteresis": (0.0, 0.4), "hysteresis_rate": 40.0},
+        {("presliding", "knee"): {"level": 0.4, "length": 0.025}},
+    ),
+    "Coulomb friction": (
+        {"coulomb": (0.5, 0.3)},
+        {
+            ("coulomb_friction", "hip"): {"level": 0.5},
+            ("coulomb_friction", "knee"): {"level": 0.3},
+        },
+    ),
     "centre of mass": ({"shin_shift": 0.02}, {("center_of_mass", "shin"): {"z": -0.02}}),
     "current limit": ({"current_limit": (8.0, np.inf)}, {("current_limit", "hip"): {"limit": 8.0}}),
     "nothing": ({}, {}),
 }
 UNKNOWN = {
     "coupling": {"coupling": 0.4},
-    "hysteresis": {"hysteresis": (0.5, 0.0)},
     "friction that grows with position": {"position_friction": (0.0, 0.8)},
 }
 # Friction that is gone at 0.3 rad/s; speeds go up to 4 rad/s.
@@ -114,10 +128,6 @@ def test_what_is_outside_the_list_is_called_unknown(
     diagnosis = diagnoses[name]
     assert diagnosis.verdict == "unknown"
     assert "times the floor" in diagnosis.remainder
-
-
-def test_hysteresis_is_seen_to_have_memory(diagnoses: dict[str, Diagnosis]) -> None:
-    assert "memory" in diagnoses["hysteresis"].remainder
 
 
 def test_the_error_falls_with_every_cause_added(diagnoses: dict[str, Diagnosis]) -> None:

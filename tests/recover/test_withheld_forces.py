@@ -16,6 +16,7 @@ from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.trial import logs_of, robot_of, without_forces
 from wbc import Robot, load_robot
 from wbc.dynamics import contact_torque
+from wbc.effects import EFFECTS
 from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
 from wbc.identification.model.residual import raw_residual
@@ -23,6 +24,20 @@ from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
+KINDS = [
+    EFFECTS[name]
+    for name in (
+        "transmission_efficiency",
+        "load_friction",
+        "coulomb_friction",
+        "viscous_friction",
+        "torque_constant",
+        "torque_offset",
+        "rotor_inertia",
+        "payload_mass",
+        "center_of_mass",
+    )
+]
 KNEE = {"forward_efficiency": 0.8, "backward_efficiency": 0.72}
 
 
@@ -42,7 +57,7 @@ def test_the_losses_of_a_knee_are_named_without_force_sensors(
     robot, logs = biped
     withheld = [without_forces(log) for log in logs]
     assert not any(log.contacts for log in withheld)
-    found = diagnose(robot, withheld)
+    found = diagnose(robot, withheld, KINDS)
     knee = {f.effect.key: f for f in found.findings}["transmission_efficiency", "knee_f"]
     assert knee.probability > 0.95
     for name, truth in KNEE.items():

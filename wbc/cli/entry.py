@@ -32,8 +32,7 @@ _COMMANDS = (
 )
 
 _EPILOG = """\
-example (others: wbc COMMAND --help):
-  wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
+example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 
 exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input,
 3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
@@ -48,7 +47,9 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"wbc {version('wbc')}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", help="its options: wbc COMMAND --help"
+    )
     for command in _COMMANDS:
         command.add_to(commands)
     completion.add_to(commands, build_parser)

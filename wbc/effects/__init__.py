@@ -17,6 +17,7 @@ from wbc.effects.link_inertias import LinkInertias
 from wbc.effects.load_friction import LoadFriction
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
+from wbc.effects.presliding import Presliding
 from wbc.effects.quadratic_drag import QuadraticDrag
 from wbc.effects.rotor_inertia import RotorInertia
 from wbc.effects.saved import load_robot, save_robot
@@ -48,6 +49,7 @@ __all__ = [
     "LoadFriction",
     "PayloadMass",
     "PositionOffset",
+    "Presliding",
     "QuadraticDrag",
     "RotorInertia",
     "StribeckFriction",

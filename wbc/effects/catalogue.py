@@ -19,6 +19,7 @@ from wbc.effects.link_inertias import LinkInertias
 from wbc.effects.load_friction import LoadFriction
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
+from wbc.effects.presliding import Presliding
 from wbc.effects.quadratic_drag import QuadraticDrag
 from wbc.effects.rotor_coulomb_friction import RotorCoulombFriction
 from wbc.effects.rotor_inertia import RotorInertia
@@ -40,6 +41,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     RotorViscousFriction,
     RotorCoulombFriction,
     StribeckFriction,
+    Presliding,
     TransmissionEfficiency,
     LoadFriction,
     QuadraticDrag,

@@ -28,7 +28,8 @@ class JointMap:
     Attributes:
         robot: the robot.
         names: joints of the foreign software, in its order.
-        positions, velocities: where in the foreign arrays the robot's one-degree joints stand (j,).
+        positions: where in the foreign position array the robot's one-degree joints stand (j,).
+        velocities: the same in the foreign velocity array (j,).
     """
 
     robot: Robot

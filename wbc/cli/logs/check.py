@@ -32,7 +32,7 @@ def add_to(commands: Any) -> None:
         epilog="example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
     )
     add_log_options(parser)
-    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
+    parser.add_argument("--json", metavar="FILE", help="the result for programs ('-' prints it)")
     parser.set_defaults(run=run)
 
 

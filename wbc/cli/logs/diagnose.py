@@ -206,12 +206,11 @@ def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
     for row in tried if whole else tried[:_RANKED]:
         sign = "+" if row.difference > 0.0 else ""
         paired = f"{sign}{plain(row.difference, 2)} ± {plain(row.deviation, 1)}"
-        short = "tie" if row.standing == "not distinguishable" else row.standing
-        table.add_row(row.text, plain(row.error), paired, short)
+        table.add_row(row.text, plain(row.error), paired, row.judgement)
     if len(tried) > _RANKED and not whole:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
     table.caption = (
-        "error: held out, in noise floors; difference of its mean square from that of what was "
-        "found, ± standard error; tie: not distinguishable"
+        "most probable first; error: held out, in noise floors; difference of its mean square from "
+        "that of what was found, ± standard error"
     )
     return table

@@ -35,7 +35,10 @@ def add_to(commands: Any) -> None:
     parser.add_argument("robot", metavar="MODEL", help="URDF, MJCF, robot.toml or shipped robot")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="CSV, Parquet, NPZ, MCAP or bag")
     parser.add_argument(
-        "--base", choices=("fixed", "free_flyer"), default="fixed", help="of the model file"
+        "--base",
+        choices=("fixed", "free_flyer"),
+        default="fixed",
+        help="how the base of a model file is held",
     )
     parser.add_argument("--out", default=".", metavar="DIR", help="where to write (default here)")
     parser.set_defaults(run=run)

@@ -41,7 +41,7 @@ def add_to(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("run_file", metavar="RUN", help="a recording or log")
-    parser.add_argument("--robot", required=True, metavar="NAME", help="whose run it is")
+    parser.add_argument("--robot", required=True, metavar="NAME", help="the robot of the recording")
     parser.add_argument("--columns", metavar="MAP.toml", help="foreign column names and units")
     parser.add_argument("--ghost", metavar="FITTED", help="a model to show beside the measurement")
     parser.add_argument(
@@ -58,12 +58,17 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--from", dest="start", type=float, metavar="T", help="start of the animation [s]"
     )
-    parser.add_argument("--to", dest="stop", type=float, metavar="T", help="its end [s]")
+    parser.add_argument(
+        "--to", dest="stop", type=float, metavar="T", help="end of the animation [s]"
+    )
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="X", help="0.1 shows it ten times slower"
     )
     parser.add_argument(
-        "--theme", choices=("light", "dark"), default="light", help="of pictures (default light)"
+        "--theme",
+        choices=("light", "dark"),
+        default="light",
+        help="colours of pictures (default light)",
     )
     parser.set_defaults(run=run)
 

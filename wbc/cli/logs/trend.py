@@ -53,8 +53,8 @@ def add_to(commands: Any) -> None:
     add("--fail-on-drift", action="store_true", help="exit code 4 if a machine drifts")
     add_depth_options(parser)
     add("--png", metavar="FILE", help="plot of every quantity over time")
-    add("--theme", choices=("light", "dark"), default="light", help="of the plot")
-    add("--json", metavar="FILE", help="the same for machines ('-' prints it)")
+    add("--theme", choices=("light", "dark"), default="light", help="colours of the plot")
+    add("--json", metavar="FILE", help="the result for programs ('-' prints it)")
     parser.set_defaults(run=run)
 
 

@@ -63,15 +63,25 @@ def add_to(commands: Any) -> None:
     add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
     add("--sweep", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT[:log]]",
         help="what varies, or NAME=V,V,...; give it once per parameter")  # fmt: skip
-    add("--gearbox", metavar="NAME,...|all", help="of the catalogue (`wbc list gearboxes`)")
-    add("--catalogue", metavar="FILE.csv", help="of gearboxes, in place of the shipped one")
+    add(
+        "--gearbox",
+        metavar="NAME,...|all",
+        help="gearboxes of the catalogue to try (`wbc list gearboxes`)",
+    )
+    add("--catalogue", metavar="FILE.csv", help="another catalogue of gearboxes")
     add("--efficiency", metavar="FILE.csv",
         help="both efficiencies by load and speed, read at the load held")  # fmt: skip
     add("--joint-speed", type=float, default=0.0, metavar="X", help="for --efficiency [rad/s]")
     add("--gait", metavar="LOG", help="judge every design in the poses of a recorded motion")
-    add("--instants", type=int, default=20, metavar="N", help="of the gait (default 20)")
+    add(
+        "--instants",
+        type=int,
+        default=20,
+        metavar="N",
+        help="poses taken from the gait (default 20)",
+    )
     add("--samples", type=int, default=0, metavar="N", help="N Sobol samples instead of a grid")
-    add("--seed", type=int, default=0, help="of the samples (default 0)")
+    add("--seed", type=int, default=0, help="seed of the samples (default 0)")
     add("--simulate", default="", metavar="NAME,...",
         help=f"also simulate: {', '.join(SIMULATIONS)}")  # fmt: skip
     add("--contact", metavar="NAME", help="or a frame; default: the first contact")
@@ -79,12 +89,12 @@ def add_to(commands: Any) -> None:
     add("--axes", default="xz", help="world axes (default xz)")
     add("--load", type=float, metavar="N", help="force to hold [N]; default: each one's weight")
     add("--objective", action="append", metavar="COLUMN:max|min",
-        help="of the Pareto front; default lift:max and impact_mitigation:max")  # fmt: skip
+        help="goals of the Pareto front; default lift:max, impact_mitigation:max")  # fmt: skip
     add("--workers", type=int, default=1, metavar="N", help="processes; -1 for all cores")
     add("--cluster", metavar="ADDRESS", help="Dask scheduler to work on instead")
     add("--out", default="designs.parquet", metavar="FILE.parquet", help="the table of all designs")
     add("--figures", nargs="?", const="out", metavar="DIR", help="write map and front (PNG)")
-    add("--theme", choices=("light", "dark"), default="light", help="of the figures")
+    add("--theme", choices=("light", "dark"), default="light", help="colours of the figures")
     add("--json", metavar="FILE", help="the front for machines ('-' prints it)")
     parser.set_defaults(run=run)
 

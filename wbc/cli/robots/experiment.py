@@ -67,12 +67,12 @@ def add_to(commands: Any) -> None:
     add("--duration", type=float, default=10.0, metavar="S", help="[s], default 10")
     add("--rate", type=float, default=100.0, metavar="HZ", help="rows per second, default 100")
     add("--noise", type=float, metavar="NM",
-        help="of the measured rotor torque [N m]; default: 1 %% of its limit")  # fmt: skip
+        help="noise of the measured rotor torque [N m]; default: 1 %% of its limit")  # fmt: skip
     add("--span", type=float, default=np.inf, metavar="RAD", help="furthest from the usual pose")
     add("--speed", type=float, default=np.inf, metavar="X", help="limit of joint speeds [rad/s]")
     add("--acceleration", type=float, default=np.inf, metavar="X", help="limit [rad/s^2]")
     add("--rounds", type=int, default=300, metavar="N", help="changes tried (default 300)")
-    add("--seed", type=int, default=0, help="of the search (default 0)")
+    add("--seed", type=int, default=0, help="seed of the search (default 0)")
     add("--out", default="trajectory.csv", metavar="FILE.csv", help="the motion as set points")
     add("--figures", nargs="?", const="out", metavar="DIR", help="write motion and torques (PNG)")
     add("--json", metavar="FILE", help="the odds for machines ('-' prints it)")

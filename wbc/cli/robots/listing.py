@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
         epilog="example: wbc list effects",
     )
     parser.add_argument("what", choices=("robots", "effects", "gearboxes"))
-    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
+    parser.add_argument("--json", metavar="FILE", help="the result for programs ('-' prints it)")
     parser.set_defaults(run=run)
 
 

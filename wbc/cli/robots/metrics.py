@@ -40,9 +40,9 @@ def add_to(commands: Any) -> None:
         "--figures", nargs="?", const="out", metavar="DIR", help="write the two figures (PNG)"
     )
     parser.add_argument(
-        "--theme", choices=("light", "dark"), default="light", help="of the figures"
+        "--theme", choices=("light", "dark"), default="light", help="colours of the figures"
     )
-    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
+    parser.add_argument("--json", metavar="FILE", help="the result for programs ('-' prints it)")
     parser.set_defaults(run=run)
 
 

@@ -31,24 +31,24 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robot", required=True, metavar="NAME", help="shipped robot, robot.toml or fitted.toml"
     )
+    parser.add_argument("--lossless", action="store_true", help="take the robot with perfect gears")
     parser.add_argument(
-        "--lossless", action="store_true", help="start from the robot with perfect gears"
-    )
-    parser.add_argument(
-        "--columns", metavar="MAP.toml", help="foreign column names, units, side of the gear"
+        "--columns", metavar="MAP.toml", help="map of column names, units, sides of the gear"
     )
     add_depth_options(parser)
     parser.add_argument(
         "--fix",
         metavar="MAP.toml",
-        help="write the column map that mends columns found to be wrong",
+        help="write a column map that corrects wrong columns",
     )
 
 
 def add_output_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that write results to files."""
-    parser.add_argument("--json", metavar="FILE", help="the same for machines ('-' prints it)")
-    parser.add_argument("--report", metavar="FILE.html", help="the same to look at, one file")
+    parser.add_argument("--json", metavar="FILE", help="the result for programs ('-' prints it)")
+    parser.add_argument(
+        "--report", metavar="FILE.html", help="the result as a page for the browser"
+    )
 
 
 def robot_from(options: argparse.Namespace) -> Robot:

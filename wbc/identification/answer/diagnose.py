@@ -92,6 +92,7 @@ def diagnose(
     found = look_closer(found, robot, different, classes, progress)
     warnings += _about_the_search(found)
     trials = found.trials
+    trials.until = inf  # the search is over: what the answer still needs is fitted
     problem, first = trials.problem, trials.nothing
     final, odds, level, support, more = _believed(found)
     verdict = verdict_of(problem, first, final, list(support.values()), more)

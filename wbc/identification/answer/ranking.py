@@ -11,6 +11,7 @@ from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.odds import TIED, Odds
 from wbc.robot import Effect
 
+_MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could use
 Standing = Literal["found", "better", "worse", "not distinguishable"]
 
 
@@ -50,6 +51,33 @@ class Ranked:
         if not self.removed:
             return f"with {_spoken(self.added)}, too"
         return f"{_spoken(self.added)} instead of {_spoken(self.removed)}"
+
+    @property
+    def judgement(self) -> str:
+        """What to think of it, in words: how it fits and how probable it is are not the same."""
+        if self.standing == "found":
+            return "found"
+        if self.standing == "not distinguishable":
+            return "as good"
+        if self.standing == "better":
+            return "more probable"
+        # By chance a difference is beyond two standard errors in one of twenty.
+        if self.difference < -2.0 * self.deviation:
+            return "fits better, but less probable"
+        if not self.removed:
+            return "not needed"
+        worse = self.difference > 2.0 * self.deviation
+        return "fits worse" if worse else "fits as well, but less probable"
+
+    @property
+    def odds(self) -> str:
+        """How probable it is beside what was found, such as 1 to 20; empty for that itself."""
+        if self.standing == "found":
+            return ""
+        ratio = 10.0 ** min(abs(self.evidence) / np.log(10.0), _MOST_ODDS)
+        shown = f"{ratio:.2g}" if ratio < 100.0 else f"10^{np.log10(ratio):.0f}"
+        shown = f"> {shown}" if ratio >= 10.0**_MOST_ODDS else shown
+        return f"1 : {shown}" if self.evidence <= 0.0 else f"{shown} : 1"
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""

@@ -13,7 +13,7 @@ from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
 from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
-from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
+from wbc.identification.model.kept_columns import lossy_gears
 from wbc.identification.model.residual import raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
@@ -146,9 +146,8 @@ def adds(robot: Robot, effect: type[Effect]) -> bool:
 
 def alone_on(robot: Robot, given: Robot) -> bool:
     """Whether what `adds` to a robot is what it adds to the robot as given."""
-    drives = any("drive" in effect.acts_by for effect in robot.effects)
-    perfect = keeps_motion(robot) and not drives and not lossy_gears(robot).any()
-    return perfect and robot.model is given.model
+    sums = all(effect.acts_by <= _ADDS | {"change"} for effect in robot.effects)
+    return sums and not lossy_gears(robot).any() and robot.model is given.model
 
 
 def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:

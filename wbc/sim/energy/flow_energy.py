@@ -88,7 +88,9 @@ def _contact_loss(part: Transit) -> float:
 def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[FloatArray, float]:
     """Return the mesh losses (m,) and the loss between meshes and joints [J] where gears are loose.
 
-    A spring's loss is what it takes and does not store. A rotor that hits the rigid flank of its
+    A spring's loss is what it takes and does not store, its damper's is that of the final speed,
+    like every law's of a step: what the change of speed within the step makes of it is
+    discretisation, and part of the residual. A rotor that hits the rigid flank of its
     play jumps within the step, for which impulse times final speed would be wrong by more than
     O(h): there the loss of mesh and flank together is what the rotor gives and the joint does not
     get, and the mesh has no more than that of it.
@@ -100,6 +102,10 @@ def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[Fl
     balance = work - stored - 0.5 * mesh * (before.speed + after.speed)
     together = balance + damped
     own = np.minimum(np.maximum(balance, 0.0), np.maximum(together, 0.0))
+    held = np.zeros(drive.size, dtype=bool)
+    held[part.gears.engaged] = True
+    late = 0.5 * part.step * drive.damping * after.relative * (after.relative - before.relative)
+    damped += np.where(held & np.isfinite(drive.stiffness), late, 0.0)
     springs = drive.spring_energy(after.deflection) - drive.spring_energy(before.deflection)
     damped = np.where(flanks, together - own, damped)
     return np.where(flanks, own, lost), float(damped.sum()) - springs

@@ -13,18 +13,33 @@ from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.sentence import spoken, verdict_sentence, what_to_do
 from wbc.measurement import LogQuality, LogSource
 
+_MEANINGS = {
+    "named": "these logs tell which effects the model lacks",
+    "ambiguous": "several effects explain these logs equally well",
+    "partial": "some missing effects are certain, and more is missing",
+    "unknown": "something is missing, and no known effect explains it",
+    "none": "the model explains these logs as far as their noise allows",
+    "not_repeatable": "repeated runs disagree, so nothing can be named",
+    "compared": "the model beside the logs, nothing was fitted",
+}
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
 
 
 def headline(comparison: Comparison, diagnosis: Diagnosis | None) -> dict[str, str]:
-    """Return verdict, sentence and what to do now."""
+    """Return the verdict with its meaning, the first sentence, the others, what to do now."""
     if diagnosis is None:
-        return {"verdict": "compared", "sentence": comparison.sentence, "to_do": ""}
+        verdict, text, to_do = "compared", comparison.sentence, ""
+    else:
+        verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
+        to_do = what_to_do(diagnosis)
+    first, stop, rest = text.partition(". ")
     return {
-        "verdict": diagnosis.verdict,
-        "sentence": verdict_sentence(diagnosis),
-        "to_do": what_to_do(diagnosis),
+        "verdict": verdict,
+        "meaning": _MEANINGS[verdict],
+        "sentence": first + ("." if stop else ""),
+        "more": rest,
+        "to_do": to_do,
     }
 
 
@@ -143,7 +158,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 
 def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
-    """Return the ranked table: model, error, paired difference, standing."""
+    """Return the ranked table: model, error, judgement, odds, paired difference."""
     table = []
     for row in rows:
         sign = "+" if row.difference > 0.0 else ""
@@ -154,6 +169,8 @@ def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
                 "error": plain(row.error),
                 "difference": "" if row.standing == "found" else paired,
                 "standing": row.standing,
+                "judgement": row.judgement,
+                "odds": row.odds,
             }
         )
     return table

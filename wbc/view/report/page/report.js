@@ -27,13 +27,12 @@ function drawStairs() {
   const steps = data.steps.slice().reverse(), narrow = window.innerWidth < 560;
   const shown = layout("held-out error [noise floors]", "");
   const most = Math.max(...steps.map((s) => s.error));
-  // Over less than a decade a linear axis from zero reads best; over more, powers of ten.
-  if (most < 5) Object.assign(shown.xaxis, { range: [0, 1.25 * Math.max(most, 1.2)], rangemode: "tozero", nticks: 6 });
-  else Object.assign(shown.xaxis, { type: "log", dtick: most < 20 ? "D2" : 1, range: [Math.log10(0.5), Math.log10(2.5 * most)] });
+  // From zero and linear: the length of a bar is the error. The numbers beside the bars tell small ones apart.
+  Object.assign(shown.xaxis, { range: [0, (narrow ? 1.35 : 1.15) * Math.max(most, 1.2)], rangemode: "tozero", nticks: narrow ? 4 : 8 });
   Object.assign(shown.yaxis, { title: "", tickfont: { size: narrow ? 10 : 12 } });
   shown.margin.t = 20;
   shown.shapes = [{ type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: { color: style("--before"), dash: "dash" } }];
-  shown.annotations = [{ x: 0, xref: "x", y: 1.0, yref: "paper", yanchor: "bottom", text: "noise floor", showarrow: false, font: { color: style("--before"), size: 11 } }];
+  shown.annotations = [{ x: 1, xanchor: "left", xref: "x", y: 1.0, yref: "paper", yanchor: "bottom", text: "noise floor", showarrow: false, font: { color: style("--before"), size: 11 } }];
   const label = (text) => narrow && text.length > 24 ? text.replace(" at ", "<br>at ") : text;
   Plotly.react("stairs", [{ type: "bar", orientation: "h", x: steps.map((s) => s.error), y: steps.map((s) => label(s.label)),
     text: steps.map((s) => s.error.toPrecision(3)), textposition: "outside", cliponaxis: false, marker: { color: style("--after") },
@@ -199,9 +198,16 @@ function loadPlayback() {
 if (!root.dataset.theme) root.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 $("theme").onclick = () => setTheme(root.dataset.theme === "dark" ? "light" : "dark");
 $("log").onchange = drawAll;
+// A plot follows its place: `responsive` alone follows the window, and a panel that opens or a
+// phone that turns changes places without it.
+const places = new ResizeObserver((seen) => {
+  for (const { target } of seen) if (!root.classList.contains("paper") && target.clientWidth && target._fullLayout
+    && Math.abs(target._fullLayout.width - target.clientWidth) > 1) Plotly.Plots.resize(target);
+});
 buildPanels();
 drawStairs();
 buildSignals();
+for (const plot of document.querySelectorAll(".plot")) places.observe(plot);
 loadPlayback();
 window.report = { ready: true, setTheme, toPaper };
 })();
