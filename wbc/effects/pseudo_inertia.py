@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, frozen
 from wbc.robot import Parameter, Robot
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
@@ -26,7 +26,12 @@ _SPREAD = 0.5  # standard deviation of the logarithm of how wrong drawings are b
 _LARGEST_LOG = 1.5  # a mass between 1 / 20 and 20 times that drawn
 _LARGEST = 20.0  # of shears, and of shifts in radii of gyration
 _KEPT = 256  # drawn links that are remembered: a fit asks for each many times
+# ... and links that differ from their drawing: a derivative changes one number of one link at a
+# time, and asks for all of them.
+_VARIED = 2048
 _THIN = 0.1  # share of a link's length below which no radius of gyration is believed
+
+_BESIDE = np.triu_indices(4, 1)
 
 PARAMETERS = tuple(
     Parameter(name, "1", 0.0, -limit, limit, USUAL)
@@ -68,9 +73,10 @@ class DrawnInertia:
         factor[3, 3] = np.sqrt(mass)
         return cls(inertia, factor)
 
-    def changed(self, numbers: Sequence[float]) -> pin.Inertia:
-        """Return the inertia with these log-Cholesky parameters (10,)."""
-        if not np.any(numbers):
+    @lru_cache(maxsize=_VARIED)  # noqa: B019 - as many as are kept, and they are small
+    def changed(self, numbers: tuple[float, ...]) -> pin.Inertia:
+        """Return the inertia with these log-Cholesky parameters (10,); it is not to be changed."""
+        if not any(numbers):
             return self.inertia
         change = _parameters(self.factor @ lower(numbers)) - _parameters(self.factor)
         return pin.Inertia.FromDynamicParameters(self.inertia.toDynamicParameters() + change)
@@ -89,7 +95,8 @@ def lower(numbers: Sequence[float]) -> FloatArray:
     return np.asarray(np.exp(alpha) * np.array(shape))
 
 
-def departures(numbers: Sequence[float]) -> FloatArray:
+@lru_cache(maxsize=_VARIED)
+def departures(numbers: tuple[float, ...]) -> FloatArray:
     """Return (10,) how far an inertia is from its drawing, in units of how wrong drawings are.
 
     Their squares sum up to the log-determinant divergence of the two pseudo-inertias,
@@ -99,7 +106,7 @@ def departures(numbers: Sequence[float]) -> FloatArray:
     factor = lower(numbers)
     x = np.log(np.diagonal(factor))
     stretched = np.sign(x) * np.sqrt(np.maximum(np.expm1(2.0 * x) - 2.0 * x, 0.0))
-    return np.concatenate([stretched, factor[np.triu_indices(4, 1)]]) / USUAL
+    return frozen(np.concatenate([stretched, factor[_BESIDE]]) / USUAL)
 
 
 def excess(distances: FloatArray) -> float:
