@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.optimize import minimize_scalar
 
@@ -23,7 +24,8 @@ from wbc.design.experiment import (
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.errors import DesignError, EffectError
-from wbc.robot import Motion
+from wbc.robot import Motion, Robot
+from wbc.transmission import Transmission
 
 LEG = load_robot("planar_leg_fixed").lossless()
 LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)
@@ -159,5 +161,42 @@ def test_the_command_writes_set_points_and_odds(
     ):
         assert main([*command, *extra]) == 2
         assert message in capsys.readouterr().err
-    assert main(["experiment", "planar_leg", "--between", *causes]) == 2
-    assert "fixed base" in capsys.readouterr().err
+
+
+def test_a_free_base_is_held_and_the_leg_is_then_the_fixed_leg() -> None:
+    """The wrench of the stand reaches no gear: same motion, same odds as with a fixed base."""
+    free = load_robot("planar_leg").lossless()
+    texts = ("rotor_inertia@knee", "payload_mass@shin")
+    odds = []
+    for robot in (free, LEG):
+        chosen = Rivals(robot, tuple(parse_cause(t, robot) for t in texts), np.full(2, 0.01))
+        odds.append(expected(chosen, LIMITS, path()).odds)
+    assert odds[0] == pytest.approx(odds[1], rel=1e-6)
+
+
+def test_the_command_plans_for_a_quadruped_that_a_stand_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ["experiment", "solo12", "--lossless", "--speed", "6", "--span", "0.6", "--between"]
+    command += ["rotor_inertia@FL_KFE", "payload_mass@FL_LOWER_LEG"]
+    assert main([*command, "--duration", "2", "--rounds", "2", "--json", "odds.json"]) == 0
+    assert "hold the base in a stand" in capsys.readouterr().out
+    table = np.genfromtxt("trajectory.csv", delimiter=",", names=True)
+    assert table.dtype.names is not None
+    assert len(table.dtype.names) == 1 + 3 * 12
+    said = json.loads(Path("odds.json").read_text())["log10_odds"]
+    least = {name: min(pair["value"] for pair in pairs) for name, pairs in said.items()}
+    assert least["designed"] > least["random, median"] > 0.0
+
+
+def test_a_joint_without_a_gear_behind_a_driven_one_is_refused() -> None:
+    model = pin.Model()
+    for name in ("driven", "loose"):
+        joint = model.addJoint(
+            model.njoints - 1, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0, 0, -0.3])), name
+        )
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    robot = Robot("chain", model, Transmission(("driven",), [10.0], [1e-5]))
+    with pytest.raises(DesignError, match="loose"):
+        Rivals(robot, (parse_cause("viscous_friction@driven", robot),), np.ones(1))

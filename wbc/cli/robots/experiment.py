@@ -45,7 +45,7 @@ the motion that shrinks its intervals.
 
 The odds are those of the cause, if true, over the other one after its numbers
 are refitted: equal odds before, white noise of the torque, and nothing else
-wrong with the model.
+wrong with the model. A free base is held in a stand, the feet in the air.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv"""
@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml; base fixed")
+    add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
     add("--lossless", action="store_true", help="start from the robot with perfect gears")
     add("--between", nargs="+", required=True, metavar="CAUSE",
         help="causes, or the found.json of a diagnosis")  # fmt: skip
@@ -166,6 +166,11 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
         console.print(
             f"cause {j + 1} can do all that cause {i + 1} does: if {i + 1} is true, no motion "
             f"speaks against {j + 1}"
+        )
+    if rivals.robot.floating_size:
+        console.print(
+            "hold the base in a stand in its usual pose, the feet in the air; diagnose the run "
+            'with a robot.toml that says base = "fixed"'
         )
     used = 100.0 * designed.used
     console.print(f"the designed motion uses at most {used:.0f} % of every limit")

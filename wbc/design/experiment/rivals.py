@@ -57,6 +57,20 @@ def _effect(text: str, robot: Robot) -> Effect:
     return effect
 
 
+def passive_joints(robot: Robot) -> tuple[str, ...]:
+    """Return the joints without a gear that are no part of the base.
+
+    The joints of a base carry a driven joint and are carried by none.
+    """
+    model, driven = robot.model, set(robot.actuated.tolist())
+    numbers = range(1, model.njoints)
+    rows = {k: set(range(model.idx_vs[k], model.idx_vs[k] + model.nvs[k])) for k in numbers}
+    geared = {k for k in numbers if driven & rows[k]}
+    above = {k: set(model.supports[k]) - {0, k} for k in numbers}
+    base = {k for k in numbers if any(k in above[g] for g in geared) and not above[k] & geared}
+    return tuple(model.names[k] for k in numbers if k not in geared | base)
+
+
 def typical_values(name: str, null: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters of an effect one typical size away from where it is not there."""
     values = dict(null)
@@ -89,7 +103,11 @@ def require_predictable(effect: Effect, robot: Robot) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Rivals:
-    """Causes of which one is true, on a robot with a gear on every coordinate.
+    """Causes of which one is true, on a robot with a gear on every joint.
+
+    A free base is held at rest in the robot's usual pose, by a stand for example, the feet in the
+    air. The wrench of the stand acts on the six rows of the base alone, so that the torques of the
+    gears are those of the links (Featherstone 2008, chapter 9) and need no force sensor.
 
     Attributes:
         robot: without any of them.
@@ -113,10 +131,11 @@ class Rivals:
             raise DesignError(
                 "a cause is given twice; an experiment decides between different ones."
             )
-        if self.robot.floating_size:
+        passive = passive_joints(self.robot)
+        if passive:
             raise DesignError(
-                f"'{self.robot.name}' has {self.robot.floating_size} coordinates without a gear; "
-                "a planned motion needs a fixed base (lock the base's joints in robot.toml)."
+                f"'{self.robot.name}' has joints without a gear ({', '.join(passive)}): a planned "
+                "motion of the motors does not tell where they go. Lock them in robot.toml."
             )
         if not np.all((self.noise > 0.0) & np.isfinite(self.noise)):
             raise DesignError("the noise of the torque must be > 0 and finite; give --noise.")

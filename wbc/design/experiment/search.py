@@ -57,11 +57,12 @@ class _Site:
     duration: float
 
     def motion(self, path: FourierPath, rate: float) -> Motion:
-        """Return the path as a motion of the whole robot, sampled at `rate` [Hz]."""
+        """Return the path as a motion of the whole robot, its base held, at `rate` [Hz]."""
         robot = self.rivals.robot
         time = path.times(rate)
         q, v, a = path.at(time)
-        position = np.tile(robot.neutral(), (len(q), 1))
+        pose = robot.pose() if robot.poses else robot.neutral()
+        position = np.tile(pose, (len(q), 1))
         position[:, robot.actuated_position] = q
         velocity, acceleration = np.zeros((2, len(q), robot.model.nv))
         velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
