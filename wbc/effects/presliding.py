@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Nothing, Number, OutRow, Row, compiled
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError
 from wbc.robot import Evidence, Memory, Motion, Parameter, Robot, Screen
@@ -97,7 +96,9 @@ class Presliding(JointEffect):
             return None
         position = np.ascontiguousarray(self.joint_position(robot, motion))
         series = np.zeros(len(position))
-        _follow(position, self.length, series)
+        from wbc.effects.bristle_series import follow_bristles  # it loads the compiler
+
+        follow_bristles(position, self.length, series)
         return self.on_joint(robot, motion, -self.level * series)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray | None:
@@ -142,14 +143,3 @@ def _travel(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
     """Return the range of positions that a joint passed in one of the motions [rad or m]."""
     row = robot.position_index(where)
     return max(float(np.ptp(motion.position[:, row])) for motion in motions)
-
-
-@compiled(Nothing, Row, Number, OutRow)
-def _follow(position: FloatArray, length: float, bent: FloatArray) -> None:
-    """Write z (N,) along positions (N,), from z = 0: exact where no interval holds a reversal."""
-    z = 0.0
-    for k in range(1, len(position)):
-        way = position[k] - position[k - 1]
-        end = np.sign(way)
-        z = end + (z - end) * np.exp(-abs(way) / length)
-        bent[k] = z
