@@ -126,6 +126,10 @@ def designs() -> None:
     command += ["--rounds", "100", "--figures", str(OUT), "--between"]
     wbc([*command, "rotor_inertia@knee", "payload_mass@shin"])
     keep(OUT / "planar_leg_fixed_experiment.png", "experiment")
+    command = ["experiment", "solo12", "--lossless", "--speed", "6", "--span", "0.6"]
+    command += ["--rounds", "20", "--figures", str(OUT), "--between"]
+    wbc([*command, "rotor_inertia@FL_KFE", "payload_mass@FL_LOWER_LEG"])
+    keep(OUT / "solo12_experiment.png", "experiment_quadruped")
     plots(case_study.draw, case_foot="case_foot", case_efficiency="case_efficiency")
     flow, blocks = energy_flow.main(), wedge.panels(wedge.main())
     plots(

@@ -23,7 +23,7 @@ from wbc.design.experiment import (
 )
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
-from wbc.measurement import load_log, save_log
+from wbc.measurement import load_log, load_logs, save_log
 from wbc.sim.excitation import record_with
 from wbc.view import write_playback
 from wbc.view.report import write_report
@@ -58,15 +58,23 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     leg = load_robot("planar_leg_fixed").lossless()
     hidden = [TransmissionEfficiency.wedge("knee", 0.8), CoulombFriction("hip", 0.5)]
     console.print("hidden in the plant: " + ", ".join(map(str, hidden)))
-    logs = record_with(leg, hidden, duration=duration)
+    runs = record_with(leg, hidden, duration=duration)
+    written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(runs)]
+    logs = load_logs(written)
     console.print(error_table(compare(leg, logs)))
     diagnosis = diagnose(leg, logs)
     print_diagnosis(console, diagnosis, str(OUT / "fitted.toml"))
     console.print(error_table(compare(diagnosis.robot, logs)))
-    written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(logs)]
     written += [
         save_robot(diagnosis.robot, OUT / "fitted.toml", diagnosis.intervals()),
-        write_report(OUT / "report.html", leg, logs, diagnosis, command="make demo"),
+        write_report(
+            OUT / "report.html",
+            leg,
+            logs,
+            diagnosis,
+            command="make demo",
+            saved=str(OUT / "fitted.toml"),
+        ),
     ]
     return diagnosis, written
 

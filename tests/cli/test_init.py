@@ -72,7 +72,9 @@ def test_a_strangers_files_become_a_verdict(
     assert "guess: not in the model file" in Path(robot).read_text()
     assert load_robot(robot).transmission.joints == joints
     read = [f"{path}{part}", "--robot", robot, "--columns", columns]
+    assert f"look up in {robot}: gears." in said.replace("\n", " ")
     assert main(["check", *read]) == 0
+    assert "still guesses of `wbc init`" in capsys.readouterr().out
     code = main(["diagnose", *read])  # with every effect there is, as a stranger would
     assert code in (0, 1)
     assert "verdict: " in capsys.readouterr().out

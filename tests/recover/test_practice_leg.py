@@ -107,7 +107,7 @@ def test_a_force_sensor_that_reads_too_little_is_no_payload(practice_leg: Path) 
 
 
 def test_hysteresis_is_friction_with_memory(practice_leg: Path) -> None:
-    """The plant's hysteresis of 0.6 N m at both joints is Dahl's; its length is not in the answers."""
+    """The plant's hysteresis is Dahl's, 0.6 N m at both joints."""
     diagnosis = run(practice_leg, "case10", "planar_leg_fixed")
     assert diagnosis.verdict == "named"
     assert found(diagnosis).keys() == {("presliding", "hip"), ("presliding", "knee")}

@@ -22,6 +22,7 @@ from wbc.cli.shared.inputs import (
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, print_out
 from wbc.measurement import LogQuality, check_logs, find_repeats, read_logs
+from wbc.measurement.guessing.robot_guess import guessed_numbers
 
 
 def add_to(commands: Any) -> None:
@@ -48,7 +49,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
         for quality in qualities
         for finding in quality.findings
     ]
-    answer = [_answer(qualities)]
+    guessed = guessed_numbers(options.robot)
+    if guessed:
+        said.append(
+            f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
+            + ", ".join(guessed)
+        )
+    answer = [_answer(qualities, bool(said))]
     parts = [Part("remarks", Padding(text, (0, 0, 0, 2))) for text in said]
     for group in find_repeats(logs):
         names = ", ".join(_short(qualities[k]) for k in group)
@@ -86,12 +93,12 @@ def run(options: argparse.Namespace, console: Console) -> int:
     return 0 if all(quality.usable for quality in qualities) else 1
 
 
-def _answer(qualities: Sequence[LogQuality]) -> str:
+def _answer(qualities: Sequence[LogQuality], remarks: bool) -> str:
     """Return in a sentence whether the logs can be used."""
     wrong = [_short(quality) for quality in qualities if not quality.usable]
     if wrong:
         return f"do not use yet: {', '.join(wrong)} would give wrong results."
-    if any(quality.findings for quality in qualities):
+    if remarks:
         return "these logs can be used, with the remarks below."
     return "nothing to complain about"
 

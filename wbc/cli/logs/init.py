@@ -13,7 +13,7 @@ from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.measurement.columns.mend import write_map
 from wbc.measurement.guessing.column_guess import guess_map, guess_names
-from wbc.measurement.guessing.robot_guess import model_joints, write_robot
+from wbc.measurement.guessing.robot_guess import guessed_numbers, model_joints, write_robot
 
 _EPILOG = """examples:
   wbc init my_leg.urdf run1.csv run2.csv
@@ -72,6 +72,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
             write_robot(folder / "robot.toml", model, options.base, driven, title, start.targets)
         )
         console.print(f"wrote {name}")
+        if guessed := guessed_numbers(name):
+            console.print(f"look up in {name}: {', '.join(guessed)}", soft_wrap=True)
         robot = load_robot(name)
     guess = guess_map(robot, options.logs, start)
     reasons = [f"guess: {reason}" for reason in guess.reasons]

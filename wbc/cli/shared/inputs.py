@@ -166,6 +166,12 @@ def write_report_file(
     with working(console, "writing the report"):
         command = command_line()
         path = write_report(
-            options.report, robot, logs, diagnosis, command=command, discovery=discovery
+            options.report,
+            robot,
+            logs,
+            diagnosis,
+            command=command,
+            discovery=discovery,
+            saved=getattr(options, "save", None),
         )
     console.print(f"wrote {path}")

@@ -60,7 +60,7 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
     """
     use = f"use the corrected robot: --robot {saved or 'fitted.toml'}"
     if not saved:
-        use = f"repeat this with --save fitted.toml, then {use}"
+        use = f"save the corrected robot (--save fitted.toml, in Python save_robot), then {use}"
     match diagnosis.verdict:
         case "named":
             return f"{use[:1].upper()}{use[1:]}."

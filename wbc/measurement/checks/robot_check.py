@@ -49,6 +49,7 @@ def _unknown(log: Log, robot: Robot, missing: list[str]) -> Finding:
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
     mend: Mend = {}
     way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
+    way += f" Joints that never moved are held still by lock = {missing} in robot.toml."
     if len(strange) == len(missing):
         order, sure = match_joints(robot, log, missing, strange)
         mend = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
@@ -14,6 +15,23 @@ from wbc.robot.model_file import read_model
 
 _KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
 _GUESS = "guess: not in the model file; look it up"
+
+
+def guessed_numbers(path: str | Path) -> list[str]:
+    """Return the numbers of a robot description that are still guesses, `gears.knee.gear_ratio`.
+
+    Empty for a robot that is no file.
+    """
+    if not Path(path).is_file():
+        return []
+    with Path(path).open("rb") as file:
+        gears = tomllib.load(file).get("gears", {})
+    return [
+        f"gears.{joint}.{key}"
+        for joint, numbers in gears.items()
+        for key, number in numbers.items()
+        if isinstance(number, dict) and str(number.get("source", "")).startswith(_GUESS)
+    ]
 
 
 def driven_joints(model: pin.Model) -> tuple[str, ...]:

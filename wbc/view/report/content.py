@@ -26,13 +26,15 @@ _STRONG = 0.1
 _MOST_DEPENDENCES = 10
 
 
-def headline(comparison: Comparison, diagnosis: Diagnosis | None) -> dict[str, str]:
+def headline(
+    comparison: Comparison, diagnosis: Diagnosis | None, saved: str | None
+) -> dict[str, str]:
     """Return the verdict with its meaning, the first sentence, the others, what to do now."""
     if diagnosis is None:
         verdict, text, to_do = "compared", comparison.sentence, ""
     else:
         verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
-        to_do = what_to_do(diagnosis)
+        to_do = what_to_do(diagnosis, saved)
     first, stop, rest = text.partition(". ")
     return {
         "verdict": verdict,

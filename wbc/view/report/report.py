@@ -50,6 +50,7 @@ def write_report(
     command: str = "",
     theme: str = "",
     discovery: Discovery | None = None,
+    saved: str | None = None,
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
 
@@ -67,12 +68,13 @@ def write_report(
         command: how to run it again, for the last section.
         theme: "light", "dark", or "" for what the reader's system prefers.
         discovery: what `discover` proposes for what the effects leave.
+        saved: file in which the corrected robot is, None if in none.
 
     Raises:
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    page = report_page(robot, logs, diagnosis, command, theme, discovery)
+    page = report_page(robot, logs, diagnosis, command, theme, discovery, saved)
     return write_text(path, page)
 
 
@@ -83,6 +85,7 @@ def report_page(
     command: str,
     theme: str,
     discovery: Discovery | None = None,
+    saved: str | None = None,
 ) -> str:
     """Return the HTML text of `write_report`."""
     problem = Problem.from_logs(robot, logs)
@@ -91,7 +94,7 @@ def report_page(
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
         "robot": robot.name,
         "theme": theme,
-        **headline(comparison, diagnosis),
+        **headline(comparison, diagnosis, saved),
         "outputs": output_rows(comparison),
         "dependences": dependence_rows(comparison),
         "quality": quality_rows(check_logs(logs, robot)),
