@@ -9,66 +9,30 @@ left is held out: each fold predicted by numbers that were fitted without it. Th
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import time
-from importlib.metadata import version
-from math import inf
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
-from wbc import load_robot
-from wbc.files import write_text
+from benchmarks.recorded import run_on_machines
 from wbc.identification import diagnose
 from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
 from wbc.identification.model.problem import Problem
-from wbc.measurement import load_logs
-
-ROBOTS = Path(__file__).resolve().parents[1] / "robots"
-MACHINES = {
-    "emps": "emps/emps_estimation.parquet",
-    "double_pendulum": "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*",
-    "double_pendulum_c0": "dfki_double_pendulum/double_pendulum.parquet#C.0/trajectory*",
-    "double_pendulum_c1": "dfki_double_pendulum/double_pendulum.parquet#C.1/1*",
-    "staubli_tx40": "staubli_tx40/tx40.parquet",
-    "tiago": "tiago/tiago.parquet",
-}
+from wbc.measurement import Log
+from wbc.robot import Robot
 
 
 def main() -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", type=Path)
-    parser.add_argument("--only", nargs="+", choices=MACHINES, default=list(MACHINES))
-    parser.add_argument("--budget", type=float, default=inf, help="of each diagnosis [s]")
-    parser.add_argument("--json", metavar="FILE")
-    options = parser.parse_args()
-    console = Console()
-    results = {}
-    for name in options.only:
-        path = options.data / MACHINES[name]
-        if not Path(str(path).partition("#")[0]).exists():
-            console.print(f"{name}: no logs at {path}")
-            continue
-        results[name] = measure(name, str(path), options.budget)
-        console.print(table_of(name, results[name]))
-    console.print(
-        f"wbc {version('wbc')}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"{platform.machine()}"
-    )
-    if options.json:
-        write_text(Path(options.json), json.dumps(results, indent=2) + "\n")
+    run_on_machines(__doc__.splitlines()[0], measure)
 
 
-def measure(name: str, path: str, budget: float) -> dict[str, Any]:
-    """Return what both leave per joint [N m] and their CPU seconds."""
-    robot = load_robot(name).lossless()
-    logs = load_logs([path], ROBOTS / name / "columns.toml")
+def measure(
+    machine: str, robot: Robot, logs: Sequence[Log], budget: float
+) -> tuple[dict[str, Any], Table]:
+    """Return what both leave per joint [N m] and their CPU seconds, and the table."""
     start = time.process_time()
     problem = Problem.from_logs(robot, logs)
     prepared = time.process_time() - start
@@ -81,7 +45,7 @@ def measure(name: str, path: str, budget: float) -> dict[str, Any]:
     left = held_out_residual(
         problem, lambda used: fit.residual[~used] + fit.jacobian[~used] @ fit.step(used)
     )
-    return {
+    result = {
         "joints": list(classic.joints),
         "before": classic.before.tolist(),
         "classic": classic.left.tolist(),
@@ -96,6 +60,7 @@ def measure(name: str, path: str, budget: float) -> dict[str, Any]:
             for f in diagnosis.findings
         ],
     }
+    return result, table_of(machine, result)
 
 
 def table_of(name: str, result: dict[str, Any]) -> Table:

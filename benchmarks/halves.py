@@ -9,24 +9,16 @@ stands in its place, and how much its joint moved there, as a share of its rms s
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
-from math import inf
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
-from benchmarks.classic_fit import MACHINES, ROBOTS
-from wbc import load_robot
-from wbc.files import write_text
+from benchmarks.recorded import run_on_machines
 from wbc.identification import Diagnosis, diagnose
-from wbc.measurement import Log, load_logs
+from wbc.measurement import Log
 from wbc.robot import Robot
 
 CERTAIN, BELIEVED = 0.95, 0.5
@@ -60,30 +52,15 @@ class Name:
 
 def main() -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", type=Path)
-    parser.add_argument("--only", nargs="+", choices=MACHINES, default=list(MACHINES))
-    parser.add_argument("--budget", type=float, default=inf, help="of each diagnosis [s]")
-    parser.add_argument("--json", metavar="FILE")
-    options = parser.parse_args()
-    console = Console()
-    results = {}
-    for name in options.only:
-        path = options.data / MACHINES[name]
-        if not Path(str(path).partition("#")[0]).exists():
-            console.print(f"{name}: no logs at {path}")
-            continue
-        robot = load_robot(name).lossless()
-        logs = load_logs([str(path)], ROBOTS / name / "columns.toml")
-        found = names_of(robot, logs, options.budget)
-        results[name] = [vars(one) | {"stable": one.stable} for one in found]
-        console.print(table_of(name, found))
-    console.print(
-        f"wbc {version('wbc')}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"{platform.machine()}"
-    )
-    if options.json:
-        write_text(Path(options.json), json.dumps(results, indent=2) + "\n")
+    run_on_machines(__doc__.splitlines()[0], measure)
+
+
+def measure(
+    machine: str, robot: Robot, logs: Sequence[Log], budget: float
+) -> tuple[list[dict[str, Any]], Table]:
+    """Return the certain causes of one machine, and their table."""
+    found = names_of(robot, logs, budget)
+    return [vars(one) | {"stable": one.stable} for one in found], table_of(machine, found)
 
 
 def names_of(robot: Robot, logs: Sequence[Log], budget: float) -> list[Name]:

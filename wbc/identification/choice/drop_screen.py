@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import FloatArray
 from wbc.identification.choice.evidence import log_densities
 from wbc.identification.choice.hypothesis import Hypothesis, fold_means, without
 from wbc.identification.choice.prior import asked
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 
 def losses(
@@ -31,15 +31,47 @@ def losses(
         drops: causes that are dropped together.
     """
     stays = _as_left(problem, h, fit.residual)
-    return [_loss(problem, fit, h, stays, dropped) for dropped in drops]
+    usual = fit.usual
+    moment = np.einsum("rop,ro->p", fit.jacobian, fit.residual / usual.noise)
+    moment += usual.jacobian.T @ usual.residual
+    normal = fit.information + usual.jacobian.T @ usual.jacobian, moment
+    return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
+
+
+def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:
+    """Return the parameters of some causes, and how far each is from not being there.
+
+    Args:
+        fit: with the causes.
+        own: the causes.
+        robot: that lacks them.
+
+    Returns:
+        Numbers of their parameters among those of the fit; steps in the scales of these.
+    """
+    keys = {effect.key for effect in own}
+    gone, steps = [], []
+    for row, (k, parameter) in enumerate(fit.parameters):
+        effect = fit.effects[k]
+        if effect.key not in keys:
+            continue
+        null = effect.null_values(robot, effect.where).get(parameter.name, parameter.null)
+        change = 0.0 if parameter.shape else (null - effect.values[parameter.name])
+        gone.append(row)
+        steps.append(change / parameter.scale)
+    return gone, np.array(steps)
 
 
 def _loss(
-    problem: Problem, fit: Fit, h: Hypothesis, stays: Hypothesis, dropped: Sequence[Effect]
+    problem: Problem,
+    fit: Fit,
+    h: Hypothesis,
+    stays: Hypothesis,
+    dropped: Sequence[Effect],
+    normal: tuple[FloatArray, FloatArray],
 ) -> tuple[float, float]:
     keys = {effect.key for effect in dropped}
-    gone = np.array([fit.effects[k].key in keys for k, _ in fit.parameters], dtype=bool)
-    moved = fit.residual + fit.jacobian @ _without(problem, fit, gone)
+    moved = fit.residual + fit.jacobian @ _without(*until_null(fit, dropped, problem.robot), normal)
     left = replace(_as_left(problem, h, moved), effects=without(h.effects, *dropped))
     here, there = log_densities(problem, [stays, left]).sum(axis=1)
     cheaper = asked(h.effects) - asked(left.effects)
@@ -48,24 +80,22 @@ def _loss(
     return float(here - there), float(cheaper)
 
 
-def _without(problem: Problem, fit: Fit, gone: BoolArray) -> FloatArray:
-    """Return the step (p,) after which some parameters say nothing, the others fitted again."""
-    step = np.zeros(len(fit.parameters))
-    for row in np.flatnonzero(gone):
-        k, parameter = fit.parameters[row]
-        effect = fit.effects[k]
-        if not parameter.shape:
-            nulls = effect.null_values(problem.robot, effect.where)
-            null = nulls.get(parameter.name, parameter.null)
-            step[row] = (null - effect.values[parameter.name]) / parameter.scale
-    a = (fit.jacobian * fit.usual.weights[:, None]).reshape(-1, step.size)
-    gram, moment = a.T @ a, a.T @ (fit.residual * fit.usual.weights).ravel()
-    if fit.usual.residual.size:
-        gram += fit.usual.jacobian.T @ fit.usual.jacobian
-        moment += fit.usual.jacobian.T @ fit.usual.residual
-    kept = np.flatnonzero(~gone)
+def _without(
+    gone: Sequence[int], steps: FloatArray, normal: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Return the step (p,) after which some parameters say nothing, the others fitted again.
+
+    Args:
+        gone: numbers of the parameters.
+        steps: of these.
+        normal: equations of the fit, (p, p) and (p,).
+    """
+    gram, moment = normal
+    step = np.zeros(moment.size)
+    step[gone] = steps
+    kept = np.setdiff1d(np.arange(moment.size), gone)
     if kept.size:
-        right = -(moment[kept] + gram[np.ix_(kept, np.flatnonzero(gone))] @ step[gone])
+        right = -(moment + gram @ step)[kept]
         step[kept] = np.linalg.lstsq(gram[np.ix_(kept, kept)], right, rcond=1e-9)[0]
     return step
 

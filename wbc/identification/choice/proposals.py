@@ -8,13 +8,12 @@ from typing import Self
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.choice.candidate_columns import Atom, Shelf
+from wbc.identification.choice.drop_screen import until_null
 from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.linear_screen import BeamSearch, Subset
 from wbc.identification.choice.screening import Nearby, Swinging, screen, screen_instead
 from wbc.identification.choice.trials import Trials
-from wbc.identification.model.fit import Fit
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect, Robot
 
@@ -110,7 +109,7 @@ class Proposer:
             return None
         search, atoms = self._around(h)
         robot = self.trials.problem.robot
-        gone, steps = _until_null(self.trials.fit(h), own, robot)
+        gone, steps = until_null(self.trials.fit(h), own, robot)
         taken = {*h.keys, *exclude}
         moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
         if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
@@ -224,21 +223,6 @@ class Proposer:
         judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
         order = np.argsort(-h.outputs[: len(judged)])
         return [joints[judged[k]] for k in order[_SIMULATED:]]
-
-
-def _until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:
-    """Return the parameters of some causes, and how far each is from not being there."""
-    keys = {effect.key for effect in own}
-    gone, steps = [], []
-    for row, (k, parameter) in enumerate(fit.parameters):
-        effect = fit.effects[k]
-        if effect.key not in keys:
-            continue
-        null = effect.null_values(robot, effect.where).get(parameter.name, parameter.null)
-        change = 0.0 if parameter.shape else (null - effect.values[parameter.name])
-        gone.append(row)
-        steps.append(change / parameter.scale)
-    return gone, np.array(steps)
 
 
 def _drawn(search: BeamSearch, atoms: Sequence[Atom]) -> list[Subset]:

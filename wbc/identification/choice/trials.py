@@ -114,8 +114,7 @@ def hypothesis_of(problem: Problem, fit: Fit) -> Hypothesis:
     squares = problem.held_out(fit)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
-    _, index = np.unique(problem.folds, return_inverse=True)
-    rows = np.bincount(index).astype(float)
+    rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares),
