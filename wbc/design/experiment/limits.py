@@ -92,12 +92,19 @@ class MotionLimits:
             motion: positions, velocities, accelerations (N, m).
             torque: (N, m) [N m] that the motion needs.
         """
+        return float(max(self.joint_shares(motion).max(), (np.abs(torque) / self.torque).max()))
+
+    def joint_shares(self, motion: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        """Return (m,) the largest share of position, speed or acceleration that each joint uses.
+
+        Args:
+            motion: positions, velocities, accelerations (N, m).
+        """
         q, v, a = motion
         shares = [
             (q - self.centre) / (self.high - self.centre),
             (self.centre - q) / (self.centre - self.low),
             np.abs(v) / self.speed,
             np.abs(a) / self.acceleration,
-            np.abs(torque) / self.torque,
         ]
-        return float(max(share.max() for share in shares))
+        return np.asarray(np.max([share.max(axis=0) for share in shares], axis=0))
