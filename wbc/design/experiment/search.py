@@ -89,7 +89,7 @@ class _Site:
             if 0.9 * _ROOM <= used <= _ROOM:
                 break
             path = path.scaled(0.97 * _ROOM / used)
-        while used > _ROOM:
+        while used > _ROOM or not self.limits.keeps_apart(path.at(path.times(_SEARCH_RATE))[0]):
             path = path.scaled(0.9)
             found = self.rivals.predictions(self.motion(path, _SEARCH_RATE))
             used = self.limits.used(path.at(path.times(_SEARCH_RATE)), found.peak())
