@@ -147,10 +147,14 @@ def _compiled(
     kept: BoolArray,
 ) -> Flow | None:
     """Return the part as the compiled loops find it; None where they do not."""
-    position, velocity, rate = inner.to_middle(state, 0.5 * step)
-    at = position, velocity, state.time + 0.5 * step
-    forces = effect_forces(setup.robot, at, command, state.memory, step)
-    found = inner.from_middle(state, position, velocity, rate, forces, external, kept, step)
+    if setup.robot.effects:
+        half = inner.to_middle(state, 0.5 * step)
+        at = *inner.middle(half), state.time + 0.5 * step
+        forces = effect_forces(setup.robot, at, command, state.memory, step)
+        found = inner.from_middle(state, half, forces, external, kept, step)
+    else:
+        forces = EffectForces(setup.still, None, command, ())
+        found = inner.part(state, forces, external, kept, step)
     if found is None:
         return None
     following = SimState(
@@ -163,17 +167,13 @@ def _compiled(
         found.motor_speed,
         forces.memory,
     )
-    given = state, position, velocity, rate, forces, external, kept, step
-    details = partial(_rebuilt, setup, *given, found)
+    details = partial(_rebuilt, setup, state, forces, external, kept, step, found)
     return Flow(following, found.landed, found, forces, step, details)
 
 
 def _rebuilt(
     setup: Setup,
     state: SimState,
-    position: FloatArray,
-    velocity: FloatArray,
-    rate: FloatArray,
     forces: EffectForces,
     external: FloatArray | None,
     kept: BoolArray,
@@ -185,6 +185,7 @@ def _rebuilt(
     Its program is put together anew, without them: what the solution misses of its laws, and the
     energy of the part, are then checks of the loops.
     """
+    position, velocity, rate = found.middle
     middle = standing_at(setup.bases, setup.space, position, velocity)
     problem = problem_of(setup, state, middle, rate, forces, external, kept, step, None)
     gears, places, program = program_of(problem, np.zeros(setup.drive.size, dtype=bool), None, None)
