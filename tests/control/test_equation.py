@@ -67,6 +67,8 @@ def test_solution_satisfies_the_dissipative_equation(name, coupled):
 
 EFFECTS = (
     ("viscous_friction", {"coefficient": 0.8}),
+    ("directional_viscous_friction", {"forward": 0.8, "backward": 0.2}),
+    ("thermal_viscous_friction", {"coefficient": 0.8, "rate": 0.03}),
     ("coulomb_friction", {"level": 1.3}),
     ("stribeck_friction", {"level": 0.7, "speed": 0.3}),
     ("presliding", {"level": 0.7, "length": 0.02}),

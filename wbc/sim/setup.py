@@ -39,6 +39,7 @@ class Setup:
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
+        temperature: (m,) of the motors [deg C], None where it was not given.
     """
 
     robot: Robot
@@ -52,6 +53,7 @@ class Setup:
     memory: EffectMemory
     least: FloatArray
     inner: Inner | None
+    temperature: FloatArray | None = None
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:

@@ -149,7 +149,7 @@ def _compiled(
     """Return the part as the compiled loops find it; None where they do not."""
     position, velocity, rate = inner.to_middle(state, 0.5 * step)
     at = position, velocity, state.time + 0.5 * step
-    forces = effect_forces(setup.robot, at, command, state.memory, step)
+    forces = effect_forces(setup.robot, at, command, state.memory, step, setup.temperature)
     found = inner.from_middle(state, position, velocity, rate, forces, external, kept, step)
     if found is None:
         return None
@@ -212,7 +212,7 @@ def _plain(
     rate = _rate_at_start(setup, state)
     middle = to_middle(setup.bases, space, state.position, state.velocity, half)
     at = middle.position, middle.velocity, state.time + half
-    forces = effect_forces(setup.robot, at, command, state.memory, step)
+    forces = effect_forces(setup.robot, at, command, state.memory, step, setup.temperature)
     coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
     if coupling is not None:
         pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)

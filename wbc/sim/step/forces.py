@@ -59,6 +59,7 @@ def effect_forces(
     command: FloatArray,
     memory: EffectMemory = (),
     step: float = 0.0,
+    temperature: FloatArray | None = None,
 ) -> EffectForces:
     """Return what the effects do with a commanded rotor torque (m,) over a step.
 
@@ -68,11 +69,12 @@ def effect_forces(
         command: rotor torque (m,) [N m].
         memory: of the effects at the start of the step; empty where none has any.
         step: h [s].
+        temperature: (m,) of the motors [deg C], None where it is not known.
     """
     joint = np.zeros(robot.model.nv)
     if not robot.effects:
         return EffectForces(joint, None, command, ())
-    motion = Motion(at[0], at[1], time=np.asarray(at[2]))
+    motion = Motion(at[0], at[1], time=np.asarray(at[2]), temperature=temperature)
     friction: FloatArray | None = None
     rotor, seen = command, [motion] * len(robot.effects)
     following: list[FloatArray | None] = []
