@@ -72,6 +72,10 @@ EFFECTS = (
     ("coulomb_friction", {"level": 1.3}),
     ("stribeck_friction", {"level": 0.7, "speed": 0.3}),
     ("presliding", {"level": 0.7, "length": 0.02}),
+    (
+        "load_presliding",
+        {"forward_efficiency": 0.6, "backward_efficiency": 0.5, "length": 0.02},
+    ),
     ("joint_spring", {"stiffness": 8.0, "rest": 0.2}),
     ("torque_ripple", {"amplitude": 0.5, "order": 3.0, "phase": 0.4}),
     ("torque_constant", {"factor": 0.85}),

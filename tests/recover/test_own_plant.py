@@ -50,6 +50,16 @@ CASES: dict[str, tuple[dict[str, Any], dict[tuple[str, str], dict[str, float]]]]
         {"hysteresis": (0.0, 0.4), "hysteresis_rate": 40.0},
         {("presliding", "knee"): {"level": 0.4, "length": 0.025}},
     ),
+    "losses of a gear that build up": (
+        {"eta_f": (1.0, 0.8), "eta_b": (1.0, 0.75), "bent_length": (0.0, 0.03)},
+        {
+            ("load_presliding", "knee"): {
+                "forward_efficiency": 0.8,
+                "backward_efficiency": 0.75,
+                "length": 0.03,
+            }
+        },
+    ),
     "Coulomb friction": (
         {"coulomb": (0.5, 0.3)},
         {

@@ -18,6 +18,7 @@ from wbc.effects.joint_spring import JointSpring
 from wbc.effects.link_inertia import LinkInertia
 from wbc.effects.link_inertias import LinkInertias
 from wbc.effects.load_friction import LoadFriction
+from wbc.effects.load_presliding import LoadPresliding
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
 from wbc.effects.presliding import Presliding
@@ -47,6 +48,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     StribeckFriction,
     Presliding,
     TransmissionEfficiency,
+    LoadPresliding,
     LoadFriction,
     QuadraticDrag,
     RotorInertia,

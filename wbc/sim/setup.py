@@ -40,6 +40,7 @@ class Setup:
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
         temperature: (m,) of the motors [deg C], None where it was not given.
+        meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
     """
 
     robot: Robot
@@ -54,6 +55,7 @@ class Setup:
     least: FloatArray
     inner: Inner | None
     temperature: FloatArray | None = None
+    meshed: bool = False
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
@@ -82,4 +84,5 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         first_memory(robot),
         -robot.transmission.torque_limit,
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
+        meshed=any("meshed" in effect.acts_by for effect in robot.effects),
     )
