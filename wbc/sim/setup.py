@@ -41,6 +41,8 @@ class Setup:
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
+        temperature: (m,) of the motors [deg C], None where it was not given.
+        meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
     """
 
     robot: Robot
@@ -55,6 +57,8 @@ class Setup:
     still: FloatArray
     least: FloatArray
     inner: Inner | None
+    temperature: FloatArray | None = None
+    meshed: bool = False
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
@@ -84,4 +88,5 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         frozen(np.zeros(space.model.nv)),
         -robot.transmission.torque_limit,
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
+        meshed=any("meshed" in effect.acts_by for effect in robot.effects),
     )
