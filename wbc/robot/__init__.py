@@ -6,6 +6,7 @@ from wbc.robot.effect import (
     ContactForces,
     Effect,
     Hook,
+    MemoryEnergy,
     Parameter,
     Quantity,
     small_steps,
@@ -16,6 +17,7 @@ from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, Screen
+from wbc.robot.solids import collision_solids, model_geometry, model_path
 
 __all__ = [
     "BaseState",
@@ -26,6 +28,7 @@ __all__ = [
     "Hook",
     "JointMap",
     "Memory",
+    "MemoryEnergy",
     "Motion",
     "Parameter",
     "Quantity",
@@ -36,7 +39,10 @@ __all__ = [
     "Screen",
     "bare_robot",
     "build_robot",
+    "collision_solids",
     "find_description",
+    "model_geometry",
+    "model_path",
     "read_description",
     "robot_names",
     "robots_directory",
