@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import IdentificationError
+from wbc.errors import IdentificationError, LogError
 from wbc.identification.records.contact_flags import active_contacts
 from wbc.measurement import Log, feedback_torques, makes_torque, reports_torque, rotor_torques
+from wbc.measurement.checks.robot_check import check_robot
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -147,8 +148,18 @@ def _require_reachable(robot: Robot, log: Log) -> None:
             )
 
 
+def _require_positions(robot: Robot, log: Log) -> None:
+    """Raise where joints of the robot have no position, with what to do about them."""
+    joints = robot.single_joints
+    found = [] if all(log.has(f"{name}.position") for name in joints) else check_robot(log, robot)
+    for one in found:
+        if one.kind == "joints_unknown":
+            raise LogError(f"{log.source.label}: {one.text} {one.way_out}")
+
+
 def _position(robot: Robot, log: Log) -> FloatArray:
     single = [(name, robot.position_index(name)) for name in robot.single_joints]
+    _require_positions(robot, log)
     position = np.tile(robot.neutral(), (len(log), 1))
     for name, row in single:
         position[:, row] = log.column(f"{name}.position")
