@@ -13,7 +13,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.cli import main
-from wbc.measurement import Log, load_log
+from wbc.measurement import Log, load_log, save_log
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -135,3 +135,17 @@ def test_an_mjcf_model_gives_its_armature(tmp_path: Path) -> None:
     table = tomllib.loads((tmp_path / "out" / "robot.toml").read_text())
     assert table["gears"]["pivot"]["rotor_inertia"]["value"] == 0.01
     assert table["gears"]["pivot"]["rotor_inertia"]["source"] == "the model file"
+
+
+def test_joints_without_positions_are_held_still(
+    excited_log: Callable[..., Log], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = save_log(excited_log((), duration=2.0), tmp_path / "run.csv")
+    model = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
+    assert main(["init", str(model), str(log), "--out", str(tmp_path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "no column with the position of base_x, base_z, base_pitch: lock in" in said
+    robot = tomllib.loads((tmp_path / "robot.toml").read_text())
+    assert robot["lock"] == ["base_x", "base_z", "base_pitch"]
+    assert set(robot["gears"]) == {"hip", "knee"}
+    assert load_robot(tmp_path / "robot.toml").single_joints == ("hip", "knee")

@@ -50,7 +50,7 @@ def test_every_inseparable_effect_exists() -> None:
 
 
 def left(clue: str, elsewhere: str = "", memory: bool = False) -> Remainder:
-    return Remainder("knee", 1.0, 20.0, ((clue, 0.5),), elsewhere, 1.0, memory)
+    return Remainder("knee", 1.0, "N m", 20.0, ((clue, 0.5),), elsewhere, 1.0, memory)
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: D
         "Missing: viscous friction at knee (mass 2.31 kg instead of 2.00). That explains"
     )
     assert named.rows()[0]["parameter"] == "mass"
-    assert effect_class("link_inertia").at("shin").said == "link inertia at shin"
+    assert effect_class("link_inertia").at("shin").said() == "link inertia at shin"
 
 
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -44,9 +45,8 @@ class TransmissionEfficiency(JointEffect):
         "lowering torque shrinks in proportion to the weight."
     )
 
-    @property
-    def said(self) -> str:
-        """What the gear loses either way."""
+    def said(self, units: Mapping[str, str] | None = None) -> str:
+        """Return what the gear loses either way."""
         forward = f"{100.0 * (1.0 - self.forward_efficiency):.2g} % when the motor drives"
         share = f"{100.0 * (1.0 - self.backward_efficiency):.2g} %"
         backward = share if self.backward_efficiency > 0.0 else "all of it, it locks,"

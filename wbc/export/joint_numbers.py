@@ -118,6 +118,6 @@ def _add(robot: Robot, effect: Effect, motion: Motion, found: JointNumbers) -> I
         found.gain[k] *= drive.gain
         found.delay[k] += drive.delay
     if laws is None or levels is None or offsets is None or drives is None:
-        yield effect.said
+        yield effect.said()
     if effect.acts_by & {"measured", "true", "measured_forces", "true_forces"}:
-        yield f"{effect.said}: it belongs to the sensors, so correct what they report"
+        yield f"{effect.said()}: it belongs to the sensors, so correct what they report"

@@ -13,6 +13,7 @@ from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, find_duplicates
 from wbc.robot import Robot
+from wbc.robot.coordinates import unit_at
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
 _SEEN = 0.5  # of a row, below which it is named as hardly seen
@@ -139,7 +140,8 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
             f"the logs disagree on {parameter.name}: {records[low].name} alone says "
             f"{own[low]:.3g}, {records[high].name} {own[high]:.3g}"
         )
-        found[k].append(text if parameter.unit == "1" else f"{text} {parameter.unit}")
+        unit = unit_at(fit.robot, fit.effects[k].where, parameter.unit)
+        found[k].append(text if unit == "1" else f"{text} {unit}")
     return found
 
 

@@ -1,7 +1,13 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.contact import ContactPoint
-from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
+from wbc.robot.description import (
+    RobotDescription,
+    bare_robot,
+    build_robot,
+    read_description,
+    with_gear_numbers,
+)
 from wbc.robot.effect import (
     ContactForces,
     Effect,
@@ -47,4 +53,5 @@ __all__ = [
     "robot_names",
     "robots_directory",
     "small_steps",
+    "with_gear_numbers",
 ]

@@ -21,6 +21,22 @@ def slides(robot: Robot, joint: str) -> bool:
     return bool(np.linalg.norm(_unit_twist(robot, joint)[1]) < 0.5)
 
 
+def unit_at(robot: Robot, where: str, unit: str) -> str:
+    """Return the unit of a number of an effect at a place.
+
+    The units of effects are those of joints that turn. At a joint that slides a torque is a force,
+    an angle a length and an inertia a mass.
+
+    Args:
+        robot: that has the effect.
+        where: its joint or body.
+        unit: of its parameter.
+    """
+    if where not in robot.single_joints or not slides(robot, where):
+        return unit
+    return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
+
+
 def coordinate_names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return a name and the unit of the force ("N m" or "N") of every coordinate, (nv,) each."""
     names, units = [""] * robot.model.nv, ["N m"] * robot.model.nv

@@ -209,12 +209,16 @@ class Effect(ABC):
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
-    @property
-    def said(self) -> str:
-        """What it is and how large, as a person would say it: a noun with its place."""
+    def said(self, units: Mapping[str, str] | None = None) -> str:
+        """Return what it is and how large, as a person would say it: a noun with its place.
+
+        Args:
+            units: parameter -> unit where it is not that of a joint that turns.
+        """
         name, listed = self.name.replace("_", " "), []
         for p in self.parameters:
-            unit = "" if p.unit == "1" else f" {p.unit}"
+            stated = (units or {}).get(p.name, p.unit)
+            unit = "" if stated == "1" else f" {stated}"
             listed.append((p.name.replace("_", " "), f"{self.values[p.name]:.2g}{unit}"))
         if len(listed) == 1 and self.parameters[0].unit != "1":
             return f"{name} of {listed[0][1]} at {self.where}"

@@ -60,18 +60,23 @@ def run(options: argparse.Namespace, console: Console) -> int:
     else:
         joints = model_joints(model, options.base)
         start = guess_names(given[0], joints)
-        driven = start.driven + start.targets or joints
+        driven = start.driven + start.targets or tuple(j for j in joints if j not in start.unseen)
         if start.targets:
             console.print(
                 "no torque but targets: replace the guessed drive gains kp and kd in robot.toml"
             )
         elif not start.driven:
             console.print("no column looks like a torque or current: every joint gets a gear")
-        title = model.resolve().stem
-        name = str(
-            write_robot(folder / "robot.toml", model, options.base, driven, title, start.targets)
-        )
+        held = [joint for joint in start.unseen if joint not in driven]
+        title, target = model.resolve().stem, folder / "robot.toml"
+        name = str(write_robot(target, model, options.base, driven, title, start.targets, held))
         console.print(f"wrote {name}")
+        if held:
+            console.print(
+                f"no column with the position of {', '.join(held)}: lock in {name} holds them at "
+                "zero; if they moved, record their positions",
+                soft_wrap=True,
+            )
         if guessed := guessed_numbers(name):
             console.print(f"look up in {name}: {', '.join(guessed)}", soft_wrap=True)
         robot = load_robot(name)

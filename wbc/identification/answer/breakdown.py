@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.records.outputs import output_gear, output_names, output_row
 from wbc.identification.records.record import Record
+from wbc.robot.coordinates import unit_at
 
 _BINS = 12
 
@@ -45,12 +46,14 @@ def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> li
         residuals: (rows, m + b) condensed residual of each.
     """
     found = []
-    outputs = output_names(records[0].robot)
+    robot = records[0].robot
+    outputs = output_names(robot)
     stacked = np.concatenate(residuals)
     for column, output in enumerate(outputs):
         for variable, unit, values in _variables(records, column):
             if np.ptp(values) > 0.0:
-                found.append(binned(output, variable, unit, values, stacked[:, column]))
+                stated = unit_at(robot, output, unit)
+                found.append(binned(output, variable, stated, values, stacked[:, column]))
     return sorted(found, key=lambda b: -b.share)
 
 

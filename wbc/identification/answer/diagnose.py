@@ -179,14 +179,15 @@ def _outputs(problem: Problem, fit: Fit, level: Attainable) -> tuple[OutputLevel
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
     before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
+    sensors = np.sqrt(np.diag(problem.floor.sensors))
     return tuple(
         OutputLevel(
             output=name,
             unit=units[k],
             before=float(before[k]),
             after=float(after[k]),
-            attainable=float(after[k] * share.get(k, 1.0)),
-            sensors=float(np.sqrt(problem.floor.sensors[k, k])),
+            attainable=max(float(after[k] * share.get(k, 1.0)), float(sensors[k])),
+            sensors=float(sensors[k]),
         )
         for k, name in enumerate(names)
     )

@@ -120,7 +120,7 @@ class OutputLevel:
         unit: of the numbers.
         before: of the robot that was given.
         after: of the robot with the effects found.
-        attainable: what any model of motion, load and time would leave.
+        attainable: what any model of motion, load and time would leave; never below `sensors`.
         sensors: what the noise of the sensors leaves.
     """
 

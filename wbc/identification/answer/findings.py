@@ -19,6 +19,7 @@ from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.link_friction import rubbing_effects
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
+from wbc.robot.coordinates import unit_at
 
 _CORRELATED = 0.95
 _VAGUE = 1.0  # half width of an interval, as a share of the value
@@ -57,14 +58,13 @@ def describe_findings(
             if owner != k:
                 continue
             value = effect.values[parameter.name]
+            unit = unit_at(problem.robot, effect.where, parameter.unit)
             low, high = (float(x) for x in bounds[row])
-            estimates[parameter.name] = Estimate(value, parameter.unit, low, high)
+            estimates[parameter.name] = Estimate(value, unit, low, high)
             if value in (parameter.low, parameter.high):
-                warnings.append(
-                    f"{parameter.name} is at the bound {_with_unit(value, parameter.unit)}"
-                )
+                warnings.append(f"{parameter.name} is at the bound {_with_unit(value, unit)}")
             elif high - low > 2.0 * _VAGUE * abs(value):
-                span = f"{low:.3g} to {_with_unit(high, parameter.unit)}"
+                span = f"{low:.3g} to {_with_unit(high, unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
         quantities, about = quantities_of(problem, fit, k, distortion)
         if about:

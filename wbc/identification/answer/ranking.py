@@ -75,9 +75,10 @@ class Ranked:
         if self.standing == "found":
             return ""
         ratio = 10.0 ** min(abs(self.evidence) / np.log(10.0), _MOST_ODDS)
-        shown = f"{ratio:.2g}" if ratio < 100.0 else f"10^{np.log10(ratio):.0f}"
-        shown = f"> {shown}" if ratio >= 10.0**_MOST_ODDS else shown
-        return f"1 : {shown}" if self.evidence <= 0.0 else f"{shown} : 1"
+        whole = 10.0 ** round(float(np.log10(ratio)))
+        shown = f"{ratio:.2g}" if ratio < 100.0 else f"{whole:,.0f}"
+        more = "beyond " if ratio >= 10.0**_MOST_ODDS else ""
+        return more + (f"1 : {shown}" if self.evidence <= 0.0 else f"{shown} : 1")
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""

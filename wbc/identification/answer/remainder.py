@@ -13,7 +13,12 @@ from wbc.identification.answer.breakdown import Breakdown, binned, breakdowns
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.outputs import output_gear, output_names, output_row
+from wbc.identification.records.outputs import (
+    output_gear,
+    output_names,
+    output_row,
+    output_units,
+)
 from wbc.identification.records.record import Record
 
 _MATTERS = 2.0  # floors above which an output is mentioned
@@ -43,7 +48,8 @@ class Remainder:
 
     Attributes:
         output: joint or coordinate.
-        size: root mean square [N m, N].
+        size: root mean square, in `unit`.
+        unit: N m or N.
         floors: the same in noise floors.
         clues: variables on which it depends, with shares of its variance, strongest first.
         elsewhere: the other joint whose motion it follows more than its own; empty if none.
@@ -53,6 +59,7 @@ class Remainder:
 
     output: str
     size: float
+    unit: str
     floors: float
     clues: tuple[tuple[str, float], ...]
     elsewhere: str
@@ -63,7 +70,7 @@ class Remainder:
     def text(self) -> str:
         """One sentence."""
         said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
-        text = f"{self.output}: {self.size:.3g} left, {self.floors:.0f} times the floor"
+        text = f"{self.output}: {self.size:.3g} {self.unit} left, {self.floors:.0f} times the floor"
         text += f", follows {', '.join(said)}" if said else ", follows no single variable"
         if self.growth > 1.5:
             text += f", grows {self.growth:.1f}-fold during a log"
@@ -95,6 +102,7 @@ def remainders(problem: Problem, fit: Fit) -> tuple[Remainder, ...]:
     given = [condensed_residual(problem.robot, [record]) for record in records]
     found = breakdowns(records, parts)
     result = []
+    units = output_units(records[0].robot)
     for column, name in enumerate(output_names(records[0].robot)):
         values = [part[:, column] for part in parts]
         size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
@@ -110,6 +118,7 @@ def remainders(problem: Problem, fit: Fit) -> tuple[Remainder, ...]:
             Remainder(
                 output=name,
                 size=size,
+                unit=units[column],
                 floors=size / floor,
                 clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:_CLUES]),
                 elsewhere=other.variable.rpartition(" of ")[2] if other else "",

@@ -116,7 +116,7 @@ def _sum_up(findings: Sequence[Finding]) -> str:
 def _said(finding: Finding) -> str:
     """Return an effect at its place with its size; of many numbers those that a person checks."""
     if not finding.quantities:
-        return finding.effect.said
+        return finding.effect.said({name: e.unit for name, e in finding.parameters.items()})
     shown = list(finding.quantities.items())[:_MOST]
     sizes = ", ".join(
         f"{name} {plain(e.value)} {e.unit}".removesuffix(" 1")

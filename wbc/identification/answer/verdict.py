@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.identification.answer.diagnosis import Finding, Verdict
 from wbc.identification.answer.remainder import Remainder
-from wbc.identification.answer.sentence import CERTAIN
+from wbc.identification.answer.sentence import CERTAIN, spoken
 from wbc.identification.choice.certainty import Support
 from wbc.identification.choice.hypothesis import Hypothesis
 from wbc.identification.model.problem import Problem
@@ -92,7 +92,8 @@ def next_experiment(
             names = dict.fromkeys(a.effect for a in finding.alternatives)
             rivals = [classes[name].experiment for name in names if name in classes]
             texts.append(
-                f"To tell {finding.effect.name} from {', '.join(finding.rivals)} at "
+                f"To tell {spoken(finding.effect.name)} from "
+                f"{', '.join(spoken(rival) for rival in finding.rivals)} at "
                 f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
             )
             texts += _what_no_run_tells(finding, classes)

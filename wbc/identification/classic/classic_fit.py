@@ -23,6 +23,7 @@ from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
+from wbc.robot.coordinates import unit_at
 
 KINDS: tuple[type[Effect], ...] = (
     ViscousFriction,
@@ -181,7 +182,11 @@ class _Columns:
         inertial = np.einsum("rop,oj->rjp", unit, problem.whitening)
         given = [effects[k].null_values(robot, effects[k].where)[p.name] for k, p in slots]
         own = [
-            (f"{effects[k].name} at {effects[k].where}", p.unit, value)
+            (
+                f"{effects[k].name} at {effects[k].where}",
+                unit_at(robot, effects[k].where, p.unit),
+                value,
+            )
             for (k, p), value in zip(slots, given, strict=True)
         ]
         names = [*own, *links]

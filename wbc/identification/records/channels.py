@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import IdentificationError
+from wbc.errors import IdentificationError, LogError
 from wbc.identification.records.contact_flags import active_contacts
 from wbc.measurement import Log, feedback_torques, makes_torque, reports_torque, rotor_torques
+from wbc.measurement.checks.robot_check import check_robot
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -36,6 +37,7 @@ class Channels:
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
         temperature: (N, m) [deg C], or None.
         supply_voltage: (N, m) [V], or None.
+        inertia: (10 n_links,) what the links of this log's machine have more, or None.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Channels:
     active: dict[str, BoolArray]
     temperature: FloatArray | None
     supply_voltage: FloatArray | None
+    inertia: FloatArray | None = None
 
 
 def read_channels(robot: Robot, log: Log) -> Channels:
@@ -103,6 +106,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         active=active,
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
+        inertia=None if log.machine is None else log.machine.inertia,
     )
 
 
@@ -114,7 +118,7 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     Raises:
         LogError: a joint has neither.
     """
-    gears = robot.transmission
+    gears = robot.transmission if log.machine is None else log.machine.transmission
     reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
     reported |= makes_torque(log, gears)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]
@@ -144,8 +148,18 @@ def _require_reachable(robot: Robot, log: Log) -> None:
             )
 
 
+def _require_positions(robot: Robot, log: Log) -> None:
+    """Raise where joints of the robot have no position, with what to do about them."""
+    joints = robot.single_joints
+    found = [] if all(log.has(f"{name}.position") for name in joints) else check_robot(log, robot)
+    for one in found:
+        if one.kind == "joints_unknown":
+            raise LogError(f"{log.source.label}: {one.text} {one.way_out}")
+
+
 def _position(robot: Robot, log: Log) -> FloatArray:
     single = [(name, robot.position_index(name)) for name in robot.single_joints]
+    _require_positions(robot, log)
     position = np.tile(robot.neutral(), (len(log), 1))
     for name, row in single:
         position[:, row] = log.column(f"{name}.position")

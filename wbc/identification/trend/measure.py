@@ -16,6 +16,7 @@ from wbc.identification.model.problem import Problem
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
+from wbc.robot.coordinates import unit_at
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
@@ -95,7 +96,10 @@ def _measured(
         for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
             effect = fit.effects[k]
             values[(effect.name, effect.where, parameter.name)] = Estimate(
-                effect.values[parameter.name], parameter.unit, float(low), float(high)
+                effect.values[parameter.name],
+                unit_at(robot, effect.where, parameter.unit),
+                float(low),
+                float(high),
             )
     return values, problem.warnings
 

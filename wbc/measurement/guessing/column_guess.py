@@ -39,12 +39,14 @@ class MapGuess:
         reasons: why its lines say what they say.
         driven: joints of the robot with a column of torque or current.
         targets: joints with a column of target positions and none of torque.
+        unseen: joints without a column of positions.
     """
 
     table: Mapping[str, Any]
     reasons: tuple[str, ...]
     driven: tuple[str, ...]
     targets: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
 
 
 def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
@@ -92,7 +94,8 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
         for joint, quantities in held.items()
         if joint not in driven and "target_position" in quantities
     )
-    return MapGuess(mapped, tuple(reasons), driven, targets)
+    unseen = tuple(joint for joint in joints if "position" not in held.get(joint, ()))
+    return MapGuess(mapped, tuple(reasons), driven, targets, unseen)
 
 
 def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
@@ -131,7 +134,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         else:
             break
         unsure = unsure and not moved
-    return MapGuess(table, tuple(reasons), start.driven, start.targets)
+    return MapGuess(table, tuple(reasons), start.driven, start.targets, start.unseen)
 
 
 def _denied(finding: Finding, table: Mapping[str, Any]) -> bool:

@@ -61,6 +61,7 @@ def write_robot(
     driven: Sequence[str],
     name: str,
     targets: Sequence[str] = (),
+    held: Sequence[str] = (),
 ) -> Path:
     """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
 
@@ -71,6 +72,7 @@ def write_robot(
         driven: joints that get a gear.
         name: of the robot.
         targets: joints of those whose drive follows a target that the logs hold, without a torque.
+        held: joints that are welded at zero.
     """
     stated = {**_reductions(model), **_armatures(model)}
     lines = [
@@ -79,6 +81,9 @@ def write_robot(
         f'model = "{model.resolve().as_posix()}"',
         f'base = "{base}"',
     ]
+    if held:
+        names = ", ".join(f'"{joint}"' for joint in held)
+        lines.append(f"lock = [{names}]  # guess: no column with their position, so held at zero")
     for joint in driven:
         ratio, inertia = stated.get(joint, (None, None))
         lines += [
