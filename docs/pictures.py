@@ -168,7 +168,7 @@ def walked() -> None:
     plots(lambda theme: trot.draw(found, theme), trot="trot")
     page, film = trot.film(OUT / "trot.html", 2.4), OUT / "trot.gif"
     write_animation(
-        film, page, start=0.6, stop=2.2, speed=0.5, width=520, height=460, frame_rate=10.0
+        film, page, start=0.4, stop=2.4, speed=0.5, width=480, height=300, frame_rate=12.0
     )
     keep(film, "trot")
 
