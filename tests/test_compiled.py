@@ -46,3 +46,44 @@ def test_the_library_alone_does_not_load_the_compiler():
     code = "import sys, wbc; print([m for m in ('numba', 'llvmlite') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+CALLER = """
+from wbc.compiled import Number, compiled
+from callee import FACTOR, inner
+
+
+@compiled(Number, Number)
+def outer(x: float) -> float:
+    return FACTOR * inner(x)
+
+
+print(outer(1.0), sum(outer.stats.cache_hits.values()))
+"""
+CALLEE = """
+from wbc.compiled import Number, compiled
+
+FACTOR = {factor}
+
+
+@compiled(Number, Number)
+def inner(x: float) -> float:
+    return x + {added}
+"""
+
+
+def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(tmp_path):
+    """A user who pulls a new version must not go on with machine code of the old one."""
+    (tmp_path / "caller.py").write_text(CALLER)
+
+    def run(factor: str, added: str) -> list[str]:
+        (tmp_path / "callee.py").write_text(CALLEE.format(factor=factor, added=added))
+        done = subprocess.run(
+            [sys.executable, "caller.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    assert run("1.0", "1.0") == ["2.0", "0"]
+    assert run("1.0", "20.0") == ["21.0", "0"]
+    assert run("1.25", "20.0") == ["26.25", "0"]
+    assert run("1.25", "20.0") == ["26.25", "1"]

@@ -11,10 +11,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache
-from typing import Any, TypeVar
+from hashlib import sha256
+from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
 Number, Count, Flag, Nothing = types.float64, types.int64, types.boolean, types.void
 Vector = types.Array(types.float64, 1, "A", readonly=True)
@@ -43,8 +46,51 @@ OutDense = types.Array(types.float64, 2, "C")
 """To write, row by row."""
 OutPlaces = types.Array(types.int64, 1, "C")
 """Row numbers to write."""
+OutTable = types.Array(types.int64, 2, "C")
+"""Whole numbers to write, row by row."""
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def several(*fields: Any) -> Any:
+    """Return the type of a tuple of arrays and numbers, as a result."""
+    return types.Tuple(fields)
+
+
+def group(names: type[tuple[Any, ...]], *fields: Any) -> Any:
+    """Return the type of a NamedTuple of arrays and numbers, as an argument or a result."""
+    if len(set(fields)) == 1:
+        return types.NamedUniTuple(fields[0], len(fields), names)
+    return types.NamedTuple(fields, names)
+
+
+def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
+    """Return the entries of an array (n,) from `start` on as a matrix, without owning them.
+
+    A slice counts who holds its memory each time that it is passed on, which takes longer than a
+    loop over a small robot. This does not: the caller keeps `array` alive.
+    """
+    matrix = types.Array(array.dtype, 2, "C")
+
+    def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        source = target.make_array(array)(target, builder, given[0])
+        found = target.make_array(matrix)(target, builder)
+        size = target.get_constant(types.intp, array.dtype.bitwidth // 8)
+        along = builder.mul(given[3], size)
+        populate_array(
+            found,
+            data=builder.gep(source.data, [given[1]]),
+            shape=[given[2], given[3]],
+            strides=[along, size],
+            itemsize=size,
+            meminfo=None,
+        )
+        return found._getvalue()
+
+    return matrix(array, start, rows, columns), build
+
+
+view: Any = intrinsic(_view)
 
 
 def compiled(result: Any, *arguments: Any) -> Callable[[_Function], _Function]:
@@ -66,10 +112,31 @@ def compiled(result: Any, *arguments: Any) -> Callable[[_Function], _Function]:
 
 
 def _machine_code(function: _Function, signature: Any, *, kept: bool) -> _Function:
-    compiler: Callable[[_Function], _Function] = numba.njit(
-        [signature], cache=kept, error_model="numpy", fastmath={"reassoc", "contract"}
-    )
-    return compiler(function)
+    compiler = numba.njit(cache=kept, error_model="numpy", fastmath={"reassoc", "contract"})
+    found = compiler(function)
+    if kept:
+        _stamp(found)
+    found.compile(signature)
+    found.disable_compile()
+    return cast(_Function, found)
+
+
+def _stamp(dispatcher: Any) -> None:
+    """Mark what is kept of a function with all that its machine code is made of.
+
+    Numba looks at the function's own file alone. Its machine code also holds the functions that it
+    calls and the numbers that it reads from its module: when one of these has changed since, it is
+    compiled anew.
+    """
+    function, kept = dispatcher.py_func, dispatcher._cache._cache_file
+    parts = [repr(kept._source_stamp)]
+    for name in function.__code__.co_names:
+        used = function.__globals__.get(name)
+        if isinstance(used, int | float | tuple):
+            parts.append(f"{name} = {used!r}")
+        parts.append(getattr(used, "wbc_stamp", ""))
+    dispatcher.wbc_stamp = sha256("\n".join(parts).encode()).hexdigest()
+    kept._source_stamp = dispatcher.wbc_stamp
 
 
 @cache

@@ -67,9 +67,15 @@ def test_solution_satisfies_the_dissipative_equation(name, coupled):
 
 EFFECTS = (
     ("viscous_friction", {"coefficient": 0.8}),
+    ("directional_viscous_friction", {"forward": 0.8, "backward": 0.2}),
+    ("thermal_viscous_friction", {"coefficient": 0.8, "rate": 0.03}),
     ("coulomb_friction", {"level": 1.3}),
     ("stribeck_friction", {"level": 0.7, "speed": 0.3}),
     ("presliding", {"level": 0.7, "length": 0.02}),
+    (
+        "load_presliding",
+        {"forward_efficiency": 0.6, "backward_efficiency": 0.5, "length": 0.02},
+    ),
     ("joint_spring", {"stiffness": 8.0, "rest": 0.2}),
     ("torque_ripple", {"amplitude": 0.5, "order": 3.0, "phase": 0.4}),
     ("torque_constant", {"factor": 0.85}),

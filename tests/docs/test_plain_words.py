@@ -24,6 +24,11 @@ NEWCOMERS = [
     "guide/control",
     "guide/embedding",
     "guide/simulation",
+    "guide/extend",
+    "guide/extend-task",
+    "guide/extend-contact",
+    "guide/export",
+    "diagnosis/trend",
 ]
 TWO_SCREENS = 900  # words of prose: two windows of a 27-inch display hold about 1000
 TERMS = {

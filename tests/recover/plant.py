@@ -44,6 +44,7 @@ PER_JOINT = {
     "lash": 0.0,  # rad
     "hysteresis": 0.0,  # N m
     "hysteresis_rate": 8.0,  # 1/rad
+    "bent_length": 0.0,  # rad over which the losses of eta_f, eta_b build up; zero is at once
     "position_friction": 0.0,  # N m at 1 rad from zero
     "dead_zone": 0.0,  # N m of commanded torque lost around zero
     "growing_friction": 0.0,  # N m per s
@@ -95,7 +96,7 @@ def simulate(
     v = np.zeros((count, 2))
     theta, omega = q.copy(), v.copy()
     memory = np.zeros((count, 2))
-    mesh = np.zeros((count, 2))
+    mesh, bent = np.zeros((2, count, 2))
     history = np.zeros((max(2, int(0.06 / step)), count, 2))
     lag = np.rint(flaw.delay / step).astype(int)
     times = np.arange(steps) * step
@@ -114,11 +115,14 @@ def simulate(
             rows.append((theta + flaw.encoder_offset, omega.copy(), command / RATIO))
         smooth, level_up, level_down = flaw.torques(theta, omega, t)
         slide = np.sign(omega)
+        bent = flaw.bristles(bent, omega, step)
         memory = memory + step * flaw.hysteresis_rate * (omega - np.abs(omega) * memory)
         memory = np.clip(memory, -1.0, 1.0)
         smooth = smooth - flaw.hysteresis * memory
-        forward = (1.0 - flaw.eta_f) * np.abs(mesh)
-        backward = (1.0 / flaw.eta_b - 1.0) * np.abs(mesh)
+        sharp = flaw.bent_length == 0.0
+        forward = np.where(sharp, (1.0 - flaw.eta_f) * np.abs(mesh), 0.0)
+        backward = np.where(sharp, (1.0 / flaw.eta_b - 1.0) * np.abs(mesh), 0.0)
+        smooth = smooth - np.where(sharp, 0.0, flaw.bent_loss(bent, mesh))
         level_up = level_up + np.where(mesh > 0.0, forward, backward)
         level_down = level_down + np.where(mesh > 0.0, backward, forward)
         mass, bias = flaw.links(q, v)
@@ -210,6 +214,18 @@ class _Flaws:
             + self.growing_friction * t
         )
         return smooth, level + self.one_sided, level
+
+    def bristles(self, bent: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
+        """Return the state (B, 2) of bristles a step later, by an implicit step."""
+        rate = step / np.where(self.bent_length > 0.0, self.bent_length, np.inf)
+        return (bent + rate * v) / (1.0 + rate * np.abs(v))
+
+    def bent_loss(self, bent: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+        """Return mesh input minus output for an input (B, 2)."""
+        up = np.sign(mesh) * bent
+        grow, shrink = 1.0 / self.eta_f - 1.0, 1.0 - self.eta_b
+        gain = 1.0 + 0.5 * (grow + shrink) * up + 0.5 * (grow - shrink) * up**2
+        return mesh - mesh / gain
 
     def links(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mass matrix (B, 2, 2) and bias (B, 2) of thigh, shin and added point masses."""

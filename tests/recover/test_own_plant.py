@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,7 @@ NEAR_REST = {
     ),
 }
 RUNS = 2
+BUILT_UP = {"eta_f": (1.0, 0.8), "eta_b": (1.0, 0.75), "bent_length": (0.0, 0.03)}
 
 
 @pytest.fixture(scope="module")
@@ -86,14 +88,27 @@ def diagnoses() -> dict[str, Diagnosis]:
     ]
     tables = simulate(lanes, duration=6.0, step=4e-4)
     robot = load_robot("planar_leg_fixed").lossless()
-    result = {}
-    for k, name in enumerate(flaws):
-        logs = []
-        for table in tables[RUNS * k : RUNS * (k + 1)]:
-            columns = dict(table)
-            logs.append(Log(columns.pop("time"), columns))
-        result[name] = diagnose(robot, logs)
-    return result
+    runs = [logs_of(tables[RUNS * k : RUNS * (k + 1)]) for k in range(len(flaws))]
+    return {name: diagnose(robot, logs) for name, logs in zip(flaws, runs, strict=True)}
+
+
+def logs_of(tables: Sequence[Mapping[str, np.ndarray]]) -> list[Log]:
+    logs = []
+    for table in tables:
+        columns = dict(table)
+        logs.append(Log(columns.pop("time"), columns))
+    return logs
+
+
+def test_losses_of_a_gear_that_build_up_are_found() -> None:
+    lanes = [Lane(BUILT_UP, excitation=30 + run, noise=70 + run) for run in range(RUNS)]
+    logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
+    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    assert diagnosis.verdict == "named"
+    (found,) = diagnosis.effects
+    assert found.key == ("load_presliding", "knee")
+    truth = {"forward_efficiency": 0.8, "backward_efficiency": 0.75, "length": 0.03}
+    assert found.values == pytest.approx(truth, rel=0.03)
 
 
 @pytest.mark.parametrize("name", CASES)

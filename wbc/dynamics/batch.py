@@ -148,6 +148,8 @@ def motor_torque(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray
     psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
     psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
     mesh = mesh_input(output, psi_velocity, gears.forward_efficiency, gears.backward_efficiency)
+    for effect in robot.effects:
+        mesh = effect.meshed(robot, motion, output, mesh)
     spin = psi_velocity * gears.gear_ratio
     rotor = (
         mesh / gears.gear_ratio

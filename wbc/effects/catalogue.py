@@ -10,6 +10,7 @@ from wbc.effects.center_of_mass import CenterOfMass
 from wbc.effects.coulomb_friction import CoulombFriction
 from wbc.effects.current_limit import CurrentLimit
 from wbc.effects.custom_torque import CustomTorque
+from wbc.effects.directional_viscous_friction import DirectionalViscousFriction
 from wbc.effects.force_sensor_gain import ForceSensorGain
 from wbc.effects.gravity_direction import GravityDirection
 from wbc.effects.joint_compliance import JointCompliance
@@ -17,6 +18,7 @@ from wbc.effects.joint_spring import JointSpring
 from wbc.effects.link_inertia import LinkInertia
 from wbc.effects.link_inertias import LinkInertias
 from wbc.effects.load_friction import LoadFriction
+from wbc.effects.load_presliding import LoadPresliding
 from wbc.effects.payload_mass import PayloadMass
 from wbc.effects.position_offset import PositionOffset
 from wbc.effects.presliding import Presliding
@@ -27,6 +29,7 @@ from wbc.effects.rotor_viscous_friction import RotorViscousFriction
 from wbc.effects.stribeck_friction import StribeckFriction
 from wbc.effects.supply_sag import SupplySag
 from wbc.effects.thermal_drift import ThermalDrift
+from wbc.effects.thermal_viscous_friction import ThermalViscousFriction
 from wbc.effects.torque_constant import TorqueConstant
 from wbc.effects.torque_offset import TorqueOffset
 from wbc.effects.torque_ripple import TorqueRipple
@@ -37,12 +40,15 @@ from wbc.robot import Effect
 
 _CLASSES: tuple[type[Effect], ...] = (
     ViscousFriction,
+    DirectionalViscousFriction,
+    ThermalViscousFriction,
     CoulombFriction,
     RotorViscousFriction,
     RotorCoulombFriction,
     StribeckFriction,
     Presliding,
     TransmissionEfficiency,
+    LoadPresliding,
     LoadFriction,
     QuadraticDrag,
     RotorInertia,

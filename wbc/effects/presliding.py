@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
+from wbc.effects.bristles import energy_of_step, inertia_along, stepped
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen
 
 _SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
-_TRAVELS = 3.0  # lengths after which z is within exp(-3) = 5 % of its end
+TRAVELS = 3.0  # lengths after which z is within exp(-3) = 5 % of its end
 
 
 @final
@@ -57,7 +57,7 @@ class Presliding(JointEffect):
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
         """Return one screen per length, from a small share to a third of the travel."""
-        travel = _travel(robot, where, evidence.motions)
+        travel = travel_of(robot, where, evidence.motions)
         if travel == 0.0:
             return ()
 
@@ -74,8 +74,8 @@ class Presliding(JointEffect):
         """
         steps = [np.abs(np.diff(self.joint_position(robot, motion))) for motion in motions]
         slow = float(np.median(np.concatenate(steps)))
-        travel = _travel(robot, self.where, motions)
-        return bool(slow < self.length < travel / _TRAVELS)
+        travel = travel_of(robot, self.where, motions)
+        return bool(slow < self.length < travel / TRAVELS)
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return z (1,) of bristles that do not bend."""
@@ -111,35 +111,27 @@ class Presliding(JointEffect):
     def _is_series(self, motion: Motion) -> bool:
         return motion.time is not None and motion.velocity.ndim == 2 and self.length > 0.0
 
-    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> float:
-        """Return z at the end of a simulator's step.
+    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
+        """Return what bristles stored and lost over a step [J]."""
+        if motion.memory is None:
+            return None
+        z = self._bent(robot, motion, motion.memory)
+        way = float(self.joint_velocity(robot, motion)) * motion.memory.step
+        bent, level = (float(motion.memory.value[0]), z), (self.level, self.level)
+        return energy_of_step(bent, level, self.length, self.level * z * way)
 
-        dz/dt is solved exactly for the step's speed, so z stays within -1 and 1 for any step. The
-        torque is that of this z, so bristles act as a spring of stiffness level / length does in
-        semi-implicit Euler: stable up to 4 inertia / step^2. Bristles stiffer than a quarter of
-        that are replaced by the stiffest that the step can carry; smaller steps take them back.
-        """
-        step, before = memory.step, float(memory.value[0])
+    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> float:
+        """Return z at the end of a simulator's step."""
+        direction = np.zeros(robot.model.nv)
+        direction[robot.velocity_index(self.where)] = 1.0
         speed = float(self.joint_velocity(robot, motion))
         if self.level == 0.0 or speed == 0.0:
-            return before
-        length = max(self.length, self.level * step**2 / self._inertia(robot, motion))
-        end = np.sign(speed)
-        return float(end + (before - end) * np.exp(-abs(speed) * step / length))
-
-    def _inertia(self, robot: Robot, motion: Motion) -> float:
-        """Return the inertia [kg m^2] that a torque on this joint alone accelerates."""
-        model, gears, row = robot.model, robot.transmission, robot.velocity_index(self.where)
-        inertia = pin.crba(model, model.createData(), motion.position, pin.Convention.WORLD)
-        inertia = np.triu(inertia) + np.triu(inertia, 1).T
-        rotors = gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
-        inertia[np.ix_(robot.actuated, robot.actuated)] += rotors
-        unit = np.zeros(model.nv)
-        unit[row] = 1.0
-        return float(1.0 / np.linalg.solve(inertia, unit)[row])
+            return float(memory.value[0])
+        inertia = inertia_along(robot, motion, direction)
+        return stepped(memory, speed, self.level, self.length, inertia)
 
 
-def _travel(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
+def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
     """Return the range of positions that a joint passed in one of the motions [rad or m]."""
     row = robot.position_index(where)
     return max(float(np.ptp(motion.position[:, row])) for motion in motions)

@@ -26,6 +26,7 @@ from wbc.measurement.suspicions.find import (
 )
 from wbc.measurement.torque import (
     feedback_torques,
+    makes_torque,
     reports_torque,
     rotor_torques,
     torque_quantity,
@@ -58,6 +59,7 @@ __all__ = [
     "load_logs",
     "local_polynomial_operator",
     "low_pass",
+    "makes_torque",
     "parse_column_map",
     "read_column_map",
     "read_logs",

@@ -34,6 +34,8 @@ _GEAR_UNITS = {
     "resistance": "ohm",
     "kp": "N m/rad",
     "kd": "N m s/rad",
+    "duty_gain": "1/rad",
+    "supply_voltage": "V",
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
     "backlash": "rad",
@@ -59,6 +61,8 @@ _LEFT_OUT = {
     "torque_constant": np.nan,
     "resistance": np.nan,
     "kp": np.nan,
+    "duty_gain": np.nan,
+    "supply_voltage": np.nan,
 }
 _SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")

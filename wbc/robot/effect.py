@@ -25,6 +25,7 @@ Hook = Literal[
     "rotor_torque",
     "drive",
     "drive_inverse",
+    "meshed",
     "measured",
     "true",
     "measured_forces",
@@ -74,6 +75,21 @@ class Quantity:
     value: float
     unit: str
     instead: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryEnergy:
+    """Where the work went that an effect with a store of its own took over a step [J].
+
+    Attributes:
+        stored: change of the store.
+        reloaded: part of it that no motion made: the load on what is bent changed.
+        lost: turned to heat.
+    """
+
+    stored: float
+    reloaded: float
+    lost: float
 
 
 _USUAL = np.zeros(0)
@@ -271,6 +287,32 @@ class Effect(ABC):
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque that the drive reports when it delivers `torque`, (..., m)."""
         return torque
+
+    def meshed(
+        self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray
+    ) -> FloatArray:
+        """Return the mesh input t (..., m) that gears need to give T, where it has a memory.
+
+        An effect whose gear loses by more than its efficiencies at the present motion replaces
+        its column along a log. In a simulator such a gear has no loss but this effect's
+        `rotor_torque`, which finds T in `motion.mesh_torque`.
+
+        Args:
+            robot: the robot, whose efficiencies are the limit of the loss.
+            motion: one sample or many.
+            output: T (..., m) [N m].
+            mesh: t (..., m) [N m] by the gears' efficiencies and the effects before.
+        """
+        return mesh
+
+    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
+        """Return where the work went that the effect took over a step; None without a store.
+
+        Args:
+            robot: the robot.
+            motion: of a simulator's step, with `memory`.
+        """
+        return None
 
     def first_memory(self, robot: Robot) -> FloatArray | None:
         """Return the effect's own state at the start of a simulation; None if it has none.

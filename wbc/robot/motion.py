@@ -36,6 +36,7 @@ class Motion:
         supply_voltage: (..., m) [V] at the motor drives, or None.
         feedback_torque: (..., m) on the rotors [N m]: what position drives command because of the
             motion they measure, not of their target; None where no drive follows a target.
+        mesh_torque: T (..., m) [N m] that the gears give, where a simulator solves for it.
         memory: own state of the effect that is asked, where a simulator carries it; else None.
     """
 
@@ -46,6 +47,7 @@ class Motion:
     temperature: FloatArray | None = None
     supply_voltage: FloatArray | None = None
     feedback_torque: FloatArray | None = None
+    mesh_torque: FloatArray | None = None
     memory: Memory | None = None
 
     def replace(self, **changes: Any) -> Motion:

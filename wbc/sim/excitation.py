@@ -46,11 +46,17 @@ class MultiSine:
         return position, (self.omega * cosine).sum(axis=1), -(self.omega**2 * sine).sum(axis=1)
 
 
-def record_run(robot: Robot, believed: Robot, seed: int, duration: float) -> Log:
+def record_run(
+    robot: Robot,
+    believed: Robot,
+    seed: int,
+    duration: float,
+    temperature: FloatArray | None = None,
+) -> Log:
     """Return the recording of one run: computed torque of the believed robot plus PD.
 
     The PD loop closes over encoders on the motors, as on most robots: over those of the links it
-    would shake a soft gear without end.
+    would shake a soft gear without end. `temperature` (m,) is that of the motors [deg C].
     """
     path, gears = MultiSine(believed, seed), believed.transmission
     model, data = believed.model, believed.model.createData()
@@ -62,7 +68,8 @@ def record_run(robot: Robot, believed: Robot, seed: int, duration: float) -> Log
         torque += 150.0 * (q - state.position) + 8.0 * (v - state.velocity)
         return np.asarray(torque / gears.gear_ratio)
 
-    plant = Plant(robot, Plane(height=-10.0))  # the leg swings free, its ground out of reach
+    far = Plane(height=-10.0)  # the leg swings free, its ground out of reach
+    plant = Plant(robot, far, temperature=temperature)
     q, v, _ = path.at(0.0)
     return simulate(plant, control, plant.state(q, v), duration, dt=1e-3).log
 

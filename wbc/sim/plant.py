@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -49,6 +49,8 @@ class Plant:
         motor_bounds: least and greatest rotor torque (m,) [N m] of a robot's motors at rotor
             speeds (m,) [rad/s], at the start of a step; None for the robot's `torque_limit` at
             every speed. `RotorTorqueLimit(knee=...).bounds` gives motors a torque-speed curve.
+        temperature: (m,) of the motors [deg C], as effects and the recording see it; None where
+            it does not matter.
     """
 
     robot: Robot
@@ -56,6 +58,7 @@ class Plant:
     restitution: float = 0.0
     return_speed: float = 1.0
     motor_bounds: MotorBounds | None = None
+    temperature: FloatArray | None = None
     _setup: Setup = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -73,6 +76,10 @@ class Plant:
         if not self.return_speed > 0.0:
             raise SimulationError(f"return_speed must be positive, got {self.return_speed:g}.")
         setup = prepare(self.robot, self.terrain, self.restitution, self.return_speed)
+        if self.temperature is not None:
+            warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)
+            setup = replace(setup, temperature=warm)
+            object.__setattr__(self, "temperature", warm)
         object.__setattr__(self, "_setup", setup)
 
     def state(

@@ -32,9 +32,9 @@ class Recorder:
     `rotor_position` and `rotor_velocity` stand beside the joint's own `position` and `velocity`.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        """Prepare to record `robot`."""
-        self._robot = robot
+    def __init__(self, robot: Robot, temperature: FloatArray | None = None) -> None:
+        """Prepare to record `robot`, and the temperature (m,) of its motors where it is known."""
+        self._robot, self._temperature = robot, temperature
         self._single = [
             (name, robot.position_index(name), robot.velocity_index(name))
             for name in robot.single_joints
@@ -82,6 +82,8 @@ class Recorder:
         for i, name in enumerate(self._robot.transmission.joints):
             columns[f"{name}.rotor_torque"] = rotor[:, i]
             columns[f"{name}.joint_torque"] = joint[:, i]
+            if self._temperature is not None:
+                columns[f"{name}.temperature"] = np.full(len(times), self._temperature[i])
             if turn:
                 columns[f"{name}.rotor_position"] = turn[0][:, i]
                 columns[f"{name}.rotor_velocity"] = turn[1][:, i]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, frozen
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
 from wbc.robot import Robot
@@ -36,9 +37,12 @@ class Setup:
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
         layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
+        still: (nv,) zeros, the forces of no effects.
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
+        temperature: (m,) of the motors [deg C], None where it was not given.
+        meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
     """
 
     robot: Robot
@@ -50,8 +54,11 @@ class Setup:
     return_speed: float
     layout: ImpulseLayout
     memory: EffectMemory
+    still: FloatArray
     least: FloatArray
     inner: Inner | None
+    temperature: FloatArray | None = None
+    meshed: bool = False
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
@@ -78,6 +85,8 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         return_speed,
         layout,
         first_memory(robot),
+        frozen(np.zeros(space.model.nv)),
         -robot.transmission.torque_limit,
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
+        meshed=any("meshed" in effect.acts_by for effect in robot.effects),
     )

@@ -95,7 +95,7 @@ def simulate(
             f"{duration:g} s at dt = {dt:g} s with {substeps} substeps is no run; at least two "
             "ticks and one substep are needed."
         )
-    recorder = Recorder(plant.robot)
+    recorder = Recorder(plant.robot, plant.temperature)
     flow, residuals, fallbacks = EnergyFlow(), Residuals(), 0
     impacts: list[Impact] = []
     events: list[StepEvent] = []

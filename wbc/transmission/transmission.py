@@ -15,7 +15,13 @@ from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
 
 _POSITIVE_INFINITY_ALLOWED = ("torque_limit", "speed_limit", "stiffness")
-_UNKNOWN_ALLOWED = ("torque_constant", "resistance", "position_gain")
+_UNKNOWN_ALLOWED = (
+    "torque_constant",
+    "resistance",
+    "position_gain",
+    "duty_gain",
+    "supply_voltage",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +48,9 @@ class Transmission:
         position_gain: kp (m,) [N m/rad] of a drive that follows target positions, at the motor
             output; NaN where there is none.
         velocity_gain: kd (m,) [N m s/rad] of that drive.
+        duty_gain: (m,) [1/rad] duty per position error at the motor output of a drive that sets
+            the voltage on the winding instead; NaN where there is none.
+        supply_voltage: (m,) [V] of that drive, NaN where unknown.
         stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
         damping: (m,) [N m s/rad] beside the stiffness.
         backlash: (m,) [rad], the whole free play at the motor output.
@@ -63,6 +72,8 @@ class Transmission:
     resistance: FloatArray = None  # type: ignore[assignment]
     position_gain: FloatArray = None  # type: ignore[assignment]
     velocity_gain: FloatArray = None  # type: ignore[assignment]
+    duty_gain: FloatArray = None  # type: ignore[assignment]
+    supply_voltage: FloatArray = None  # type: ignore[assignment]
     stiffness: FloatArray = None  # type: ignore[assignment]
     damping: FloatArray = None  # type: ignore[assignment]
     backlash: FloatArray = None  # type: ignore[assignment]
@@ -109,6 +120,8 @@ class Transmission:
             "resistance": np.full(m, np.nan),
             "position_gain": np.full(m, np.nan),
             "velocity_gain": np.zeros(m),
+            "duty_gain": np.full(m, np.nan),
+            "supply_voltage": np.full(m, np.nan),
             "stiffness": np.full(m, np.inf),
             "damping": np.zeros(m),
             "backlash": np.zeros(m),

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.identification.choice.certainty import WHITE
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.outputs import output_gear, output_row
 from wbc.identification.records.record import Record
 
-_WHITE = 0.5  # whiteness from which on what is left is noise
 _FOLDS = 5  # of interleaved blocks, each predicted from the others
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # shares of the mean square of a column
 _SLOW = (0.05, 0.3)  # of the rms speed, over which a direction turns round
@@ -52,7 +52,7 @@ class Attainable:
         """
         nats = 0.5 * self.samples * np.log(self.left / np.maximum(self.attainable, 1e-300))
         hidden = 1.0 - np.exp(-2.0 * (nats + 0.5 * self.numbers) / self.samples)
-        share = np.where(self.whiteness > _WHITE, hidden, 1.0)
+        share = np.where(self.whiteness > WHITE, hidden, 1.0)
         return np.asarray(share * np.maximum(self.left - 1.0, 0.0))
 
 

@@ -20,10 +20,15 @@ from wbc.identification.answer.verdict import (
     NOTHING_MOVES,
     explained_share,
     next_experiment,
-    unexplained,
     verdict_of,
 )
-from wbc.identification.choice.certainty import Support, support_of
+from wbc.identification.choice.certainty import (
+    BELIEVED,
+    Support,
+    doubted_names,
+    support_of,
+    unexplained,
+)
 from wbc.identification.choice.find_causes import Found, find_causes
 from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.near_rest import look_closer
@@ -46,9 +51,6 @@ _SILENT = (
     "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
     "judged, or its torque constant, unit or column is wrong."
 )
-
-
-_BELIEVED = 2.0 / 3.0  # a cause in the answer is at least twice as probable as not
 
 
 def diagnose(
@@ -150,7 +152,11 @@ def _believed(
     """
     trials, final = found.trials, found.final
     problem, first = trials.problem, trials.nothing
-    doubted: set[Key] = set()
+    # Names that the derivatives say are not believed go first: those fits would be slow ones.
+    names = doubted_names(trials, final)
+    fewer = trials.of([e for e in final.effects if e.name not in names]) if names else None
+    final = fewer or final
+    doubted = set(found.final.keys) - set(final.keys)
     while True:
         # What rests on a cause that is not believed is no evidence for others.
         known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
@@ -158,7 +164,7 @@ def _believed(
         level = attainable(problem, trials.fit(final))
         more = unexplained(problem, first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
-        kept = [e for e in final.effects if support[e.key].group_probability >= _BELIEVED]
+        kept = [e for e in final.effects if support[e.key].group_probability >= BELIEVED]
         fewer = trials.of(kept) if len(kept) < len(final.effects) else None
         if fewer is None:
             # Where something was found and nothing of it is believed, something else is there.

@@ -7,7 +7,6 @@ from itertools import permutations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.answer.diagnosis import Finding, Verdict
 from wbc.identification.answer.remainder import Remainder
 from wbc.identification.answer.sentence import CERTAIN, spoken
@@ -20,28 +19,6 @@ from wbc.robot import Effect
 _SUBSTANTIAL = 0.5  # share of the mean square error of one output that is no small part
 _ASKED = 2  # experiments for what is left, the worst output first
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
-_UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
-# In list and fitted well leaves 2 % mostly and 4.4 % at most (play 9 %), outside 6 to 28 %:
-# measured on 84 generated logs.
-_UNEXPLAINED_SHARE_SIMULATED = 0.1
-_UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
-_UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
-
-
-def unexplained(problem: Problem, before: float, final: Hypothesis, excess: FloatArray) -> bool:
-    """Whether so much is left that a cause must lie outside the candidates.
-
-    Args:
-        problem: the logs.
-        before: mean square of the robot as given, in floors.
-        final: what was found.
-        excess: (outputs,) mean squares above the floor that it leaves.
-    """
-    left = np.sqrt(np.mean(excess))
-    first = np.sqrt(max(before - 1.0, 0.0))
-    share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else _UNEXPLAINED_SHARE
-    most = min(share * first, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
-    return bool(left > max(_UNEXPLAINED_FLOOR, most))
 
 
 def verdict_of(

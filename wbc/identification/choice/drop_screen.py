@@ -30,12 +30,37 @@ def losses(
         h: the hypothesis.
         drops: causes that are dropped together.
     """
-    stays = _as_left(problem, h, fit.residual)
+    stays, normal = _as_left(problem, h, fit.residual), _normal(fit)
+    return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
+
+
+def gains(problem: Problem, fit: Fit, drops: Sequence[Sequence[Effect]]) -> list[FloatArray]:
+    """Return (outputs,) what each drop adds to the mean squares, to first order.
+
+    Args:
+        problem: the logs.
+        fit: of a hypothesis.
+        drops: causes that are dropped together.
+    """
+    normal, here = _normal(fit), np.mean(fit.residual**2, axis=0)
+    left = [_moved(problem, fit, dropped, normal) for dropped in drops]
+    return [np.asarray(np.mean(residual**2, axis=0) - here) for residual in left]
+
+
+def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations of a fit, (p, p) and (p,)."""
     usual = fit.usual
     moment = np.einsum("rop,ro->p", fit.jacobian, fit.residual / usual.noise)
     moment += usual.jacobian.T @ usual.residual
-    normal = fit.information + usual.jacobian.T @ usual.jacobian, moment
-    return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
+    return fit.information + usual.jacobian.T @ usual.jacobian, moment
+
+
+def _moved(
+    problem: Problem, fit: Fit, dropped: Sequence[Effect], normal: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Return what is left (rows, outputs) without some causes."""
+    step = _without(*until_null(fit, dropped, problem.robot), normal)
+    return np.asarray(fit.residual + fit.jacobian @ step)
 
 
 def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:
@@ -71,7 +96,7 @@ def _loss(
     normal: tuple[FloatArray, FloatArray],
 ) -> tuple[float, float]:
     keys = {effect.key for effect in dropped}
-    moved = fit.residual + fit.jacobian @ _without(*until_null(fit, dropped, problem.robot), normal)
+    moved = _moved(problem, fit, dropped, normal)
     left = replace(_as_left(problem, h, moved), effects=without(h.effects, *dropped))
     here, there = log_densities(problem, [stays, left]).sum(axis=1)
     cheaper = asked(h.effects) - asked(left.effects)

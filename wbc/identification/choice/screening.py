@@ -65,6 +65,7 @@ def screen(
     atoms += [atom for c in offered if deflects(c) for atom in simulated[c]]
     order = {c: rank for rank, c in enumerate(offered)}
     free = [atom for atom in atoms if atom.key not in taken and not _drawn_twice(fit, atom)]
+    free = [atom for atom in free if _felt(problem, atom)]
     kept = sorted(free, key=lambda a: order[a.effect])
     noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
@@ -110,9 +111,14 @@ def screen_instead(
         make(rest, [gone.where])
     order = {c: rank for rank, c in enumerate(offered)}
     kept = sorted(found.values(), key=lambda atom: order[atom.effect])
-    kept = [atom for atom in kept if not _drawn_twice(fit, atom)]
+    kept = [atom for atom in kept if not _drawn_twice(fit, atom) and _felt(problem, atom)]
     noise = float(np.min(problem.row_noise(fit.residual)))
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
+
+
+def _felt(problem: Problem, atom: Atom) -> bool:
+    """Whether an output that is judged feels a cause; those of drives set aside do not count."""
+    return bool(np.any(atom.columns[:, problem.whitening.any(axis=1)]))
 
 
 def _drawn_twice(fit: Fit, atom: Atom) -> bool:

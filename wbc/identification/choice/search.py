@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from wbc.identification.choice import moves
+from wbc.identification.choice.certainty import doubted_names
 from wbc.identification.choice.evidence import weigh
 from wbc.identification.choice.hypothesis import Hypothesis, Key
 from wbc.identification.choice.proposals import Proposer
@@ -13,6 +15,7 @@ from wbc.identification.choice.proposals import Proposer
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
 _MASKS = 2  # times that what explains most and is not believed is put aside
+_CHANCES = 2  # hypotheses that may hold a name that is not believed, before nothing more is added
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
 
@@ -37,7 +40,17 @@ class Search:
         moves may lead back to causes that were left: of such a circle the best one is returned.
         """
         current, been = start, {frozenset(start.keys): start}
+        held: Counter[str] = Counter()
         for _ in range(_MOST_MOVES):
+            held = Counter(
+                {name: held[name] + 1 for name in doubted_names(self.proposer.trials, current)}
+            )
+            lasting = [name for name, count in held.items() if count >= _CHANCES]
+            if lasting:
+                # It does not reach the answer, nor does what rests on it.
+                names = ", ".join(lasting)
+                self.report(f"nothing more is tried beside what is not believed: {names}")
+                break
             better = self._next(current)
             if better is None:
                 break

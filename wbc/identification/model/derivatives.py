@@ -130,23 +130,13 @@ def _inertial(
     kinds = {type(effect): effect for effect in at.effects}
     inertial = {kind for kind, effect in kinds.items() if only_inertial(robot, effect)}
     own = {k for k, effect in enumerate(at.effects) if type(effect) in inertial}
-    varied = {}
-    for row, (k, parameter) in enumerate(slots):
-        if k not in own:
-            continue
-        for size in (STEP, -STEP):
-            try:
-                changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
-                changed[k].change(robot)
-            except IMPOSSIBLE:
-                continue
-            varied[row] = k, changed[k], size
-            break
-    if not varied:
+    varied = [(row, k, parameter) for row, (k, parameter) in enumerate(slots) if k in own]
+    found = parameter_changes(robot, at.effects, varied)
+    if not found:
         return {}
-    changes = parameter_changes(robot, at.effects, list(varied.values()))
+    changes = np.stack(list(found.values()), axis=-1)
     columns = inertial_columns(at.robot, records, at.swinging, changes)
-    return {row: columns[:, :, place] for place, row in enumerate(varied)}
+    return {row: columns[:, :, place] for place, row in enumerate(found)}
 
 
 def _kept(at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns) -> FloatArray | None:

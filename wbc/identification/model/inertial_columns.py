@@ -8,9 +8,13 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import inertial_parameters
+from wbc.identification.model.kept_columns import IMPOSSIBLE, STEP
 from wbc.identification.model.residual import by_link_torque
 from wbc.identification.records.record import Record
-from wbc.robot import Effect, Robot
+from wbc.robot import Effect, Parameter, Robot
+
+# Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
+_STEADY, _DIGITS = 1e-6, 6
 
 
 def only_inertial(robot: Robot, effect: Effect) -> bool:
@@ -23,23 +27,33 @@ def only_inertial(robot: Robot, effect: Effect) -> bool:
 
 
 def parameter_changes(
-    robot: Robot, effects: Sequence[Effect], varied: Sequence[tuple[int, Effect, float]]
-) -> FloatArray:
-    """Return (10 n_links, p) the change of the links' parameters per unit of each variation.
+    robot: Robot, effects: Sequence[Effect], varied: Sequence[tuple[int, int, Parameter]]
+) -> dict[int, FloatArray]:
+    """Return (10 n_links,) the change of the links' parameters per scale of each number.
 
     Args:
         robot: that lacks the effects.
         effects: as they are.
-        varied: (number of an effect, the effect as varied, size of the variation).
+        varied: (number of the column, number of an effect, its parameter).
+
+    Returns:
+        By number of the column, without those that the robot cannot have changed.
     """
-    kinds = {type(moved) for _, moved, _ in varied}  # no others change the links' inertias
+    kinds = {type(effects[k]) for _, k, _ in varied}  # no others change the links' inertias
     acting = {k: e for k, e in enumerate(effects) if type(e) in kinds}
     before = inertial_parameters(robot.with_effects(*acting.values()))
-    columns = []
-    for k, moved, size in varied:
-        changed = robot.with_effects(*{**acting, k: moved}.values())
-        columns.append((inertial_parameters(changed) - before) / size)
-    return np.stack(columns, axis=-1)
+    columns = {}
+    for row, k, parameter in varied:
+        for size in (STEP, -STEP):
+            try:
+                value = effects[k].values[parameter.name] + size * parameter.scale
+                moved = effects[k].with_values({parameter.name: value})
+                changed = robot.with_effects(*{**acting, k: moved}.values())
+            except IMPOSSIBLE:
+                continue
+            columns[row] = (inertial_parameters(changed) - before) / size
+            break
+    return columns
 
 
 def inertial_columns(
@@ -61,6 +75,24 @@ def inertial_columns(
     """
     parts = []
     for record, held in zip(records, swinging, strict=True):
-        slope, regressor = by_link_torque(robot, record, held)
-        parts.append(record.condense(np.einsum("noi,nip->nop", slope, regressor @ changes)))
+        slope, moved = by_link_torque(robot, record, held)
+        outputs = [_at_output(moved, k, slope[:, k], changes) for k in range(slope.shape[1])]
+        parts.append(np.stack(outputs, axis=1))
     return np.concatenate(parts)
+
+
+def _at_output(record: Record, output: int, slope: FloatArray, changes: FloatArray) -> FloatArray:
+    """Return the columns (rows, p) at one output, of which `slope` (N, nv) is the derivative.
+
+    Where nothing loses a share of the load the slope is the same at every sample. Then the columns
+    are sums of those of the links' parameters, which are kept whatever else the robot has.
+    """
+    mean = slope.mean(axis=0)
+    size = float(np.max(np.abs(mean), initial=0.0))
+    if size > 0.0 and np.max(np.abs(slope - mean)) < _STEADY * size:
+        direction = np.round(mean / size, _DIGITS) + 0.0
+        return np.asarray(record.condensed_regressor(output, direction) @ (size * changes))
+    if not np.any(slope):
+        return np.zeros((record.rows, changes.shape[1]))
+    felt = np.einsum("ni,nip->np", slope, record.regressor)
+    return record.condensed_at(felt, output) @ changes

@@ -69,11 +69,11 @@ def _loads(
 
 def by_link_torque(
     robot: Robot, record: Record, swinging: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return (N, m + b, nv) the change of the residual with what the links need, and Y.
+) -> tuple[FloatArray, Record]:
+    """Return (N, m + b, nv) the change of the residual with what the links need.
 
-    Y (N, nv, 10 n_links) is the regressor of the links along the true motion. Gears that lose a
-    share of the load make the change depend on its direction.
+    With it the record along the true motion, whose regressor says how that changes. Gears that
+    lose a share of the load make the change depend on its direction.
 
     Args:
         robot: with its effects.
@@ -88,7 +88,7 @@ def by_link_torque(
         (_unexplained(robot, record, motion, links + step * unit, contacts) - before) / step
         for unit in np.eye(links.shape[1])
     ]
-    return np.stack(slopes, axis=-1), record.along(motion).regressor
+    return np.stack(slopes, axis=-1), record.along(motion)
 
 
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:

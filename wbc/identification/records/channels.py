@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import IdentificationError, LogError
 from wbc.identification.records.contact_flags import active_contacts
-from wbc.measurement import Log, feedback_torques, reports_torque, rotor_torques
+from wbc.measurement import Log, feedback_torques, makes_torque, reports_torque, rotor_torques
 from wbc.measurement.checks.robot_check import check_robot
 from wbc.robot import Robot
 
@@ -117,8 +117,7 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     """
     gears = robot.transmission
     reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
-    targets = np.array([log.has(f"{joint}.target_position") for joint in gears.joints], dtype=bool)
-    reported |= targets & np.isfinite(gears.position_gain)
+    reported |= makes_torque(log, gears)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]
     reported &= [joint not in robot.sensor_only for joint in gears.joints]
     nothing = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -26,6 +26,7 @@ from wbc.links import LinkResponse
 from wbc.robot import ContactForces, Motion, Robot
 
 _KEPT_MOTIONS = 3
+_KEPT_LINKS = 4  # robots with other links, beside which other causes vary
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,8 @@ class Record:
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
     _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)
     _moved: dict[bytes, Record] = field(default_factory=dict)
+    _links: dict[bytes, FloatArray] = field(default_factory=dict)
+    _regressors: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -119,7 +122,7 @@ class Record:
     def narrowed(self, factor: float) -> Record:
         """Return the same record with the residual's band narrowed by `factor`."""
         band = replace(self.bandwidth, residual=factor * self.bandwidth.residual)
-        return replace(self, bandwidth=band)
+        return replace(self, bandwidth=band, _regressors={}, _moved={})
 
     @cached_property
     def balance(self) -> ContactBalance | None:
@@ -201,11 +204,38 @@ class Record:
             return torque
         change = inertial_parameters(robot) - inertial_parameters(self.robot)
         if np.any(change):
-            torque = torque + self.regressor @ change
+            torque = torque + self._links_changed_by(change)
         field_change = np.asarray(robot.model.gravity.linear - self.robot.model.gravity.linear)
         if np.any(field_change):
             torque = torque + self._in_gravity(robot, field_change)
         return np.asarray(torque)
+
+    def _links_changed_by(self, change: FloatArray) -> FloatArray:
+        """Return Y @ change (N, nv); kept, for most models asked for share their links."""
+        key = change.tobytes()
+        if key not in self._links:
+            while len(self._links) >= _KEPT_LINKS:
+                del self._links[next(iter(self._links))]
+            self._links[key] = self.regressor @ change
+        return self._links[key]
+
+    def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
+        """Return (rows, 10 n_links) the condensed columns of the links' parameters at one output.
+
+        Args:
+            output: number of the output, whose weights and noise count.
+            direction: (nv,) what the output feels of the torque that the links need.
+        """
+        key = output, direction.tobytes()
+        if key not in self._regressors:
+            felt = np.einsum("i,nip->np", direction, self.regressor)
+            self._regressors[key] = self.condensed_at(felt, output)
+        return self._regressors[key]
+
+    def condensed_at(self, values: FloatArray, output: int) -> FloatArray:
+        """Return `values` (N, k) condensed as torques at one output, (rows, k)."""
+        weighted = values * self.scale[:, output, None]
+        return self.thinned(low_pass(weighted, self.bandwidth.residual, self.rate))
 
     def response(self, joint: str) -> LinkResponse:
         """Return how the link behind a gear reacts to a deflection of the gear."""
@@ -275,7 +305,8 @@ class Record:
 
 
 def _nothing_kept() -> dict[str, Any]:
-    return {"_gravity_terms": {}, "_responses": {}, "_response_changes": {}, "_moved": {}}
+    names = (f.name for f in fields(Record) if f.name.startswith("_"))
+    return {name: {} for name in names}
 
 
 def _gravity_torque(robot: Robot, motion: Motion, axis: int) -> FloatArray:

@@ -8,7 +8,7 @@ from wbc.measurement.checks.finding import Finding
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.matching import match_joints
-from wbc.measurement.torque import REPORTED
+from wbc.measurement.torque import REPORTED, makes_torque
 from wbc.robot import Robot
 
 _TORQUES = (*REPORTED, "joint_torque")
@@ -71,9 +71,10 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         for joint in robot.transmission.joints
         if not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES)
     ]
-    gains = dict(zip(robot.transmission.joints, robot.transmission.position_gain, strict=True))
+    gears = robot.transmission
+    made = dict(zip(gears.joints, makes_torque(log, gears), strict=True))
     targets = [joint for joint in lacking if _known(log, f"{joint}.target_position")]
-    followed = [joint for joint in targets if np.isfinite(gains[joint])]
+    followed = [joint for joint in lacking if made[joint]]
     lacking = [joint for joint in lacking if joint not in followed]
     constant = robot.transmission.torque_constant
     found = []
@@ -85,8 +86,8 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
                 "",
                 f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
                 "their position drives.",
-                "State kp [N m/rad] and kd [N m s/rad] of these gears in robot.toml: they make the "
-                "commanded torque.",
+                "State kp [N m/rad] and kd [N m s/rad] of these gears in robot.toml, or duty_gain "
+                "[1/rad] of drives that set the voltage: they make the commanded torque.",
             )
         )
     elif lacking:

@@ -130,7 +130,7 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     }
     inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
     thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
-    quantities = tuple(torque_quantity(log, joint) for joint in joints)
+    quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
     return Rows(
         label=log.source.label,
         robot=replace(robot, effects=()),

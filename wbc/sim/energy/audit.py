@@ -22,7 +22,7 @@ class EnergyAudit:
     @property
     def residual(self) -> float:
         """What the books do not close by [J]; O(dt) by the order of the time step."""
-        return self.flow.work - self.stored - self.flow.lost
+        return self.flow.work - self.stored - self.flow.bent - self.flow.lost
 
     def __str__(self) -> str:
         """Return the books as a table."""
@@ -31,7 +31,15 @@ class EnergyAudit:
             ("external work", self.flow.external),
             ("work of effects", self.flow.effects),
             ("stored", self.stored),
+            *_bristles(self.flow),
             *((f"lost: {name.replace('_', ' ')}", v) for name, v in self.flow.losses.items()),
             ("residual", self.residual),
         ]
         return "\n".join(f"{name:24s}{value:14.6f} J" for name, value in rows)
+
+
+def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
+    """Return the lines of the store of bristles, none where nothing bent."""
+    if flow.bent == flow.reloaded == 0.0:
+        return []
+    return [("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)]

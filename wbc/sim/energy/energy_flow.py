@@ -18,10 +18,13 @@ class EnergyFlow:
         motor: work of the rotor torques.
         external: work of external forces given to the step.
         effects: work of the robot's effects that are no friction (springs, drag, ripple).
+        reloaded: what bent bristles gained because the load on them changed.
+        bent: change of what bristles hold (presliding).
         mesh: lost in the meshes.
         rotor_friction: lost in rotor bearings and motors.
         gear_damping: lost between mesh and joint, where gears are compliant or have play.
         joint_friction: lost in joint friction.
+        bristles: lost in friction that builds up (presliding).
         contact: lost in sliding contacts, and where one closes without an impact.
         impact_mesh: lost in the meshes during impacts.
         impact: lost in contacts and joint limits during impacts.
@@ -30,10 +33,13 @@ class EnergyFlow:
     motor: float = 0.0
     external: float = 0.0
     effects: float = 0.0
+    reloaded: float = 0.0
+    bent: float = 0.0
     mesh: float = 0.0
     rotor_friction: float = 0.0
     gear_damping: float = 0.0
     joint_friction: float = 0.0
+    bristles: float = 0.0
     contact: float = 0.0
     impact_mesh: float = 0.0
     impact: float = 0.0
@@ -45,13 +51,13 @@ class EnergyFlow:
 
     @property
     def work(self) -> float:
-        """All work done on the robot."""
-        return self.motor + self.external + self.effects
+        """All work done on the robot, and on what is bent in it."""
+        return self.motor + self.external + self.effects + self.reloaded
 
     @property
     def losses(self) -> dict[str, float]:
         """Every loss by its cause."""
-        names = [f.name for f in fields(self)][3:]
+        names = [f.name for f in fields(self)][5:]
         return {name: float(getattr(self, name)) for name in names}
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.robot import Robot
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.laws.gear_rows import GearRows
@@ -20,6 +21,7 @@ class Transit:
     """How the gears passed a smooth part of a step.
 
     Attributes:
+        robot: whose effects acted.
         drive: constant part of the rows.
         velocity: v (nv,) before.
         motor: motion of the motor outputs before.
@@ -32,6 +34,7 @@ class Transit:
         step: h [s].
     """
 
+    robot: Robot
     drive: Drivetrain
     velocity: FloatArray
     motor: MotorMotion
@@ -55,21 +58,41 @@ def flow_energy(part: Transit) -> EnergyFlow:
     gain = np.where(after * mesh > 0.0, 1.0 / drive.forward, drive.backward)
     mean = 0.5 * (part.velocity + solution.velocity)
     tangent = reduced.tangent_rows
-    motor_work = 0.5 * step * drive.ratio * forces.rotor * (part.motor.speed + after)
+    turned = 0.5 * step * drive.ratio * (part.motor.speed + after)
+    motor_work = forces.rotor * turned
+    own_joint, own_rotor, stores = forces.joint, motor_work, EnergyFlow()
+    if forces.kept_joint is not None and forces.kept_rotor is not None:
+        own_joint = forces.joint - forces.kept_joint
+        own_rotor, stores = (forces.rotor - forces.kept_rotor) * turned, _stores(part)
     rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
     lost, damped = (gain - 1.0) * mesh * after, 0.0
     if drive.any_loose:
         lost, damped = _loose_losses(part, motor_work - rotor_loss, lost)
     return EnergyFlow(
-        motor=float(motor_work.sum()),
+        motor=float(own_rotor.sum()),
         external=0.0 if part.external is None else float(step * (part.external @ mean)),
-        effects=float(step * (forces.joint @ mean)),
+        effects=float(step * (own_joint @ mean)),
+        reloaded=stores.reloaded,
+        bent=stores.bent,
         mesh=float(lost.sum()),
         rotor_friction=float(rotor_loss.sum()),
         gear_damping=damped,
         joint_friction=rub,
+        bristles=stores.bristles,
         contact=_contact_loss(part) - float(solution.impulse[tangent] @ solution.speed[tangent]),
     )
+
+
+def _stores(part: Transit) -> EnergyFlow:
+    """Return where the work went that effects with a store of their own took."""
+    total = EnergyFlow()
+    for effect, motion in part.forces.stores:
+        found = effect.memory_energy(part.robot, motion)
+        if found is not None:
+            total = total + EnergyFlow(
+                reloaded=found.reloaded, bent=found.stored, bristles=found.lost
+            )
+    return total
 
 
 def _contact_loss(part: Transit) -> float:

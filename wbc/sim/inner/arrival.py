@@ -4,32 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Dense,
     Flag,
     Flags,
     Number,
-    OutDense,
     OutRow,
     Row,
-    Table,
     compiled,
 )
 from wbc.sim.inner.barriers import gaps_at
-from wbc.sim.inner.motion import FIRST, PLANAR, advance, base_frame, look, set_momentum
+from wbc.sim.inner.motion import advance, base_rows, carry, look, set_momentum
 from wbc.sim.inner.program import INERTIA
+from wbc.sim.inner.tables import (
+    DRIFT_FROM,
+    GEARS,
+    OPENED,
+    RETURN_SPEED,
+    TOUCH,
+    GearTables,
+    Opened,
+)
 from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
-from wbc.sim.step.momentum import momentum_at
 from wbc.sim.step.overlap import least
 from wbc.sim.tree.kinematics import moved_along, place
 
 
-@compiled(Flag, Dense, Dense, Dense, Dense, Flags, Row, Number, OutRow)
+@compiled(Flag, Dense, GEARS, Dense, Flags, Row, Number, OutRow)
 def shift_of(
     inertia: FloatArray,
-    gear_rows: FloatArray,
-    gears: FloatArray,
+    gears: GearTables,
     matrix: FloatArray,
     pressed: BoolArray,
     gap: FloatArray,
@@ -40,7 +45,7 @@ def shift_of(
 
     Args:
         inertia: H_l; rotors are added, so that what is light moves first.
-        gear_rows, gears: of the rotors.
+        gears: of the rotors.
         matrix: (b, nv) rows of the closed limits and normals.
         pressed: (b,) whether they carry an impulse: their gaps are taken back from either side.
         gap: (b,) of these; a gap that is left may close.
@@ -52,11 +57,12 @@ def shift_of(
     for i in range(n):
         for j in range(n):
             metric[i, j] = inertia[i, j]
-    for g in range(len(gears)):
+    for g in range(len(gears.rows)):
+        turning = gears.rows[g]
         for i in range(n):
-            if gear_rows[g, i] != 0.0:
+            if turning[i] != 0.0:
                 for j in range(n):
-                    metric[i, j] += gears[g, INERTIA] * gear_rows[g, i] * gear_rows[g, j]
+                    metric[i, j] += gears.numbers[g, INERTIA] * turning[i] * turning[j]
     if not factor_inertia(metric, lower):
         return False
     half, delassus = np.empty((n, count)), np.empty((count, count))
@@ -80,37 +86,16 @@ def shift_of(
 
 
 @compiled(
-    Flag, Table, Dense, Table, Table, Table, Dense, Table, Dense, Dense, Dense, Dense, Flags, Dense,
-    Row, Row, Row, Number, Number, Number, Number,
-    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow, OutRow, OutRow,
+    Flag, OPENED, Flags, Dense, Row, Row, Row, Number, OutRow, OutRow, OutRow, OutRow
 )  # fmt: skip
 def arrive(
-    joints: IntArray,
-    shapes: FloatArray,
-    rows: IntArray,
-    bases: IntArray,
-    limit_at: IntArray,
-    limit_range: FloatArray,
-    contact_at: IntArray,
-    contacts: FloatArray,
-    solids: FloatArray,
-    gears: FloatArray,
-    gear_rows: FloatArray,
+    plant: Opened,
     closed: BoolArray,
     matrix: FloatArray,
     pushes: FloatArray,
     middle: FloatArray,
     after: FloatArray,
     step: float,
-    return_speed: float,
-    drift_from: float,
-    touch: float,
-    poses: FloatArray,
-    columns: FloatArray,
-    bodies: FloatArray,
-    composite: FloatArray,
-    inertia: FloatArray,
-    carried: FloatArray,
     q_end: FloatArray,
     v_end: FloatArray,
     gap: FloatArray,
@@ -119,30 +104,25 @@ def arrive(
     """Write position, velocity, gaps and overlaps at the end of a part; True where some is left.
 
     Args:
-        joints, shapes, rows, bases, gears, gear_rows: see `from_middle`.
-        limit_at, limit_range, contact_at, contacts, solids: see `gaps_at`.
+        plant: its memory stands at the middle, and afterwards at the end.
         closed: (2 j + c,).
         matrix: (l + k, nv) rows of the closed limits and normals.
         pushes: (l + k,) their impulses.
         middle: q (nq,) at the middle.
         after: v (nv,) there, after forces and impulses.
-        step, return_speed, drift_from, touch: see `from_middle`.
-        poses, columns, bodies, composite, inertia, carried: memory, at the middle, then at the end.
+        step: h [s].
         q_end: (nq,) to write.
         v_end: (nv,) to write, with the momentum that `after` has in the middle.
         gap: (2 j + c,) to write.
         overlap: (2 j + c,) beyond what is taken back, to write.
     """
-    turn, lever, half = np.empty((3, 3)), np.empty(3), 0.5 * step
-    for i in range(len(bases)):
-        base_frame(bases, i, poses, composite, turn, lever)
-        momentum_at(
-            inertia, turn, lever, bases[i, FIRST], bases[i, PLANAR] == 1, after, carried[i, :6]
-        )
+    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
+    half, bases = 0.5 * step, plant.flight.bases
+    carry(plant.flight, plant.placed, after)
     moved_along(joints, middle, after, half, q_end)
     place(joints, shapes, q_end, poses)
-    advance(joints, bases, shapes, half, carried, q_end, poses)
-    gaps_at(limit_at, limit_range, contact_at, contacts, solids, q_end, poses, gap)
+    advance(plant.tree, plant.flight, half, q_end, poses)
+    gaps_at(plant.obstacles, q_end, poses, gap)
     pressed, drift = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes))
     row, worst, deepest, left = 0, 0.0, 0.0, False
     for i in range(len(closed)):
@@ -152,21 +132,18 @@ def arrive(
             worst = max(worst, abs(gap[i]) if pressed[row] else -gap[i])
             deepest = min(deepest, gap[i])
             row += 1
-    if worst > drift_from:
-        furthest, shift = return_speed * step, np.empty(len(after))
-        if deepest < -furthest - touch:
+    if worst > plant.bounds[DRIFT_FROM]:
+        furthest, shift = plant.bounds[RETURN_SPEED] * step, np.empty(len(after))
+        if deepest < -furthest - plant.bounds[TOUCH]:
             left = True
             for i in range(len(closed)):
                 overlap[i] = max(-gap[i] - furthest, 0.0) if closed[i] else 0.0
-        if shift_of(inertia, gear_rows, gears, matrix, pressed, drift, furthest, shift):
+        if shift_of(plant.placed.inertia, plant.gears, matrix, pressed, drift, furthest, shift):
             moved_along(joints, q_end.copy(), shift, 1.0, q_end)
             place(joints, shapes, q_end, poses)
-            gaps_at(limit_at, limit_range, contact_at, contacts, solids, q_end, poses, gap)
+            gaps_at(plant.obstacles, q_end, poses, gap)
     v_end[:] = after
     if len(bases):
-        upto = 0
-        for i in range(len(bases)):
-            upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
-        look(joints, shapes, rows, bases, upto, poses, columns, bodies, composite, inertia)
-        set_momentum(bases, poses, composite, inertia, carried, v_end)
+        look(plant.tree, bases, base_rows(bases), plant.placed)
+        set_momentum(plant.flight, plant.placed, v_end)
     return left

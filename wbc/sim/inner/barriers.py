@@ -20,66 +20,71 @@ from wbc.compiled import (
     Table,
     compiled,
 )
+from wbc.sim.inner.tables import (
+    OBSTACLES,
+    PLACED,
+    Obstacles,
+    PlacedTree,
+    point_of_reference,
+)
 
 
-@compiled(Nothing, Table, Dense, Dense, Count, OutRow)
-def place_of(
-    contact_at: IntArray, contacts: FloatArray, poses: FloatArray, which: int, point: FloatArray
-) -> None:
+@compiled(Nothing, OBSTACLES, Dense, Count, OutRow)
+def place_of(obstacles: Obstacles, poses: FloatArray, which: int, point: FloatArray) -> None:
     """Write the place (3,) of a contact point, world."""
-    pose, own = poses[contact_at[which, 0]], contacts[which]
+    pose, own = poses[obstacles.contact_at[which, 0]], obstacles.contacts[which]
     for k in range(3):
         point[k] = (
             pose[9 + k] + pose[3 * k] * own[0] + pose[3 * k + 1] * own[1] + pose[3 * k + 2] * own[2]
         )
 
 
-@compiled(Nothing, Table, Dense, Table, Dense, Dense, Row, Dense, OutRow)
-def gaps_at(
-    limit_at: IntArray,
-    limit_range: FloatArray,
-    contact_at: IntArray,
-    contacts: FloatArray,
-    solids: FloatArray,
-    q: FloatArray,
-    poses: FloatArray,
-    gap: FloatArray,
-) -> None:
+@compiled(Nothing, OBSTACLES, Row, Dense, OutRow)
+def gaps_at(obstacles: Obstacles, q: FloatArray, poses: FloatArray, gap: FloatArray) -> None:
     """Write all gaps (2 j + k s,): lower limits, upper limits, contact points solid by solid.
 
     Args:
-        limit_at: (j, 2) entry of q and row of v.
-        limit_range: (j, 2) least and greatest value.
-        contact_at: (k, 2) joint, and its last row of v.
-        contacts: (k, 5) place on the joint (3), radius, friction.
-        solids: (s, 4) unit normal and distance of planes from the world's origin.
+        obstacles: limits, contact points and planes.
         q: (nq,).
         poses: (n, 12).
         gap: to write.
     """
-    j, k = len(limit_at), len(contact_at)
+    limit_at, limit_range = obstacles.limit_at, obstacles.limit_range
+    contacts, solids = obstacles.contacts, obstacles.solids
+    j, k = len(limit_at), len(contacts)
     for i in range(j):
         gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
         gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
     point = np.empty(3)
     for i in range(k):
-        place_of(contact_at, contacts, poses, i, point)
+        place_of(obstacles, poses, i, point)
         for s in range(len(solids)):
             along = point[0] * solids[s, 0] + point[1] * solids[s, 1] + point[2] * solids[s, 2]
             gap[2 * j + s * k + i] = along - solids[s, 3] - contacts[i, 3]
 
 
-@compiled(Nothing, Flags, Count, Table, Table, Dense, Dense, Dense, Row, Dense, Row, OutRow)
+@compiled(Nothing, OBSTACLES, Dense, Row, Count, Row, OutRow)
+def touching_from(
+    obstacles: Obstacles,
+    poses: FloatArray,
+    about: FloatArray,
+    contact: int,
+    normal: FloatArray,
+    lever: FloatArray,
+) -> None:
+    """Write the way (3,) from `about` to where a contact touches; a ball's is below its centre."""
+    place_of(obstacles, poses, contact, lever)
+    for k in range(3):
+        lever[k] -= about[k] + obstacles.contacts[contact, 3] * normal[k]
+
+
+@compiled(Nothing, Flags, Table, Table, OBSTACLES, PLACED, Row, OutRow)
 def rates_at(
     closed: BoolArray,
-    limits: int,
     rows: IntArray,
-    contact_at: IntArray,
-    contacts: FloatArray,
-    solids: FloatArray,
-    columns: FloatArray,
-    about: FloatArray,
-    poses: FloatArray,
+    bases: IntArray,
+    obstacles: Obstacles,
+    placed: PlacedTree,
     v: FloatArray,
     rate: FloatArray,
 ) -> None:
@@ -87,24 +92,24 @@ def rates_at(
 
     Args:
         closed: (2 j + c,).
-        limits: 2 j.
         rows: of the `Tree`.
-        contact_at, contacts, solids: see `gaps_at`.
-        columns: (nv, 6) about the point `about` (3,).
-        poses: (n, 12).
+        bases: free bases.
+        obstacles: limits, contact points and planes.
+        placed: the tree in its configuration.
         v: (nv,).
         rate: to write.
     """
+    limits, columns, about = 2 * len(obstacles.limit_at), placed.columns, np.empty(3)
+    contact_at, solids = obstacles.contact_at, obstacles.solids
+    point_of_reference(bases, placed.poses, about)
     k, point, motion = len(contact_at), np.empty(3), np.empty(6)
     for b in range(len(closed)):
         rate[b] = 0.0
         if b < limits or not closed[b]:
             continue
-        contact, normal = (b - limits) % k, solids[(b - limits) // k]
-        place_of(contact_at, contacts, poses, contact, point)
-        x = point[0] - about[0] - contacts[contact, 3] * normal[0]
-        y = point[1] - about[1] - contacts[contact, 3] * normal[1]
-        z = point[2] - about[2] - contacts[contact, 3] * normal[2]
+        contact, normal = (b - limits) % k, solids[(b - limits) // k, :3]
+        touching_from(obstacles, placed.poses, about, contact, normal, point)
+        x, y, z = point[0], point[1], point[2]
         motion[:] = 0.0
         i = contact_at[contact, 1]
         while i >= 0:
@@ -135,21 +140,13 @@ def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
     axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
 
 
-@compiled(
-    Nothing, Flags, Table, Table, Dense, Dense, Flag, Table, Dense, Row, Dense, Count,
-    OutDense, OutDense, OutPlaces,
-)  # fmt: skip
+@compiled(Nothing, Flags, OBSTACLES, Table, Table, PLACED, Count, OutDense, OutDense, OutPlaces)
 def barrier_rows(
     closed: BoolArray,
-    limit_at: IntArray,
-    contact_at: IntArray,
-    contacts: FloatArray,
-    solids: FloatArray,
-    planar: bool,
+    obstacles: Obstacles,
     rows: IntArray,
-    columns: FloatArray,
-    about: FloatArray,
-    poses: FloatArray,
+    bases: IntArray,
+    placed: PlacedTree,
     first: int,
     matrix: FloatArray,
     axes: FloatArray,
@@ -159,16 +156,18 @@ def barrier_rows(
 
     Args:
         closed: (2 j + c,).
-        limit_at, contact_at, contacts, solids: see `gaps_at`.
-        planar: whether points move in x-z only.
+        obstacles: limits, contact points and planes.
         rows: of the `Tree`.
-        columns: (nv, 6) about the point `about` (3,).
-        poses: (n, 12).
+        bases: free bases.
+        placed: the tree in its configuration.
         first: row of `matrix` at which they start.
         matrix: (r, nv) to write.
         axes: (closed contacts (1 + d), 3) to write.
         which: numbers of the closed contact barriers to write.
     """
+    limit_at, contact_at, solids = obstacles.limit_at, obstacles.contact_at, obstacles.solids
+    columns, about = placed.columns, np.empty(3)
+    point_of_reference(bases, placed.poses, about)
     j, k, row, count = len(limit_at), len(contact_at), first, 0
     for i in range(2 * j):
         if closed[i]:
@@ -179,16 +178,13 @@ def barrier_rows(
         if closed[i]:
             which[count] = i - 2 * j
             count += 1
-    size, point = 2 if planar else 3, np.empty(3)
+    size, point = 1 + obstacles.tangents, np.empty(3)
     for c in range(count):
         contact, own = which[c] % k, axes[size * c : size * (c + 1)]
         normal = solids[which[c] // k, :3]
-        contact_axes(normal, planar, own)
-        place_of(contact_at, contacts, poses, contact, point)
-        # A ball touches a radius below its centre.
-        x = point[0] - about[0] - contacts[contact, 3] * normal[0]
-        y = point[1] - about[1] - contacts[contact, 3] * normal[1]
-        z = point[2] - about[2] - contacts[contact, 3] * normal[2]
+        contact_axes(normal, size == 2, own)
+        touching_from(obstacles, placed.poses, about, contact, normal, point)
+        x, y, z = point[0], point[1], point[2]
         for a in range(size):
             at = row + c if a == 0 else row + count + c * (size - 1) + a - 1
             matrix[at] = 0.0
@@ -209,8 +205,8 @@ def barrier_rows(
 
 
 @compiled(
-    Nothing, Flags, Flags, Row, Row, Number, Table, Dense, Table, Dense, Dense, Flag, Table, Dense,
-    Row, Dense, Row, Count, OutDense, OutDense, OutPlaces, OutRow, OutRow, OutRow,
+    Nothing, Flags, Flags, Row, Row, Number, OBSTACLES, Table, Table, PLACED, Row, Count,
+    OutDense, OutDense, OutPlaces, OutRow, OutRow, OutRow,
 )  # fmt: skip
 def held_rows(
     closed: BoolArray,
@@ -218,16 +214,10 @@ def held_rows(
     rate: FloatArray,
     speed: FloatArray,
     step: float,
-    limit_at: IntArray,
-    limit_range: FloatArray,
-    contact_at: IntArray,
-    contacts: FloatArray,
-    solids: FloatArray,
-    planar: bool,
+    obstacles: Obstacles,
     rows: IntArray,
-    columns: FloatArray,
-    about: FloatArray,
-    poses: FloatArray,
+    bases: IntArray,
+    placed: PlacedTree,
     middle: FloatArray,
     first: int,
     matrix: FloatArray,
@@ -245,19 +235,15 @@ def held_rows(
         rate: (2 j + c,) speed at which closed contacts opened at the start.
         speed: v (nv,) in the middle.
         step: h [s].
-        limit_at, limit_range, contact_at, contacts, solids: see `gaps_at`.
-        planar, rows, columns, about, poses, first, matrix, axes, which: see `barrier_rows`.
+        obstacles, rows, bases, placed, first, matrix, axes, which: see `barrier_rows`.
         middle: q (nq,) in the middle.
         targets: (l + k,) to write.
         frictions: (k,) to write.
         gap: (2 j + c,) in the middle, to write where any barrier is closed.
     """
     if len(targets):
-        gaps_at(limit_at, limit_range, contact_at, contacts, solids, middle, poses, gap)
-        barrier_rows(
-            closed, limit_at, contact_at, contacts, solids, planar, rows, columns, about, poses,
-            first, matrix, axes, which,
-        )  # fmt: skip
+        gaps_at(obstacles, middle, placed.poses, gap)
+        barrier_rows(closed, obstacles, rows, bases, placed, first, matrix, axes, which)
     row = 0
     for i in range(len(closed)):
         if closed[i]:
@@ -265,7 +251,7 @@ def held_rows(
             if kept[i]:
                 # It was kept ahead of its closing and may close, over the half step left.
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
-            elif i >= 2 * len(limit_at):
+            elif i >= 2 * len(obstacles.limit_at):
                 # What it opened over the first half it closes over the second: `problem`.
                 drifted = -rate[i]
                 for c in range(len(speed)):
@@ -273,7 +259,7 @@ def held_rows(
                 targets[row] = -max(drifted, 0.0)
             row += 1
     for c in range(len(frictions)):
-        frictions[c] = contacts[which[c] % len(contact_at), 4]
+        frictions[c] = obstacles.contacts[which[c] % len(obstacles.contacts), 4]
 
 
 @compiled(Nothing, Row, Dense, Places, Count, OutDense)

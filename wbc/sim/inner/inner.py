@@ -11,8 +11,8 @@ from wbc.robot import Robot
 from wbc.sim.ground.barriers import TOUCH, Barriers
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.terrain import Terrain
-from wbc.sim.inner.motion import to_middle
-from wbc.sim.inner.part import FAILED, LANDED, from_middle
+from wbc.sim.inner.part import FAILED, LANDED, first_half, second_half, whole_part
+from wbc.sim.inner.tables import GearTables, Obstacles, packed_plant
 from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.solve.solver import TOLERANCE
 from wbc.sim.state import SimState
@@ -93,6 +93,18 @@ class Ended:
         """Linear systems solved."""
         return int(self._out[self._ends[8]])
 
+    @property
+    def middle(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """q (nq,), v (nv,) in the middle, and how fast contacts opened at the start (2 j + c,).
+
+        The last is for closed contacts.
+        """
+        return _middle(self._out, self._ends)
+
+
+def _middle(out: FloatArray, ends: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return out[ends[9] : ends[10]], out[ends[10] : ends[11]], out[ends[11] : ends[12]]
+
 
 class Inner:
     """The compiled inner work of one plant, with the memory that it works in."""
@@ -109,52 +121,37 @@ class Inner:
         stored: int,
     ) -> None:
         """Keep what does not change and make room for the rest; see `inner_of`."""
-        n, nv, k = len(tree.joints), len(tree.rows), barriers.points
-        gears = (drive.ratio, drive.inertia, drive.viscous, drive.coulomb, 1.0 / drive.forward)
-        table = np.ascontiguousarray(np.column_stack((*gears, drive.backward)))
-        tables = barriers.tables(tree)
-        self._ground = barriers.limits, *tables[2:], solids
-        self._tree: tuple[Any, ...] = tree.joints, tree.shapes, tree.rows
-        self._fixed: tuple[Any, ...] = (
-            *self._tree,
-            tree.gravity,
-            bases,
-            *tables,
-            solids,
-            barriers.planar,
-            table,
-            drive.rows,
-        )
-        self._limits: tuple[Any, ...] = return_speed, TOLERANCE, DRIFT, TOUCH
-        self._bases, self._actuated, self._direct = bases, drive.actuated, drive.direct
-        # Poses, columns, bodies, bodies with all behind them, H_l.
-        widths = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
-        self._memory: tuple[Any, ...] = tuple(np.zeros(shape) for shape in widths)
-        self._carried = np.zeros((len(bases), 10))
-        self._dry, m, size = drive.zero, drive.size, barriers.size
-        self._places = np.cumsum((nq, nv, m, stored, size, nv, m, size, 3 * k))
-        self._ends = tuple(self._places.tolist())
-        self._size = self._ends[-1] + 1
+        nv, m, size = len(tree.rows), drive.size, barriers.size
+        columns = (drive.ratio, drive.inertia, drive.viscous, drive.coulomb, 1.0 / drive.forward)
+        gears = GearTables(np.column_stack((*columns, drive.backward)), drive.rows)
+        tangents = 1 if barriers.planar else 2
+        obstacles = Obstacles(*barriers.tables(tree), solids, tangents)
+        bounds = return_speed, TOLERANCE, DRIFT, TOUCH
+        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * barriers.points, 1, nq, nv, size)
+        ends = np.cumsum(sizes)
+        self._ends = tuple(ends.tolist())
+        self._packed = packed_plant(tree, bases, obstacles, gears, bounds, ends)
+        self._actuated, self._direct = drive.actuated, drive.direct
+        self._dry, self._size = drive.zero, self._ends[-1]
 
-    def to_middle(self, state: SimState, half: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return q (nq,), v (nv,) after `half` a step [s] and how fast contacts opened (2 j + c,).
+    def to_middle(self, state: SimState, half: float) -> FloatArray:
+        """Return what a part writes, with its first half written: see `Ended`.
 
-        The memory then stands there. The last is for closed contacts, at the start.
+        The memory then stands in the middle, after `half` a step [s].
         """
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        middle, speed, rate = np.empty(len(q)), np.empty(len(v)), np.empty(len(state.closed))
-        given = self._bases, q, v, half, state.closed, *self._ground
-        written = self._carried, middle, speed, rate
-        arguments: tuple[Any, ...] = (*self._tree, *given, *self._memory, *written)
-        to_middle(*arguments)
-        return middle, speed, rate
+        out = np.empty(self._size)
+        first_half(*self._packed, q, v, half, state.closed, out)
+        return out
+
+    def middle(self, out: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return q (nq,) and v (nv,) in the middle, of what `to_middle` returned."""
+        return _middle(out, self._ends)[:2]
 
     def from_middle(
         self,
         state: SimState,
-        position: FloatArray,
-        velocity: FloatArray,
-        rate: FloatArray,
+        out: FloatArray,
         forces: EffectForces,
         external: FloatArray | None,
         kept: BoolArray,
@@ -164,9 +161,7 @@ class Inner:
 
         Args:
             state: at its start.
-            position: q (nq,) in the middle.
-            velocity: v (nv,) there.
-            rate: (2 j + c,) speed at which closed contacts opened at the start.
+            out: what `to_middle` returned.
             forces: of the effects there.
             external: (nv,), None for none.
             kept: (2 j + c,) barriers that may close within the part.
@@ -178,12 +173,30 @@ class Inner:
             if not self._direct or np.count_nonzero(forces.friction) != np.count_nonzero(dry):
                 return None
         force = forces.joint if external is None else forces.joint + external
+        closed, v = np.empty(len(kept), dtype=np.bool_), np.ascontiguousarray(state.velocity)
+        before = state.closed, kept, state.impulse, v
+        acting = forces.rotor, force, dry, step
+        arguments: tuple[Any, ...] = (*self._packed, *before, *acting, out, closed)
+        return self._ended(second_half(*arguments), out, closed)
+
+    def part(
+        self,
+        state: SimState,
+        forces: EffectForces,
+        external: FloatArray | None,
+        kept: BoolArray,
+        step: float,
+    ) -> Ended | None:
+        """Return the end of a part whose forces do not depend on its middle, like `from_middle`."""
+        force = forces.joint if external is None else forces.joint + external
         out, closed = np.empty(self._size), np.empty(len(kept), dtype=np.bool_)
-        before = state.closed, kept, state.impulse, np.ascontiguousarray(state.velocity)
-        acting = forces.rotor, force, dry, step, *self._limits
-        written = self._carried, position, velocity, rate, out, self._places, closed
-        arguments: tuple[Any, ...] = (*self._fixed, *before, *acting, *self._memory, *written)
-        result = from_middle(*arguments)
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        before = state.closed, kept, state.impulse, q, v
+        acting = forces.rotor, force, self._dry, step
+        arguments: tuple[Any, ...] = (*self._packed, *before, *acting, out, closed)
+        return self._ended(whole_part(*arguments), out, closed)
+
+    def _ended(self, result: int, out: FloatArray, closed: BoolArray) -> Ended | None:
         if result == FAILED:
             return None
         return Ended(out, self._ends, closed, abs(result) == LANDED, result < 0)

@@ -10,7 +10,6 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
-    Dense,
     Flags,
     Nothing,
     Number,
@@ -21,54 +20,53 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.sim.inner.barriers import rates_at
+from wbc.sim.inner.tables import (
+    FIRST,
+    FLIGHT,
+    FRAME,
+    JOINT,
+    OBSTACLES,
+    PLACED,
+    PLACES,
+    PLANAR,
+    TREE,
+    Flight,
+    Obstacles,
+    PlacedTree,
+    point_of_reference,
+)
 from wbc.sim.step.momentum import momentum_at, velocity_at
 from wbc.sim.tree.inertia import bodies_at, inertia_at
 from wbc.sim.tree.kinematics import columns_at, moved_along, place
-
-JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
-"""Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
+from wbc.sim.tree.tree import Tree
 
 
-@compiled(Nothing, Table, Dense, OutRow)
-def point_of_reference(bases: IntArray, poses: FloatArray, about: FloatArray) -> None:
-    """Write the point (3,) of all spatial vectors: the first free base, or the first joint."""
-    joint = bases[0, FRAME] if len(bases) else 0
-    for k in range(3):
-        about[k] = poses[joint, 9 + k]
-
-
-@compiled(Nothing, Table, Dense, Table, Table, Count, Dense, OutDense, OutDense, OutDense, OutDense)
-def look(
-    joints: IntArray,
-    shapes: FloatArray,
-    rows: IntArray,
-    bases: IntArray,
-    upto: int,
-    poses: FloatArray,
-    columns: FloatArray,
-    bodies: FloatArray,
-    composite: FloatArray,
-    inertia: FloatArray,
-) -> None:
+@compiled(Nothing, TREE, Table, Count, PLACED)
+def look(tree: Tree, bases: IntArray, upto: int, placed: PlacedTree) -> None:
     """Write the columns, bodies and the first `upto` rows of H_l of a tree in given poses."""
     about = np.empty(3)
-    point_of_reference(bases, poses, about)
-    columns_at(joints, shapes, poses, about, columns)
-    bodies_at(joints, shapes, poses, about, bodies, composite)
-    inertia_at(rows, composite, columns, upto, inertia)
+    point_of_reference(bases, placed.poses, about)
+    columns_at(tree.joints, tree.shapes, placed.poses, about, placed.columns)
+    bodies_at(tree.joints, tree.shapes, placed.poses, about, placed.bodies, placed.composite)
+    inertia_at(tree.rows, placed.composite, placed.columns, upto, placed.inertia)
 
 
-@compiled(Nothing, Table, Count, Dense, Dense, OutDense, OutRow)
+@compiled(Count, Table)
+def base_rows(bases: IntArray) -> int:
+    """Return how many rows of H_l the momenta of the free bases need: up to the last base's."""
+    upto = 0
+    for i in range(len(bases)):
+        upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
+    return upto
+
+
+@compiled(Nothing, Table, Count, PLACED, OutDense, OutRow)
 def base_frame(
-    bases: IntArray,
-    which: int,
-    poses: FloatArray,
-    composite: FloatArray,
-    turn: FloatArray,
-    lever: FloatArray,
+    bases: IntArray, which: int, placed: PlacedTree, turn: FloatArray, lever: FloatArray
 ) -> None:
     """Write the rotation (3, 3) of a free base and the way (3,) from it to the centre of mass."""
     joint, frame, about = bases[which, JOINT], bases[which, FRAME], np.empty(3)
+    poses, composite = placed.poses, placed.composite
     point_of_reference(bases, poses, about)
     for i in range(3):
         for j in range(3):
@@ -77,42 +75,50 @@ def base_frame(
         lever[i] = center - poses[frame, 9 + i]
 
 
-@compiled(Nothing, Table, Dense, Dense, Dense, Dense, OutRow)
-def set_momentum(
-    bases: IntArray,
-    poses: FloatArray,
-    composite: FloatArray,
-    inertia: FloatArray,
-    carried: FloatArray,
-    v: FloatArray,
-) -> None:
-    """Change the bases' rows of v (nv,) so that every tree has the momentum of `carried`."""
-    turn, lever = np.empty((3, 3)), np.empty(3)
+@compiled(Nothing, FLIGHT, PLACED, Row)
+def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
+    """Keep the momentum (6) that every tree has at v (nv,)."""
+    turn, lever, bases = np.empty((3, 3)), np.empty(3), flight.bases
     for i in range(len(bases)):
-        base_frame(bases, i, poses, composite, turn, lever)
-        planar = bases[i, PLANAR] == 1
-        velocity_at(inertia, turn, lever, bases[i, FIRST], planar, carried[i, :6], v)
+        base_frame(bases, i, placed, turn, lever)
+        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
+        momentum_at(placed.inertia, turn, lever, first, planar, v, flight.carried[i, :6])
 
 
-@compiled(Nothing, Table, Table, Dense, Number, OutDense, OutRow, OutDense)
-def advance(
-    joints: IntArray,
-    bases: IntArray,
-    shapes: FloatArray,
-    half: float,
-    carried: FloatArray,
-    q: FloatArray,
-    poses: FloatArray,
-) -> None:
+@compiled(Nothing, FLIGHT, PLACED)
+def keep_centers(flight: Flight, placed: PlacedTree) -> None:
+    """Keep the centre of mass (3) and mass of every tree on a free base."""
+    about, bases, composite = np.empty(3), flight.bases, placed.composite
+    point_of_reference(bases, placed.poses, about)
+    for i in range(len(bases)):
+        joint = bases[i, JOINT]
+        flight.carried[i, 9] = composite[joint, 0]
+        for k in range(3):
+            flight.carried[i, 6 + k] = about[k] + composite[joint, 1 + k] / composite[joint, 0]
+
+
+@compiled(Nothing, FLIGHT, PLACED, OutRow)
+def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
+    """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
+    turn, lever, bases = np.empty((3, 3)), np.empty(3), flight.bases
+    for i in range(len(bases)):
+        base_frame(bases, i, placed, turn, lever)
+        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
+        velocity_at(placed.inertia, turn, lever, first, planar, flight.carried[i, :6], v)
+
+
+@compiled(Nothing, TREE, FLIGHT, Number, OutRow, OutDense)
+def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: FloatArray) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
     Args:
-        joints, bases, shapes: of the tree.
+        tree: what moves.
+        flight: momentum and centres of mass; the latter are moved.
         half: time [s] that the centres of mass move on.
-        carried: (b, 10) momentum (6), centre of mass (3), changed, and mass.
         q: (nq,), changed.
         poses: (n, 12), changed.
     """
+    joints, shapes, bases, carried = tree.joints, tree.shapes, flight.bases, flight.carried
     for i in range(len(bases)):
         joint, missing = bases[i, JOINT], np.zeros(3)
         for body in range(len(joints)):
@@ -138,30 +144,16 @@ def advance(
                     poses[body, 9 + k] += missing[k]
 
 
-@compiled(
-    Nothing, Table, Dense, Table, Table, Row, Row, Number,
-    Flags, Count, Table, Dense, Dense,
-    OutDense, OutDense, OutDense, OutDense, OutDense, OutDense, OutRow, OutRow, OutRow,
-)  # fmt: skip
+@compiled(Nothing, TREE, FLIGHT, OBSTACLES, PLACED, Row, Row, Number, Flags, OutRow, OutRow, OutRow)
 def to_middle(
-    joints: IntArray,
-    shapes: FloatArray,
-    rows: IntArray,
-    bases: IntArray,
+    tree: Tree,
+    flight: Flight,
+    obstacles: Obstacles,
+    placed: PlacedTree,
     q: FloatArray,
     v: FloatArray,
     half: float,
     closed: BoolArray,
-    limits: int,
-    contact_at: IntArray,
-    contacts: FloatArray,
-    solids: FloatArray,
-    poses: FloatArray,
-    columns: FloatArray,
-    bodies: FloatArray,
-    composite: FloatArray,
-    inertia: FloatArray,
-    carried: FloatArray,
     middle: FloatArray,
     speed: FloatArray,
     rate: FloatArray,
@@ -172,35 +164,26 @@ def to_middle(
     second order. The memory then stands at the middle, with all of H_l. How fast the closed
     contacts open at the start is written beside it, see `rates_at`.
     """
-    speed[:] = v
-    upto, turn, lever = 0, np.empty((3, 3)), np.empty(3)
-    for i in range(len(bases)):
-        upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
-    touching = False
-    for i in range(limits, len(closed)):
+    joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
+    upto, touching = base_rows(bases), False
+    for i in range(2 * len(obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
     if len(bases) or touching:
-        about = np.empty(3)
         place(joints, shapes, q, poses)
-        look(joints, shapes, rows, bases, upto, poses, columns, bodies, composite, inertia)
-        point_of_reference(bases, poses, about)
-        rates_at(closed, limits, rows, contact_at, contacts, solids, columns, about, poses, v, rate)
-        for i in range(len(bases)):
-            base_frame(bases, i, poses, composite, turn, lever)
-            planar, frame = bases[i, PLANAR] == 1, bases[i, FRAME]
-            momentum_at(inertia, turn, lever, bases[i, FIRST], planar, v, carried[i, :6])
-            for k in range(3):
-                carried[i, 6 + k] = poses[frame, 9 + k] + lever[k]
-            carried[i, 9] = composite[bases[i, JOINT], 0]
+        look(tree, bases, upto, placed)
+        rates_at(closed, tree.rows, bases, obstacles, placed, v, rate)
+    speed[:] = v
     if len(bases):
+        carry(flight, placed, v)
+        keep_centers(flight, placed)
         moved_along(joints, q, v, half, middle)
         place(joints, shapes, middle, poses)
-        look(joints, shapes, rows, bases, upto, poses, columns, bodies, composite, inertia)
-        set_momentum(bases, poses, composite, inertia, carried, speed)
+        look(tree, bases, upto, placed)
+        set_momentum(flight, placed, speed)
     moved_along(joints, q, speed, half, middle)
     place(joints, shapes, middle, poses)
-    advance(joints, bases, shapes, half, carried, middle, poses)
-    look(joints, shapes, rows, bases, len(rows), poses, columns, bodies, composite, inertia)
+    advance(tree, flight, half, middle, poses)
+    look(tree, bases, len(v), placed)
     speed[:] = v
-    set_momentum(bases, poses, composite, inertia, carried, speed)
+    set_momentum(flight, placed, speed)

@@ -16,6 +16,7 @@ from wbc.compiled import (
     Row,
     compiled,
 )
+from wbc.sim.solve.in_velocities import fewer_products
 from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
 from wbc.sim.solve.newton import newton_loop
 
@@ -133,7 +134,7 @@ def solve_rows(
     tolerance = accuracy * (1.0 + fastest)
     used = 0
     if size > 0:
-        ways = np.ascontiguousarray(half.T) if size > n else np.empty((0, 0))
+        ways = np.ascontiguousarray(half.T) if fewer_products(size, n) else np.empty((0, 0))
         used = newton_loop(
             ways, delassus, own, spring, slope, laws, targets, frictions, tangents, start,
             tolerance, limit, impulse,

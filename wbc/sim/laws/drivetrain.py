@@ -72,6 +72,13 @@ def drivetrain(robot: Robot) -> Drivetrain:
     gears = robot.transmission
     rows = np.zeros((gears.size, robot.model.nv))
     rows[:, robot.actuated] = gears.motor_from_joint
+    # What these lose is up to their effects, which carry a state.
+    kept = np.ones(gears.size, dtype=bool)
+    kept[[gears.index(e.where) for e in robot.effects if "meshed" in e.acts_by]] = False
+    forward, backward = (
+        frozen(np.where(kept, eta, 1.0))
+        for eta in (gears.forward_efficiency, gears.backward_efficiency)
+    )
     loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
     return Drivetrain(
         rows=frozen(rows),
@@ -79,8 +86,8 @@ def drivetrain(robot: Robot) -> Drivetrain:
         inertia=frozen(gears.reflected_inertia),
         viscous=frozen(gears.gear_ratio**2 * gears.rotor_viscous_friction),
         coulomb=frozen(np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction),
-        forward=gears.forward_efficiency,
-        backward=gears.backward_efficiency,
+        forward=forward,
+        backward=backward,
         stiffness=gears.stiffness,
         damping=gears.damping,
         play=gears.backlash,
@@ -88,7 +95,7 @@ def drivetrain(robot: Robot) -> Drivetrain:
         any_loose=bool(loose.any()),
         rubs=bool(gears.rotor_coulomb_friction.any() or gears.rotor_viscous_friction.any()),
         direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
-        shares=frozen(gears.backward_efficiency >= 0.0, np.bool_),
+        shares=frozen(backward >= 0.0, np.bool_),
         actuated=robot.actuated,
         every=frozen(np.arange(gears.size), np.int_),
         zero=frozen(np.zeros(gears.size)),

@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.sim.laws.elements import Elements
 from wbc.sim.solve.branches import pieces_at
+from wbc.sim.solve.in_velocities import fewer_products
 from wbc.sim.step.program import StepProgram
 
 NOT_POSITIVE = (
@@ -58,8 +59,8 @@ class Reduced:
         limits: l; rows m .. m + l.
         contacts: k; normals are rows m + l .. m + l + k.
         tangents: d per contact; the last k d rows.
-        ways: W' (r, n), W'W = delassus, where there are more rows than freedoms and no springs;
-            else (0, 0).
+        ways: W' (r, n), W'W = delassus, where that is less work (`fewer_products`) and there are
+            no springs; else (0, 0).
     """
 
     program: StepProgram
@@ -124,7 +125,7 @@ def reduce_program(program: StepProgram) -> Reduced:
             raise blown_up(program.inertia, program.free_velocity)
         raise SimulationError(NOT_POSITIVE)
     delassus, ways = rows @ response, IN_IMPULSES
-    if len(rows) > len(program.inertia) and not elements.compliance.any():
+    if fewer_products(len(rows), len(program.inertia)) and not elements.compliance.any():
         ways = np.ascontiguousarray(lapack.dtrtrs(upper, rows.T, trans=1)[0].T)
     free = rows @ program.free_velocity
     if m:

@@ -38,6 +38,11 @@ from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
 from wbc.sim.step.problem import problem_of, program_of, solve_released
 
 _NO_SHIFT = np.zeros(0)
+_MESH_ROUNDS = 40
+_MESH_TOLERANCE = 1e-9  # of the torque that a gear carries; steps are solved to 1e-10
+# Change of what a gear carries per change of what its loss assumes: below it lies a loss of 95 % of
+# the power forward, above it one of 95 % backward; beyond them is rounding.
+_MESH_SLOPES = (-19.0, 0.95)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -129,12 +134,46 @@ def flow(
         external: generalised force (nv,), None for none.
         kept: (2 j + c,) barriers that may close within the part, without a bounce.
     """
-    found = (
-        None
-        if setup.inner is None
-        else _compiled(setup, setup.inner, state, command, step, external, kept)
-    )
-    return _plain(setup, state, command, step, external, kept) if found is None else found
+    given = setup, state, command, step, external, kept
+    found = _once(*given, None)
+    return _with_mesh(found, partial(_once, *given)) if setup.meshed else found
+
+
+def _once(
+    setup: Setup,
+    state: SimState,
+    command: FloatArray,
+    step: float,
+    external: FloatArray | None,
+    kept: BoolArray,
+    mesh: FloatArray | None,
+) -> Flow:
+    """Return the part for a torque (m,) that effects take gears to carry."""
+    given = state, command, step, external, kept, mesh
+    found = None if setup.inner is None else _compiled(setup, setup.inner, *given)
+    return _plain(setup, *given) if found is None else found
+
+
+def _with_mesh(first: Flow, solve: Callable[[FloatArray], Flow]) -> Flow:
+    """Return the part in which effects see the torque that the gears then carry.
+
+    Secant steps of each gear alone, from what its effect remembers of the step before: what a gear
+    carries is nearly linear in what it is taken to carry, and other gears change it little.
+    """
+    taken = first.mesh_impulse / first.step
+    miss, change, slope = np.zeros((3, len(taken)))
+    for _ in range(_MESH_ROUNDS):
+        found = solve(taken)
+        carried = found.mesh_impulse / found.step
+        before, miss = miss, carried - taken
+        if np.all(np.abs(miss) <= _MESH_TOLERANCE * (1.0 + np.abs(carried))):
+            break
+        moved = change != 0.0
+        ratio = (miss - before) / np.where(moved, change, 1.0)
+        slope = np.where(moved, np.clip(1.0 + ratio, *_MESH_SLOPES), slope)
+        change = miss / (1.0 - slope)
+        taken = taken + change
+    return found
 
 
 def _compiled(
@@ -145,12 +184,18 @@ def _compiled(
     step: float,
     external: FloatArray | None,
     kept: BoolArray,
+    mesh: FloatArray | None = None,
 ) -> Flow | None:
     """Return the part as the compiled loops find it; None where they do not."""
-    position, velocity, rate = inner.to_middle(state, 0.5 * step)
-    at = position, velocity, state.time + 0.5 * step
-    forces = effect_forces(setup.robot, at, command, state.memory, step)
-    found = inner.from_middle(state, position, velocity, rate, forces, external, kept, step)
+    if setup.robot.effects:
+        half = inner.to_middle(state, 0.5 * step)
+        at = *inner.middle(half), state.time + 0.5 * step
+        of_motor = setup.temperature, mesh
+        forces = effect_forces(setup.robot, at, command, state.memory, step, *of_motor)
+        found = inner.from_middle(state, half, forces, external, kept, step)
+    else:
+        forces = EffectForces(setup.still, None, command, ())
+        found = inner.part(state, forces, external, kept, step)
     if found is None:
         return None
     following = SimState(
@@ -163,17 +208,13 @@ def _compiled(
         found.motor_speed,
         forces.memory,
     )
-    given = state, position, velocity, rate, forces, external, kept, step
-    details = partial(_rebuilt, setup, *given, found)
+    details = partial(_rebuilt, setup, state, forces, external, kept, step, found)
     return Flow(following, found.landed, found, forces, step, details)
 
 
 def _rebuilt(
     setup: Setup,
     state: SimState,
-    position: FloatArray,
-    velocity: FloatArray,
-    rate: FloatArray,
     forces: EffectForces,
     external: FloatArray | None,
     kept: BoolArray,
@@ -185,6 +226,7 @@ def _rebuilt(
     Its program is put together anew, without them: what the solution misses of its laws, and the
     energy of the part, are then checks of the loops.
     """
+    position, velocity, rate = found.middle
     middle = standing_at(setup.bases, setup.space, position, velocity)
     problem = problem_of(setup, state, middle, rate, forces, external, kept, step, None)
     gears, places, program = program_of(problem, np.zeros(setup.drive.size, dtype=bool), None, None)
@@ -195,7 +237,17 @@ def _rebuilt(
     mesh, speed = gears.passed(solution)
     after = problem.motor.after(setup.drive, solution.velocity, speed, step)
     return Transit(
-        setup.drive, velocity, problem.motor, after, mesh, solution, gears, forces, external, step
+        setup.robot,
+        setup.drive,
+        velocity,
+        problem.motor,
+        after,
+        mesh,
+        solution,
+        gears,
+        forces,
+        external,
+        step,
     )
 
 
@@ -206,13 +258,14 @@ def _plain(
     step: float,
     external: FloatArray | None,
     kept: BoolArray,
+    mesh: FloatArray | None = None,
 ) -> Flow:
     """Return the part by arrays and every solver: loose gears, coupled rotors, any ground."""
     space, half = setup.space, 0.5 * step
     rate = _rate_at_start(setup, state)
     middle = to_middle(setup.bases, space, state.position, state.velocity, half)
     at = middle.position, middle.velocity, state.time + half
-    forces = effect_forces(setup.robot, at, command, state.memory, step)
+    forces = effect_forces(setup.robot, at, command, state.memory, step, setup.temperature, mesh)
     coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
     if coupling is not None:
         pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
@@ -238,6 +291,7 @@ def _plain(
         forces.memory,
     )
     transit = Transit(
+        setup.robot,
         setup.drive,
         middle.velocity,
         motor,

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.robot import Memory, Motion, Robot
+from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
 
 
@@ -21,12 +21,19 @@ class EffectForces:
         friction: level of dry friction on the coordinates (nv,), None where no effect has any.
         rotor: torque delivered on the rotors (m,), the drive's and what effects add to it.
         memory: of the effects, at the end of the step.
+        kept_joint: part of `joint` (nv,) that effects exert which store energy of their own;
+            None where none does.
+        kept_rotor: the same part of `rotor` (m,).
+        stores: these effects and the motions that they saw.
     """
 
     joint: FloatArray
     friction: FloatArray | None
     rotor: FloatArray
     memory: EffectMemory
+    kept_joint: FloatArray | None = None
+    kept_rotor: FloatArray | None = None
+    stores: tuple[tuple[Effect, Motion], ...] = ()
 
 
 def first_memory(robot: Robot) -> EffectMemory:
@@ -59,6 +66,8 @@ def effect_forces(
     command: FloatArray,
     memory: EffectMemory = (),
     step: float = 0.0,
+    temperature: FloatArray | None = None,
+    mesh: FloatArray | None = None,
 ) -> EffectForces:
     """Return what the effects do with a commanded rotor torque (m,) over a step.
 
@@ -68,25 +77,34 @@ def effect_forces(
         command: rotor torque (m,) [N m].
         memory: of the effects at the start of the step; empty where none has any.
         step: h [s].
+        temperature: (m,) of the motors [deg C], None where it is not known.
+        mesh: T (m,) [N m] that the gears give, None for what effects remember of it.
     """
     joint = np.zeros(robot.model.nv)
     if not robot.effects:
         return EffectForces(joint, None, command, ())
-    motion = Motion(at[0], at[1], time=np.asarray(at[2]))
+    motion = Motion(at[0], at[1], time=np.asarray(at[2]), temperature=temperature)
+    motion = motion.replace(mesh_torque=mesh)
     friction: FloatArray | None = None
+    kept_joint, kept_rotor = np.zeros(robot.model.nv), np.zeros(len(command))
     rotor, seen = command, [motion] * len(robot.effects)
     following: list[FloatArray | None] = []
+    stores = []
     for i, effect in enumerate(robot.effects):
         own = memory[i] if memory else None
         if own is not None:
             seen[i] = motion.replace(memory=Memory(own, step))
             own = effect.next_memory(robot, seen[i], rotor)
+            if type(effect).memory_energy is not Effect.memory_energy:
+                stores.append((effect, seen[i]))
         if memory:
             following.append(own)
         rotor = effect.drive(robot, seen[i], rotor)
         smooth = effect.joint_torque(robot, seen[i])
         if smooth is not None:
             joint += smooth
+            if stores and stores[-1][0] is effect:
+                kept_joint += smooth
         level = effect.joint_friction(robot, seen[i])
         if level is not None:
             friction = level if friction is None else friction + level
@@ -94,4 +112,8 @@ def effect_forces(
         added = effect.rotor_torque(robot, view)
         if added is not None:
             rotor = rotor + added
-    return EffectForces(joint, friction, rotor, tuple(following))
+            if any(effect is own for own, _ in stores):
+                kept_rotor = kept_rotor + added
+    return EffectForces(
+        joint, friction, rotor, tuple(following), kept_joint, kept_rotor, tuple(stores)
+    )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -23,8 +22,7 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Tree:
+class Tree(NamedTuple):
     """The bodies and joints of a robot; joint i here is joint i + 1 of pinocchio's.
 
     Attributes:

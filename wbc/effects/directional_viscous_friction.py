@@ -1,0 +1,56 @@
+"""Friction proportional to speed, with another factor in each direction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Motion, Parameter, Robot
+
+_SHARE = 0.1  # of the greatest speed that a direction must reach to show its own factor
+
+
+@final
+@dataclass(frozen=True)
+class DirectionalViscousFriction(JointEffect):
+    """A torque -forward * v at a joint for v > 0 and -backward * v for v < 0.
+
+    With both equal it is viscous friction.
+
+    Attributes:
+        forward, backward: [N m s/rad], at the joint.
+    """
+
+    forward: float
+    backward: float
+
+    name: ClassVar[str] = "directional_viscous_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("forward", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+        Parameter("backward", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+    )
+    explanation: ClassVar[str] = (
+        "Lip seals, spindles and lubricant that is pumped one way drag more in one direction of "
+        "motion than in the other."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joint at several constant speeds in both directions: the extra torque lies on "
+        "two straight lines through zero, one per direction, of different slope."
+    )
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether the joint moved in both directions: in one alone this is viscous friction."""
+        speeds = np.concatenate([self.joint_velocity(robot, motion) for motion in motions])
+        fastest = float(np.max(np.abs(speeds)))
+        return bool(min(np.max(speeds), -np.min(speeds)) > _SHARE * fastest)
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the torque at the joint, (..., nv) [N m]."""
+        v = self.joint_velocity(robot, motion)
+        drag = self.forward * np.maximum(v, 0.0) + self.backward * np.minimum(v, 0.0)
+        return self.on_joint(robot, motion, -drag)
