@@ -32,7 +32,7 @@ from wbc.design.experiment import (
 from wbc.effects import load_robot
 from wbc.robot import Robot
 
-_DURATION, _RANDOM, _ROUNDS = 10.0, 15, 60
+_DURATION, _RANDOM, _ROUNDS = 10.0, 15, 300  # rounds: as `wbc experiment`
 _NOISE = 0.01  # of the largest torque that holding still asks for: a good torque sensor
 
 

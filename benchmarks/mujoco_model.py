@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -9,13 +11,24 @@ import pinocchio as pin
 from wbc import Robot
 
 
-def mujoco_model(robot: Robot, step: float) -> mujoco.MjModel:
-    """Return the MuJoCo model of a robot on flat ground, with joints in the same order."""
+def mujoco_model(
+    robot: Robot, step: float, slabs: Sequence[tuple[float, float]] = ()
+) -> mujoco.MjModel:
+    """Return the MuJoCo model of a robot, with joints in the same order.
+
+    The ground is flat but for slabs: (x where one begins, its height) [m], 10 m long.
+    """
     spec = mujoco.MjSpec()
     spec.compiler.balanceinertia = True
     spec.option.timestep = step
     spec.option.gravity = np.array(robot.model.gravity.linear)
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[50, 50, 1])
+    for edge, height in slabs:
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[edge + 5.0, 0.0, 0.5 * height],
+            size=[5.0, 5.0, 0.5 * height],
+        )
     model, bodies = robot.model, {0: spec.worldbody}
     armature = dict(
         zip(robot.transmission.joints, robot.transmission.reflected_inertia, strict=True)

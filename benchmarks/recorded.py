@@ -28,6 +28,8 @@ MACHINES = {
     "double_pendulum_c1": "dfki_double_pendulum/double_pendulum.parquet#C.1/1*",
     "staubli_tx40": "staubli_tx40/tx40.parquet",
     "tiago": "tiago/tiago.parquet",
+    "go2": "go2_position_control/go2_air.parquet",
+    "xl330_pendulum": "bam_servo/bam.parquet#xl330*",
 }
 
 

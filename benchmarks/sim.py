@@ -25,7 +25,7 @@ from benchmarks.sim_cases import DT, Case, cases
 from benchmarks.sim_floor import bare_step
 from benchmarks.sim_growth import growth
 from benchmarks.sim_loop import closed_loop
-from benchmarks.sim_time import ROUNDS, best_time, mujoco_run, plant_run
+from benchmarks.sim_time import ROUNDS, best_in_turns, mujoco_run, plant_run
 
 
 def rates(timed: dict[str, Case]) -> tuple[Table, Table, dict[str, float]]:
@@ -38,8 +38,9 @@ def rates(timed: dict[str, Case]) -> tuple[Table, Table, dict[str, float]]:
         floor.add_column(name, justify="left" if name == "case" else "right")
     seconds = {}
     for name, case in timed.items():
-        own, peer, bare = best_time(*plant_run(case)), best_time(*mujoco_run(case)), bare_step(case)
-        least = best_time(lambda bare=bare: [bare() for _ in range(100)], 100)
+        bare = bare_step(case)
+        calls = (lambda bare=bare: [bare() for _ in range(100)]), 100
+        own, peer, least = best_in_turns(plant_run(case), mujoco_run(case), calls)
         seconds[name] = own
         ratio = own / peer
         beside.add_row(name, f"{1 / own:.0f}", f"{DT / own:.1f}", f"{1 / peer:.0f}", f"{ratio:.1f}")

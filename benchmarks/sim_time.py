@@ -25,6 +25,17 @@ def best_time(run: Callable[[], object], count: int, rounds: int = ROUNDS) -> fl
     return best
 
 
+def best_in_turns(*runs: tuple[Callable[[], object], int], rounds: int = ROUNDS) -> list[float]:
+    """Return the least CPU time [s] per call of several runs that take turns.
+
+    What else the machine does meanwhile then slows all of them alike.
+    """
+    best = [float("inf")] * len(runs)
+    for _ in range(rounds):
+        best = [min(old, best_time(*run, rounds=1)) for old, run in zip(best, runs, strict=True)]
+    return best
+
+
 def plant_run(case: Case) -> tuple[Callable[[], None], int]:
     """Return a function that steps the plant through the case, and how many steps it takes."""
     plant, command = Plant(case.robot), case.command()

@@ -28,6 +28,7 @@ from sims import (
     imperfect_loop,
     parallelogram,
     standing,
+    trot,
     wedge,
 )
 from sims.plots import sweep_figure
@@ -161,6 +162,17 @@ def loops() -> None:
     )
 
 
+def walked() -> None:
+    """Run the study of walking and take its film."""
+    found = trot.main()
+    plots(lambda theme: trot.draw(found, theme), trot="trot")
+    page, film = trot.film(OUT / "trot.html", 2.4), OUT / "trot.gif"
+    write_animation(
+        film, page, start=0.6, stop=2.2, speed=0.5, width=520, height=460, frame_rate=10.0
+    )
+    keep(film, "trot")
+
+
 def plots(draw: Draw, **names: str) -> None:
     """Keep light and dark plots; `names` are those to keep, with their names on the pages."""
     for theme, ending in ((LIGHT, ""), (DARK, "_dark")):
@@ -182,7 +194,9 @@ def keep(made: Path, name: str) -> None:
     print(f"  {target.relative_to(IMAGES.parent.parent)}")
 
 
-PARTS = {part.__name__: part for part in (metrics, designs, explained, stood, studies, loops)}
+PARTS = {
+    part.__name__: part for part in (metrics, designs, explained, stood, studies, loops, walked)
+}
 
 
 def main(names: list[str]) -> None:

@@ -16,7 +16,7 @@ from sims.legged import Act, CenterOfMass, com_reference, controller, pushed, sq
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.robot import Motion
-from wbc.sim import Plant, SensorNoise, TorqueLag
+from wbc.sim import Plant, SensorNoise, Terrain, TorqueLag
 
 TICK = 1e-3
 PUSH = {"solo12": np.array([0.0, 8.0, 0.0]), "talos": np.array([0.0, 150.0, 0.0])}
@@ -38,9 +38,9 @@ class Engine(Protocol):
 class OwnPlant:
     """The library's plant behind the same two methods."""
 
-    def __init__(self, robot: Robot, position: FloatArray) -> None:
-        """Place the robot at q (nq,) at rest."""
-        self._plant = Plant(robot)
+    def __init__(self, robot: Robot, position: FloatArray, ground: Terrain | None = None) -> None:
+        """Place the robot at q (nq,) at rest, on level ground unless another is given."""
+        self._plant = Plant(robot) if ground is None else Plant(robot, ground)
         self._state = self._plant.state(position)
         self._force = np.zeros(robot.model.nv)
 

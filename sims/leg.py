@@ -127,6 +127,7 @@ class LegControl:
         self._noise = SensorNoise(self.model, velocity=self.noise, seed=1)
         self._landing = np.zeros(2)
         self._frame = self.model.model.getFrameId("foot")
+        self._pitch = self.model.position_index("base_pitch")
         self._data = self.model.model.createData()
 
     def _cushioned(self, time: float) -> FloatArray:
@@ -142,8 +143,7 @@ class LegControl:
         """Return the rotor torque for a state."""
         model = self.model.model
         com = pin.centerOfMass(model, self._data, state.position)
-        pin.framesForwardKinematics(model, self._data, state.position)
-        foot = self._data.oMf[self._frame].translation
+        foot = pin.updateFramePlacement(model, self._data, self._frame).translation
         if self.touched is None and foot[2] < 1e-5:
             self.touched = state.time
             speed = (pin.jacobianCenterOfMass(model, self._data, state.position) @ state.velocity)[
@@ -157,7 +157,7 @@ class LegControl:
         else:
             height = self._cushioned(state.time - self.touched)
             command = self._stance.step(seen, stance_references(height))
-            pitch = float(state.position[self.model.position_index("base_pitch")])
+            pitch = float(state.position[self._pitch])
             self.errors.append((com[2] - height[0], com[0] - foot[0], pitch))
         self.commands.append(command)
         return command.rotor_torque

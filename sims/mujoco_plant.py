@@ -8,6 +8,7 @@ joint does. Nothing here is shared with `wbc.sim`, which solves the gears as par
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -24,10 +25,23 @@ _CREEP = 0.01  # [rad/s] under which the loss is viscous, so that a gear at rest
 class MujocoPlant:
     """A legged robot with a free base and serial gears."""
 
-    def __init__(self, robot: Robot, position: FloatArray, step: float = 2e-4) -> None:
-        """Place the robot at q (nq,) at rest; `step` [s] is MuJoCo's own."""
+    def __init__(
+        self,
+        robot: Robot,
+        position: FloatArray,
+        step: float = 2e-4,
+        slabs: Sequence[tuple[float, float]] = (),
+    ) -> None:
+        """Place the robot at q (nq,) at rest.
+
+        Args:
+            robot: links, gears and feet.
+            position: q (nq,).
+            step: MuJoCo's own [s].
+            slabs: on the flat ground: x where one begins and its height [m].
+        """
         self._robot, self._step = robot, step
-        self._model: Any = mujoco_model(robot, step)
+        self._model: Any = mujoco_model(robot, step, slabs)
         self._data: Any = mujoco.MjData(self._model)
         gears = robot.transmission
         self._ratio, self._inertia = gears.gear_ratio, gears.reflected_inertia

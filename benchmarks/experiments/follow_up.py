@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,10 +10,12 @@ from benchmarks.corpus.case import Case
 from benchmarks.corpus.excitation import Excitation, PlannedExcitation
 from benchmarks.corpus.experiments import following_runs
 from wbc.design.experiment import (
-    FourierPath,
+    Cause,
+    Designed,
     MotionLimits,
     Rivals,
     design_experiment,
+    expected,
     informing,
     random_paths,
     tied_causes,
@@ -36,25 +38,33 @@ def follow_ups(
     """Return the runs of every arm, and why there are no planned ones where there are none."""
     arms = {WORDS: following_runs(case, diagnosis)}
     try:
-        paths = _planned(case, robot, diagnosis)
+        runs, _ = planned_runs(case, robot, tied_causes(diagnosis.to_json(), robot))
     except DesignError as reason:
         return arms, str(reason)
-    first = 2_000_000 + 100 * case.number
-    time = PlannedExcitation.times(DURATION)
-    for k, (name, path) in enumerate(paths.items()):
-        positions = path.at(time)[0]
-        arms[name] = (PlannedExcitation("planned", first + k, DURATION, first + k, 0.0, positions),)
-    return arms, ""
+    return {**arms, **runs}, ""
 
 
-def _planned(case: Case, robot: Robot, diagnosis: Diagnosis) -> Mapping[str, FourierPath]:
-    """Return one motion per arm, all of the same length and within the same limits."""
+def planned_runs(
+    case: Case, robot: Robot, causes: Sequence[Cause]
+) -> tuple[dict[str, tuple[Excitation, ...]], dict[str, Designed]]:
+    """Return the runs of a random, a D-optimal and a designed motion, and what is said of them.
+
+    All of the same length and within the same limits.
+
+    Raises:
+        DesignError: no motion tells these causes apart.
+    """
     noise = np.asarray(case.torque_noise / np.abs(case.machine.ratio))
-    rivals = Rivals(robot, tied_causes(diagnosis.to_json(), robot), noise)
+    rivals = Rivals(robot, tuple(causes), noise)
     limits = MotionLimits.of(robot, _SPAN, _SPEED, _ACCELERATION, case.machine.centre)
-    rate, seed = case.sensors.rate, case.number
+    rate, seed = min(case.sensors.rate, 100.0), case.number
     chance = next(random_paths(rivals, limits, DURATION, seed + 1, 1))
-    settings = {"rate": min(rate, 100.0), "rounds": ROUNDS, "seed": seed}
+    settings = {"rate": rate, "rounds": ROUNDS, "seed": seed}
     classic = design_experiment(rivals, limits, DURATION, aim=informing, **settings)
     ours = design_experiment(rivals, limits, DURATION, starts=[classic.path], **settings)
-    return {RANDOM: chance, CLASSIC: classic.path, DESIGNED: ours.path}
+    said = {RANDOM: expected(rivals, limits, chance, rate), CLASSIC: classic, DESIGNED: ours}
+    first, time, runs = 2_000_000 + 100 * case.number, PlannedExcitation.times(DURATION), {}
+    for k, (name, one) in enumerate(said.items()):
+        q = one.path.at(time)[0]
+        runs[name] = (PlannedExcitation("planned", first + k, DURATION, first + k, 0.0, q),)
+    return runs, said

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.controller_hostile import hostile_inputs, kept, quiet
+from benchmarks.controller_hostile import OVERSHOOT, hostile_inputs, kept, quiet
 from benchmarks.controller_scenes import controller
 from tests.control.scenes import arm
 from wbc.control import (
@@ -25,8 +25,6 @@ from wbc.robot import Motion
 from wbc.robot.library import robot_names
 
 SETTINGS = ControllerSettings()
-# A program that starts just below the budget may write itself down and check its rows once more.
-OVERSHOOT = 10 + 2 * 4 * 4
 
 
 def bounded(command, levels=1):

@@ -16,7 +16,7 @@ NEWCOMERS = [
     "guide/tutorial",
     "diagnosis/describe-your-robot",
     "diagnosis/bring-your-logs",
-    "diagnosis/other-measurements",
+    "diagnosis/logs-without-torque",
     "diagnosis/column-maps",
     "diagnosis/checks",
     "diagnosis/diagnosis",

@@ -13,12 +13,12 @@ import pytest
 
 from tests.recover.plant import JOINTS, Lane, _reference, simulate
 from wbc.cli import main
-from wbc.effects import ActuationDelay, load_robot
+from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.measurement import Log, rotor_torques, save_log
 from wbc.measurement.checks.robot_check import check_robot
-from wbc.robot import Motion, Robot, robots_directory
+from wbc.robot import Evidence, Motion, Robot, robots_directory
 
 GAINS = {"position_gain": np.array([120.0, 60.0]), "velocity_gain": np.array([7.0, 3.0])}
 
@@ -103,6 +103,23 @@ def test_a_coupled_motor_follows_the_target_of_its_own_motion() -> None:
     # Virtual work: the springs kp at the motors' outputs store 1/2 kp (D^-1 e)^2.
     psi = np.linalg.solve(gears.topology, error)
     np.testing.assert_allclose(made * gears.gear_ratio, kp * psi)
+
+
+def test_a_drive_law_with_its_limit_is_not_given_a_lower_one() -> None:
+    robot = with_gains()
+    time = np.linspace(0.0, 1.0, 101)
+    torque = np.stack([np.sin(7.0 * time), np.cos(7.0 * time)], axis=1)
+    zero = np.zeros((101, 2))
+    own = torque * [1.0, 0.0]  # the hip follows a target, the knee reports its torque
+    motion = Motion(zero, zero, zero, time, feedback_torque=own)
+    known = Evidence((motion,), (zero,), (torque,))
+    limited = robot.with_transmission(robot.transmission.replace(torque_limit=np.array([5.0, 5.0])))
+    assert not CurrentLimit.screening(limited, "hip", known)
+    assert CurrentLimit.screening(limited, "knee", known)
+    free = robot.with_transmission(
+        robot.transmission.replace(torque_limit=np.array([np.inf, np.inf]))
+    )
+    assert CurrentLimit.screening(free, "hip", known)
 
 
 def test_only_the_target_comes_late() -> None:

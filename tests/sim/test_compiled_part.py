@@ -109,3 +109,17 @@ def test_parts_of_random_robots_agree() -> None:
             state = fast.state
     assert agreed > 150
     assert touched > 15
+
+
+def test_a_standing_robot_stays_in_the_loops() -> None:
+    """Two of 120 steps left them: from the last step's branches Newton turned in a circle."""
+    solo = load_robot("solo12")
+    plant, pose, gears = Plant(solo), solo.pose(), solo.transmission
+    state = plant.state(pose)
+    for _ in range(140):
+        angle = state.position[solo.actuated_position] - pose[solo.actuated_position]
+        torque = -8.0 * (angle + 0.025 * state.velocity[solo.actuated]) / gears.gear_ratio
+        result = plant.step(state, torque, 1e-3)
+        state = result.state
+        if len(result.parts) == 1 and not result.impacts:
+            assert not isinstance(result.parts[0].end, flowing.PlainEnd)

@@ -13,10 +13,18 @@ from wbc.effects.catalogue import effect_class
 from wbc.effects.yielding_gear import SIDES
 from wbc.errors import RobotError, unknown_name
 from wbc.files import write_text
-from wbc.robot import Effect, Robot, RobotDescription, build_robot, read_description
+from wbc.robot import (
+    Effect,
+    Robot,
+    RobotDescription,
+    build_robot,
+    read_description,
+    with_gear_numbers,
+)
+from wbc.robot.robot import RobotSource
 from wbc.robot.units import to_si
 
-_KEYS = ("robot", "lossless", "effects", "provenance")
+_KEYS = ("robot", "lossless", "gears", "effects", "provenance")
 
 
 def load_robot(name: str | Path) -> Robot:
@@ -48,6 +56,11 @@ def _load(description: RobotDescription, referring: tuple[Path, ...]) -> Robot:
     robot = _load(read_description(beside if described else base), (*referring, path.resolve()))
     if table.get("lossless", False):
         robot = robot.lossless()
+    if "gears" in table:
+        robot = with_gear_numbers(robot, table["gears"], path)
+        # A file without effects is itself what `save_robot` refers to.
+        if not robot.effects and not table.get("effects"):
+            robot = replace(robot, source=RobotSource(str(path.resolve())))
     for entry in table.get("effects", []):
         robot = robot.with_effect(_effect(entry, path))
     return robot

@@ -11,6 +11,7 @@ from wbc.measurement.formats.save import save_log
 from wbc.measurement.gaps import cut_at_gaps
 from wbc.measurement.load import MAX_ROWS, load_log, load_logs, read_logs
 from wbc.measurement.log import Log
+from wbc.measurement.machine import Machine, with_machine
 from wbc.measurement.motion.align import align_velocity
 from wbc.measurement.motion.local_noise import residual_noise
 from wbc.measurement.motion.local_polynomial import local_polynomial_operator
@@ -41,6 +42,7 @@ __all__ = [
     "Log",
     "LogQuality",
     "LogSource",
+    "Machine",
     "RowChoice",
     "SuspiciousLogError",
     "TimeRule",
@@ -70,4 +72,5 @@ __all__ = [
     "save_log",
     "suspicions",
     "torque_quantity",
+    "with_machine",
 ]

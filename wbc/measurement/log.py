@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,9 @@ from wbc.measurement.schema import (
 from wbc.measurement.series import checked_series, checked_time
 from wbc.measurement.source import LogSource
 
+if TYPE_CHECKING:
+    from wbc.measurement.machine import Machine
+
 
 @dataclass(frozen=True, eq=False)
 class Log:
@@ -34,11 +37,13 @@ class Log:
         columns: name -> (N,) values in SI units, joint side unless the name says otherwise;
             finite and read-only.
         source: where the log came from.
+        machine: how its machine differs from the robot that it is held against, None if in nothing.
     """
 
     time: FloatArray
     columns: Mapping[str, FloatArray]
     source: LogSource = field(default_factory=LogSource)
+    machine: Machine | None = None
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Make it anew where it is copied or unpickled."""
@@ -94,7 +99,7 @@ class Log:
         if not isinstance(rows, slice):
             raise LogError("a log is indexed by a slice of rows; use column(name) for a channel.")
         columns = {name: values[rows] for name, values in self.columns.items()}
-        return Log(self.time[rows], columns, self.source)
+        return replace(self, time=self.time[rows], columns=columns)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -186,16 +191,20 @@ class Log:
         Raises:
             LogError: one of them is not there.
         """
-        return Log(self.time, {name: self.column(name) for name in names}, self.source)
+        return replace(self, columns={name: self.column(name) for name in names})
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
         """Return a log with channels added or replaced."""
         added = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
-        return Log(self.time, {**self.columns, **added}, self.source)
+        return replace(self, columns={**self.columns, **added})
 
     def with_source(self, source: LogSource) -> Log:
         """Return the same log with another provenance."""
         return replace(self, source=source)
+
+    def with_machine(self, machine: Machine) -> Log:
+        """Return the same log of a machine that differs from the robot it is held against."""
+        return replace(self, machine=machine)
 
 
 def _not_a_column(name: str) -> str:

@@ -1,7 +1,13 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.contact import ContactPoint
-from wbc.robot.description import RobotDescription, bare_robot, build_robot, read_description
+from wbc.robot.description import (
+    RobotDescription,
+    bare_robot,
+    build_robot,
+    read_description,
+    with_gear_numbers,
+)
 from wbc.robot.effect import (
     ContactForces,
     Effect,
@@ -17,6 +23,7 @@ from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, Screen
+from wbc.robot.solids import collision_solids, model_geometry, model_path
 
 __all__ = [
     "BaseState",
@@ -38,9 +45,13 @@ __all__ = [
     "Screen",
     "bare_robot",
     "build_robot",
+    "collision_solids",
     "find_description",
+    "model_geometry",
+    "model_path",
     "read_description",
     "robot_names",
     "robots_directory",
     "small_steps",
+    "with_gear_numbers",
 ]

@@ -141,6 +141,24 @@ def build_robot(description: RobotDescription) -> Robot:
     return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
 
 
+def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
+    """Return a robot with some numbers of its gears replaced, as [gears.JOINT] of a file says.
+
+    Raises:
+        RobotError: a joint, number or unit that does not exist; the message names the place.
+        TransmissionError: a number outside its range.
+    """
+    if not isinstance(gears, Mapping):
+        raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
+    changed = robot.transmission
+    for joint, gear in gears.items():
+        place = f"{path}: gear of '{joint}'"
+        for key in table_in(gear, tuple(_GEAR_UNITS), place):
+            value = _gear_number(gear, key, place)
+            changed = changed.with_value(_FIELDS.get(key, key), joint, value)
+    return robot.with_transmission(changed)
+
+
 def _source_name(path: Path) -> str:
     """Return a shipped robot's bare name, or the full path of any other description."""
     shipped = path.parent.name

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import RobotError, unknown_name
+from wbc.robot.left_out import left_out
 
 _BASES = ("fixed", "free_flyer")
 
@@ -83,4 +84,4 @@ def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
     tag = "<transmission" if path.suffix == ".urdf" else "<actuator"
     if tag in path.read_text(encoding="utf-8", errors="replace"):
         notes.append(f"{path.name}: {tag}> was ignored; gears stand in robot.toml.")
-    return tuple(notes)
+    return (*notes, *left_out(path))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import coal
@@ -11,9 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.errors import RobotError
-from wbc.robot import Robot, read_description
-from wbc.robot.library import find_model
+from wbc.robot import Robot, model_geometry, model_path
 from wbc.view.geometry import along, capsule, meshcat_geometry
 from wbc.view.palette import rgb
 
@@ -52,37 +49,12 @@ def robot_shapes(robot: Robot) -> tuple[LinkShape, ...]:
     return shapes if any(shape.joint > 0 for shape in shapes) else stick_shapes(robot)
 
 
-def _model_path(robot: Robot) -> Path | None:
-    source = robot.source
-    while source is not None:
-        try:
-            description = read_description(source.name)
-            if description.base_robot is not None:
-                return None
-            return find_model(str(description.table["model"]), description.path.parent)
-        except RobotError:
-            return None
-    return None
-
-
-def _geometry_model(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
-    if path.suffix == ".xml":
-        model = pin.buildModelFromMJCF(str(path))
-        return model, pin.buildGeomFromMJCF(model, str(path), pin.GeometryType.VISUAL)
-    model = pin.buildModelFromUrdf(str(path))
-    # `package://` addresses count from the folder above the package.
-    folders = [str(folder) for folder in path.resolve().parents]
-    return model, pin.buildGeomFromUrdf(
-        model, str(path), pin.GeometryType.VISUAL, package_dirs=folders
-    )
-
-
 def _visuals(robot: Robot) -> tuple[LinkShape, ...]:
-    path = _model_path(robot)
+    path = model_path(robot)
     if path is None:
         return ()
     try:
-        whole, geometries = _geometry_model(path)
+        whole, geometries = model_geometry(path, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError):
         # The links moved this far, so the file is sound: only its meshes are not installed.
         return ()

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from wbc.cli.shared.inputs import (
     add_log_options,
-    gear_ratios,
+    read_logs,
     robot_from,
     table_console,
     write_fix,
@@ -21,7 +21,8 @@ from wbc.cli.shared.inputs import (
 )
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, print_out
-from wbc.measurement import LogQuality, check_logs, find_repeats, read_logs
+from wbc.measurement import LogQuality, check_logs, find_repeats
+from wbc.measurement import read_logs as read_suspicious
 from wbc.measurement.guessing.robot_guess import guessed_numbers
 
 
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     """Print the quality of every log; exit code 1 if one of them would give wrong results."""
     require_outputs(options)
     robot = robot_from(options)
-    logs = read_logs(options.logs, options.columns, gear_ratios=gear_ratios(robot))
+    logs = read_logs(options.logs, options.columns, robot, read_suspicious)
     qualities = check_logs(logs, robot)
     shown = table_console(options, console)
     said = [

@@ -6,7 +6,7 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,15 +19,18 @@ from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis
 from wbc.identification.formulas import Discovery
-from wbc.measurement import Finding, Log, load_logs
+from wbc.measurement import Finding, Log, load_logs, with_machine
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
 from wbc.progress import Watch, progress_bar
 from wbc.robot import Robot
 
+LOGS = "CSV, Parquet, NPZ, MCAP or bag; LOG@ROBOT if its drives or loads were others"
+Reader = Callable[..., tuple[Log, ...]]
+
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that name logs and robot."""
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="CSV, Parquet, NPZ, MCAP or bag")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help=LOGS)
     parser.add_argument(
         "--robot", required=True, metavar="NAME", help="shipped robot, robot.toml or fitted.toml"
     )
@@ -64,9 +67,33 @@ def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
     return logs
 
 
-def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[Log, ...]:
-    """Return the logs of files, read with the robot's gear ratios."""
-    return load_logs(paths, columns, gear_ratios=gear_ratios(robot))
+def read_logs(
+    paths: Sequence[str], columns: str | None, robot: Robot, read: Reader = load_logs
+) -> tuple[Log, ...]:
+    """Return the logs of files, read with the robot's gear ratios.
+
+    Args:
+        paths: `LOG`, or `LOG@ROBOT` for logs of a machine with other drives or loads.
+        columns: column map.
+        robot: that the logs are held against.
+        read: how files are read.
+    """
+    logs: list[Log] = []
+    for path in paths:
+        file, own = _with_own_robot(path)
+        if own is not None and robot.source is not None and robot.source.lossless:
+            own = own.lossless()
+        found = read([file], columns, gear_ratios=gear_ratios(robot))
+        logs += [log if own is None else with_machine(log, robot, own) for log in found]
+    return tuple(logs)
+
+
+def _with_own_robot(path: str) -> tuple[str, Robot | None]:
+    """Return (LOG, robot) of `LOG@ROBOT`; a file whose own name holds an @ stays a file."""
+    file, mark, name = str(path).rpartition("@")
+    if not mark or Path(str(path).partition("#")[0]).exists():
+        return str(path), None
+    return file, load_robot(name)
 
 
 def gear_ratios(robot: Robot) -> dict[str, float]:

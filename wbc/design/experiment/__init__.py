@@ -2,7 +2,15 @@
 
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
-from wbc.design.experiment.rivals import Cause, Rivals, parameter_names, parse_cause
+from wbc.design.experiment.rivals import (
+    Cause,
+    Predictions,
+    Rivals,
+    parameter_names,
+    parse_cause,
+    require_predictable,
+    typical_values,
+)
 from wbc.design.experiment.search import (
     Designed,
     deciding,
@@ -20,6 +28,7 @@ __all__ = [
     "Designed",
     "FourierPath",
     "MotionLimits",
+    "Predictions",
     "Rivals",
     "deciding",
     "design_experiment",
@@ -28,7 +37,9 @@ __all__ = [
     "parameter_names",
     "parse_cause",
     "random_paths",
+    "require_predictable",
     "shrinking",
     "tied_causes",
     "torque_misfit",
+    "typical_values",
 ]

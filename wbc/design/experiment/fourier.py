@@ -51,10 +51,11 @@ class FourierPath:
         position = self.centre + w * wave
         return position, w * rate + w1 * wave, w * bend + 2.0 * w1 * rate + w2 * wave
 
-    def scaled(self, share: float) -> FourierPath:
-        """Return the path with all amplitudes multiplied by `share`."""
+    def scaled(self, share: float | FloatArray) -> FourierPath:
+        """Return the path with all amplitudes multiplied by `share`, one or one per joint (m,)."""
+        rows = np.broadcast_to(share, self.centre.shape)[:, None]
         return FourierPath(
-            self.centre, share * self.sine, share * self.cosine, self.frequency, self.duration
+            self.centre, rows * self.sine, rows * self.cosine, self.frequency, self.duration
         )
 
     def times(self, rate: float) -> FloatArray:

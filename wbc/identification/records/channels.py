@@ -37,6 +37,7 @@ class Channels:
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
         temperature: (N, m) [deg C], or None.
         supply_voltage: (N, m) [V], or None.
+        inertia: (10 n_links,) what the links of this log's machine have more, or None.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Channels:
     active: dict[str, BoolArray]
     temperature: FloatArray | None
     supply_voltage: FloatArray | None
+    inertia: FloatArray | None = None
 
 
 def read_channels(robot: Robot, log: Log) -> Channels:
@@ -104,6 +106,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         active=active,
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
+        inertia=None if log.machine is None else log.machine.inertia,
     )
 
 
@@ -115,7 +118,7 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     Raises:
         LogError: a joint has neither.
     """
-    gears = robot.transmission
+    gears = robot.transmission if log.machine is None else log.machine.transmission
     reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
     reported |= makes_torque(log, gears)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]

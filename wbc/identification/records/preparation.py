@@ -26,6 +26,7 @@ from wbc.identification.records.smoothing import (
 )
 from wbc.identification.records.synthetic_noise import synthetic_noise
 from wbc.measurement import Log
+from wbc.measurement.machine import loaded
 from wbc.robot import Motion, Robot
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
@@ -95,11 +96,12 @@ def _shaken_pose(robot: Robot, channels: Channels) -> FloatArray:
 
 
 def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:
-    data = robot.model.createData()
     found = []
     for channel in channels:
+        model = loaded(robot.model, channel.inertia)
+        data = model.createData()
         for q in channel.position[:: max(1, len(channel.position) // 10)]:
-            mass = pin.crba(robot.model, data, q)
+            mass = pin.crba(model, data, q)
             found.append(np.diag(mass)[robot.actuated])
     return np.asarray(np.mean(found, axis=0) + robot.transmission.reflected_inertia)
 
@@ -144,6 +146,7 @@ def _record(
         reported_share=np.ones(robot.transmission.size),
         certainty=np.ones(output_count(robot)),
         load_band=np.full(robot.transmission.size, np.inf),
+        inertia=channels.inertia,
     )
 
 

@@ -23,6 +23,7 @@ from wbc.identification.records.contact_balance import ContactBalance
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.identification.records.smoothing import low_pass
 from wbc.links import LinkResponse
+from wbc.measurement.machine import loaded
 from wbc.robot import ContactForces, Motion, Robot
 
 _KEPT_MOTIONS = 3
@@ -52,6 +53,8 @@ class Record:
         certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
             those that the noise floor is taken from.
         load_band: (m,) frequency from which on the load of a driven joint is noise [Hz].
+        inertia: (10 n_links,) what the links had more in this log than `robot` has, None if
+            nothing: a payload of this log alone.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Record:
     reported_share: FloatArray
     certainty: FloatArray
     load_band: FloatArray
+    inertia: FloatArray | None = None
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
     _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)
@@ -180,8 +184,13 @@ class Record:
 
     @cached_property
     def links(self) -> FloatArray:
-        """H_l a + c_l of the believed robot, (N, nv)."""
-        return link_torque(self.robot, self.motion)
+        """H_l a + c_l of the believed robot with this log's payload, (N, nv)."""
+        torque = link_torque(self.robot, self.motion)
+        return torque if self.inertia is None else torque + self.regressor @ self.inertia
+
+    def model_of(self, robot: Robot) -> pin.Model:
+        """Return a copy of a robot's model with this log's payload."""
+        return loaded(robot.model, self.inertia)
 
     @cached_property
     def load(self) -> FloatArray:
@@ -249,9 +258,11 @@ class Record:
         Linear in the links' parameters, so that a payload that is fitted costs no dynamics.
         """
         response = self.response(joint)
-        if robot.model is self.robot.model:
+        if robot.model is self.robot.model and self.inertia is None:
             return response
         change = inertial_parameters(robot) - inertial_parameters(self.robot)
+        if self.inertia is not None:
+            change = change + self.inertia
         kept = np.flatnonzero(change)
         if not kept.size:
             return response
@@ -299,19 +310,19 @@ class Record:
             key = (float(axis), *masses)
             if key not in self._gravity_terms:
                 self._gravity_terms.clear() if len(self._gravity_terms) > 12 else None
-                self._gravity_terms[key] = _gravity_torque(robot, self.motion, int(axis))
+                self._gravity_terms[key] = self._gravity_torque(robot, int(axis))
             total += change[axis] * self._gravity_terms[key]
         return total
+
+    def _gravity_torque(self, robot: Robot, axis: int) -> FloatArray:
+        """Return the torque (N, nv) that a field of 1 m/s^2 along a world axis asks for."""
+        model = self.model_of(robot)
+        model.gravity.linear = np.eye(3)[axis]
+        data = model.createData()
+        positions = self.motion.position
+        return np.array([pin.computeGeneralizedGravity(model, data, q) for q in positions])
 
 
 def _nothing_kept() -> dict[str, Any]:
     names = (f.name for f in fields(Record) if f.name.startswith("_"))
     return {name: {} for name in names}
-
-
-def _gravity_torque(robot: Robot, motion: Motion, axis: int) -> FloatArray:
-    """Return the torque (N, nv) that a field of 1 m/s^2 along a world axis asks for."""
-    model = robot.model.copy()
-    model.gravity.linear = np.eye(3)[axis]
-    data = model.createData()
-    return np.array([pin.computeGeneralizedGravity(model, data, q) for q in motion.position])

@@ -10,17 +10,16 @@ from wbc.dynamics import contact_torque
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.identification.records.smoothing import derivative, low_pass
-from wbc.robot import Robot
 
 
 def _disturbed(
-    robot: Robot, positions: FloatArray, position: FloatArray, acceleration: FloatArray
+    model: pin.Model, positions: FloatArray, position: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
     """Return what errors (N, nv) of position and acceleration change in the links' torque.
 
     Positions enter through gravity, accelerations through inertia; speeds matter little.
     """
-    model, data = robot.model, robot.model.createData()
+    data = model.createData()
     at_rest = np.zeros(model.nv)
     torque = np.empty(position.shape)
     for row, (q, error) in enumerate(zip(positions, position, strict=True)):
@@ -53,7 +52,7 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     measured = noise.measures_speed(record.bandwidth)
     velocity = np.where(measured, white(noise.velocity), derivative(position, rate))
     acceleration = derivative(velocity, rate)
-    torque = _disturbed(robot, record.motion.position, position, acceleration)
+    torque = _disturbed(record.model_of(robot), record.motion.position, position, acceleration)
     forces = {name: white(level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     gears = robot.transmission

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -41,7 +42,7 @@ def without_torque_sensors(robot: Robot, logs: Sequence[Log]) -> list[Log]:
     spared = {f"{joint}.joint_torque" for joint in robot.transmission.joints}
     spared -= {f"{joint}.joint_torque" for joint in robot.sensor_only}
     return [
-        Log(log.time, {n: v for n, v in log.columns.items() if n not in spared}, log.source)
+        replace(log, columns={n: v for n, v in log.columns.items() if n not in spared})
         for log in logs
     ]
 

@@ -71,7 +71,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         for joint in robot.transmission.joints
         if not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES)
     ]
-    gears = robot.transmission
+    gears = robot.transmission if log.machine is None else log.machine.transmission
     made = dict(zip(gears.joints, makes_torque(log, gears), strict=True))
     targets = [joint for joint in lacking if _known(log, f"{joint}.target_position")]
     followed = [joint for joint in lacking if made[joint]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,5 +42,5 @@ def _applied(log: Log, rules: ColumnMap) -> Log:
         columns[rule.target] = rule.value(sources)
     clock = rules.time
     time = log.time if clock.source != TIME else clock.factor * log.time + clock.offset
-    changed = Log(time, columns, log.source)
+    changed = replace(log, time=time, columns=columns)
     return align_velocity(changed) if clock.align_velocity else changed

@@ -101,6 +101,7 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     forces on a robot that stands on them, for one too short to be filtered, and for one without
     motion.
     """
+    robot = robot if log.machine is None else log.machine.of(robot)
     joints = robot.transmission.joints
     if not joints or not _has_all(robot, log) or len(log) < 50:
         return None

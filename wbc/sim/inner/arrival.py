@@ -144,6 +144,6 @@ def arrive(
             gaps_at(plant.obstacles, q_end, poses, gap)
     v_end[:] = after
     if len(bases):
-        look(plant.tree, bases, base_rows(bases), plant.placed)
+        look(plant.tree, plant.flight, base_rows(bases), plant.placed)
         set_momentum(plant.flight, plant.placed, v_end)
     return left

@@ -99,9 +99,9 @@ def rates_at(
         v: (nv,).
         rate: to write.
     """
-    limits, columns, about = 2 * len(obstacles.limit_at), placed.columns, np.empty(3)
+    limits, columns = 2 * len(obstacles.limit_at), placed.columns
     contact_at, solids = obstacles.contact_at, obstacles.solids
-    point_of_reference(bases, placed.poses, about)
+    about = point_of_reference(bases, placed.poses)
     k, point, motion = len(contact_at), np.empty(3), np.empty(6)
     for b in range(len(closed)):
         rate[b] = 0.0
@@ -166,8 +166,8 @@ def barrier_rows(
         which: numbers of the closed contact barriers to write.
     """
     limit_at, contact_at, solids = obstacles.limit_at, obstacles.contact_at, obstacles.solids
-    columns, about = placed.columns, np.empty(3)
-    point_of_reference(bases, placed.poses, about)
+    columns = placed.columns
+    about = point_of_reference(bases, placed.poses)
     j, k, row, count = len(limit_at), len(contact_at), first, 0
     for i in range(2 * j):
         if closed[i]:

@@ -41,14 +41,20 @@ from wbc.sim.tree.kinematics import columns_at, moved_along, place
 from wbc.sim.tree.tree import Tree
 
 
-@compiled(Nothing, TREE, Table, Count, PLACED)
-def look(tree: Tree, bases: IntArray, upto: int, placed: PlacedTree) -> None:
-    """Write the columns, bodies and the first `upto` rows of H_l of a tree in given poses."""
-    about = np.empty(3)
-    point_of_reference(bases, placed.poses, about)
-    columns_at(tree.joints, tree.shapes, placed.poses, about, placed.columns)
-    bodies_at(tree.joints, tree.shapes, placed.poses, about, placed.bodies, placed.composite)
+@compiled(Nothing, TREE, FLIGHT, Count, PLACED)
+def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
+    """Write columns, bodies, the first `upto` rows of H_l and the bases' frames in given poses."""
+    poses, bases = placed.poses, flight.bases
+    about = point_of_reference(bases, poses)
+    columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
+    bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies, placed.composite)
     inertia_at(tree.rows, placed.composite, placed.columns, upto, placed.inertia)
+    for i in range(len(bases)):
+        pose, frame = poses[bases[i, FRAME]], flight.frames[i]
+        all_behind = placed.composite[bases[i, JOINT]]
+        frame[:9] = pose[:9]
+        for k in range(3):
+            frame[9 + k] = about[k] + all_behind[1 + k] / all_behind[0] - pose[9 + k]
 
 
 @compiled(Count, Table)
@@ -60,27 +66,12 @@ def base_rows(bases: IntArray) -> int:
     return upto
 
 
-@compiled(Nothing, Table, Count, PLACED, OutDense, OutRow)
-def base_frame(
-    bases: IntArray, which: int, placed: PlacedTree, turn: FloatArray, lever: FloatArray
-) -> None:
-    """Write the rotation (3, 3) of a free base and the way (3,) from it to the centre of mass."""
-    joint, frame, about = bases[which, JOINT], bases[which, FRAME], np.empty(3)
-    poses, composite = placed.poses, placed.composite
-    point_of_reference(bases, poses, about)
-    for i in range(3):
-        for j in range(3):
-            turn[i, j] = poses[frame, 3 * i + j]
-        center = about[i] + composite[joint, 1 + i] / composite[joint, 0]
-        lever[i] = center - poses[frame, 9 + i]
-
-
 @compiled(Nothing, FLIGHT, PLACED, Row)
 def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
     """Keep the momentum (6) that every tree has at v (nv,)."""
-    turn, lever, bases = np.empty((3, 3)), np.empty(3), flight.bases
+    bases = flight.bases
     for i in range(len(bases)):
-        base_frame(bases, i, placed, turn, lever)
+        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
         first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
         momentum_at(placed.inertia, turn, lever, first, planar, v, flight.carried[i, :6])
 
@@ -88,21 +79,19 @@ def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
 @compiled(Nothing, FLIGHT, PLACED)
 def keep_centers(flight: Flight, placed: PlacedTree) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
-    about, bases, composite = np.empty(3), flight.bases, placed.composite
-    point_of_reference(bases, placed.poses, about)
+    bases, frames, poses = flight.bases, flight.frames, placed.poses
     for i in range(len(bases)):
-        joint = bases[i, JOINT]
-        flight.carried[i, 9] = composite[joint, 0]
+        flight.carried[i, 9] = placed.composite[bases[i, JOINT], 0]
         for k in range(3):
-            flight.carried[i, 6 + k] = about[k] + composite[joint, 1 + k] / composite[joint, 0]
+            flight.carried[i, 6 + k] = poses[bases[i, FRAME], 9 + k] + frames[i, 9 + k]
 
 
 @compiled(Nothing, FLIGHT, PLACED, OutRow)
 def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
-    turn, lever, bases = np.empty((3, 3)), np.empty(3), flight.bases
+    bases = flight.bases
     for i in range(len(bases)):
-        base_frame(bases, i, placed, turn, lever)
+        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
         first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
         velocity_at(placed.inertia, turn, lever, first, planar, flight.carried[i, :6], v)
 
@@ -171,7 +160,7 @@ def to_middle(
     rate[:] = 0.0
     if len(bases) or touching:
         place(joints, shapes, q, poses)
-        look(tree, bases, upto, placed)
+        look(tree, flight, upto, placed)
         rates_at(closed, tree.rows, bases, obstacles, placed, v, rate)
     speed[:] = v
     if len(bases):
@@ -179,11 +168,11 @@ def to_middle(
         keep_centers(flight, placed)
         moved_along(joints, q, v, half, middle)
         place(joints, shapes, middle, poses)
-        look(tree, bases, upto, placed)
+        look(tree, flight, upto, placed)
         set_momentum(flight, placed, speed)
     moved_along(joints, q, speed, half, middle)
     place(joints, shapes, middle, poses)
     advance(tree, flight, half, middle, poses)
-    look(tree, bases, len(v), placed)
+    look(tree, flight, len(v), placed)
     speed[:] = v
     set_momentum(flight, placed, speed)

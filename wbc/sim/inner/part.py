@@ -14,23 +14,24 @@ from wbc.compiled import (
     OutPlaces,
     OutRow,
     Row,
-    Table,
     compiled,
     several,
 )
 from wbc.sim.inner.arrival import arrive
 from wbc.sim.inner.barriers import held_rows, world_pushes
-from wbc.sim.inner.motion import base_frame, to_middle
+from wbc.sim.inner.motion import to_middle
 from wbc.sim.inner.program import free_velocity, gear_laws, solve_rows
 from wbc.sim.inner.tables import (
     ACCURACY,
     FIRST,
+    FLIGHT,
     JOINT,
     OPENED,
     PLACED,
     PLANAR,
     TOUCH,
     TREE,
+    Flight,
     Opened,
     PlacedTree,
     opened,
@@ -50,19 +51,19 @@ def middle_of(out: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray, 
     return out[ends[9] : ends[10]], out[ends[10] : ends[11]], out[ends[11] : ends[12]]
 
 
-@compiled(Nothing, TREE, Table, PLACED, Row, OutRow)
+@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow)
 def bias_of(
-    tree: Tree, bases: IntArray, placed: PlacedTree, v: FloatArray, bias: FloatArray
+    tree: Tree, flight: Flight, placed: PlacedTree, v: FloatArray, bias: FloatArray
 ) -> None:
     """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
     bias_at(tree.joints, tree.rows, tree.gravity, placed.columns, placed.bodies, v, bias)
-    turn, lever, weight = np.empty((3, 3)), np.empty(3), np.empty(3)
+    bases, weight = flight.bases, np.empty(3)
     for i in range(len(bases)):
-        base_frame(bases, i, placed, turn, lever)
+        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
         for k in range(3):
             weight[k] = -placed.composite[bases[i, JOINT], 0] * tree.gravity[k]
-        planar = bases[i, PLANAR] == 1
-        part_on_joints(placed.inertia, turn, lever, bases[i, FIRST], planar, weight, bias)
+        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
+        part_on_joints(placed.inertia, turn, lever, first, planar, weight, bias)
 
 
 @compiled(Nothing, Count, Count, Count, Count, Count, Flags, OutPlaces)
@@ -135,7 +136,7 @@ def from_middle(
     size, d = len(before), obstacles.tangents
     # Forces.
     bias, free, lower = np.empty(n), np.empty(n), np.empty((n, n))
-    bias_of(tree, bases, placed, speed, bias)
+    bias_of(tree, plant.flight, placed, speed, bias)
     for i in range(n):
         bias[i] = force[i] - bias[i]
     if not free_velocity(placed.inertia, speed, bias, step, free, lower):

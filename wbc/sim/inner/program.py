@@ -139,6 +139,11 @@ def solve_rows(
             ways, delassus, own, spring, slope, laws, targets, frictions, tangents, start,
             tolerance, limit, impulse,
         )  # fmt: skip
+        if used < 0:  # The last step's branches lead astray: start from none.
+            used = newton_loop(
+                ways, delassus, own, spring, slope, laws, targets, frictions, tangents,
+                np.zeros(size), tolerance, limit, impulse,
+            )  # fmt: skip
         if used < 0:
             return -1
     for j in range(n):

@@ -15,8 +15,6 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Count,
-    Dense,
-    Nothing,
     OutDense,
     OutPlaces,
     OutRow,
@@ -85,10 +83,13 @@ class Flight(NamedTuple):
     Attributes:
         bases: (b, 5), columns JOINT to PLACES.
         carried: (b, 10) memory: momentum (6), centre of mass (3), and mass of what each carries.
+        frames: (b, 12) memory: where the tree stands, rotation of each by rows, and the way (3,)
+            from its origin to the centre of mass.
     """
 
     bases: IntArray
     carried: FloatArray
+    frames: FloatArray
 
 
 class Opened(NamedTuple):
@@ -115,7 +116,7 @@ TREE = group(Tree, OutTable, OutDense, OutTable, OutRow)
 OBSTACLES = group(Obstacles, OutTable, OutDense, OutTable, OutDense, OutDense, Count)
 GEARS = group(GearTables, OutDense, OutDense)
 PLACED = group(PlacedTree, OutDense, OutDense, OutDense, OutDense, OutDense)
-FLIGHT = group(Flight, OutTable, OutDense)
+FLIGHT = group(Flight, OutTable, OutDense, OutDense)
 OPENED = group(Opened, TREE, FLIGHT, OBSTACLES, GEARS, PLACED, OutRow, OutPlaces)
 
 JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
@@ -182,7 +183,7 @@ def opened(whole: IntArray, numbers: FloatArray) -> Opened:
     )
     return Opened(
         tree,
-        Flight(_table(whole, 2), _matrix(whole, numbers, 13)),
+        Flight(_table(whole, 2), _matrix(whole, numbers, 13), _matrix(whole, numbers, 14)),
         obstacles,
         GearTables(_matrix(whole, numbers, 5), _matrix(whole, numbers, 6)),
         PlacedTree(
@@ -197,12 +198,12 @@ def opened(whole: IntArray, numbers: FloatArray) -> Opened:
     )
 
 
-@compiled(Nothing, Table, Dense, OutRow)
-def point_of_reference(bases: IntArray, poses: FloatArray, about: FloatArray) -> None:
-    """Write the point (3,) of all spatial vectors: the first free base, or the first joint."""
+@compiled(OutRow, Table, OutDense)
+def point_of_reference(bases: IntArray, poses: FloatArray) -> FloatArray:
+    """Return the point (3,) of all spatial vectors: the first free base, or the first joint."""
     joint = bases[0, FRAME] if len(bases) else 0
-    for k in range(3):
-        about[k] = poses[joint, 9 + k]
+    found: FloatArray = poses[joint, 9:]
+    return found
 
 
 def packed_plant(
@@ -215,8 +216,8 @@ def packed_plant(
 ) -> tuple[IntArray, FloatArray]:
     """Return a plant's numbers and room to work in as two arrays, see `opened`."""
     n, nv = len(tree.joints), len(tree.rows)
-    # Poses, columns, bodies, bodies with all behind them, H_l, momenta.
-    widths = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (len(bases), 10)
+    # Poses, columns, bodies, bodies with all behind them, H_l, momenta, frames of bases.
+    widths = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (len(bases), 10), (len(bases), 12)
     last = np.append(ends, obstacles.tangents)
     return packed(
         (tree.joints, tree.rows, bases, obstacles.limit_at, obstacles.contact_at, last[None]),

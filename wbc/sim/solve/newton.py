@@ -10,7 +10,8 @@ from wbc.sim.solve.branches import pieces_at, solve_pieces
 from wbc.sim.solve.in_velocities import solve_in_velocities
 from wbc.sim.solve.reduced import Reduced
 
-_FULL_STEPS = 4
+_FULL_STEPS = 6
+"""Where branches settle at all they do so within these: Solo12 in stance needs up to five."""
 _SHORTEST = 1e-2
 
 

@@ -51,6 +51,9 @@ def solve_program(
     # With more rows than freedoms shortened steps crawl along directions that move nothing.
     shortened = 0 if len(reduced.free) > len(program.free_velocity) else 12
     impulse, used, done = newton(reduced, start, tolerance, shortened)
+    if not done and start.any():  # The last step's branches lead astray: start from none.
+        impulse, more, done = newton(reduced, np.zeros_like(start), tolerance, shortened)
+        used += more
     method = "newton"
     if not done:
         impulse, used, method = _fall_back(reduced, start, tolerance, used)

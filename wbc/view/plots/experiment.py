@@ -26,11 +26,13 @@ def experiment_figure(
         joints: names of the m driven joints.
         time: (N,) [s].
         motion: positions and velocities (N, m) [rad, m; rad/s, m/s].
-        misfits: name of a motion -> (N, m) in units of the noise of one row, at most two.
+        misfits: name of a motion -> (N, m) in units of the noise of one row, at most two; the
+            motion stands alone without any.
         theme: page colours.
     """
     with drawing(theme):
-        figure, grid = new_figure(2, 2, 9.6, 4.8, share_x=True)
+        sides = 2 if misfits else 1  # with one cause alone nothing is told apart
+        figure, grid = new_figure(2, sides, 9.6, 4.8, share_x=True)
         for row, (values, label) in enumerate(
             zip(motion, ("position [rad, m]", "velocity [rad/s, m/s]"), strict=True)
         ):
@@ -42,7 +44,7 @@ def experiment_figure(
             axes.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)
             axes.set_title(f"{name}: torque that the wrong cause leaves [noise]")
         top = max((abs(values).max() for values in misfits.values()), default=1.0)
-        for row in range(2):
+        for row in range(2) if misfits else ():
             grid[row][1].set_ylim(-1.1 * top, 1.1 * top)
             grid[row][1].set_visible(row < len(misfits))
         for axes in grid[1]:

@@ -1,0 +1,115 @@
+"""Logs of one robot with other drives and loads: `LOG@ROBOT`."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.cli import main
+from wbc.effects import CoulombFriction, GravityDirection, PayloadMass, load_robot, save_robot
+from wbc.errors import LogError
+from wbc.identification import compare, diagnose
+from wbc.measurement import Log, save_log, with_machine
+from wbc.robot import Robot
+from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_run import ServoRun
+
+SUPPLY, STEP, LEVEL = 7.4, 0.004, 0.06
+LOADS = {
+    "light": (1.5, 0.0),
+    "stiff": (6.0, 0.0),
+    "heavy": (4.0, 0.3),
+}  # gain [1/rad], payload [kg]
+
+
+def servo(gain: float, payload: float = 0.0) -> Robot:
+    robot = load_robot("xl330_pendulum").with_effect(PayloadMass("arm", payload))
+    gears = robot.transmission
+    return robot.with_transmission(
+        gears.replace(duty_gain=np.array([gain]), supply_voltage=np.array([SUPPLY]))
+    )
+
+
+@cache
+def runs() -> dict[str, Log]:
+    """Return a run of one servo per load; it rubs by `LEVEL`, which no description says."""
+    time = np.arange(0.0, 6.0, STEP)
+    goal = 1.0 * np.sin(1.5 * time) + 0.4 * np.sin(5.0 * time)
+    logs = {}
+    for k, (name, (gain, payload)) in enumerate(LOADS.items()):
+        robot = servo(gain, payload).with_effect(CoulombFriction("shaft", LEVEL))
+        run = ServoRun(name, gain, goal, np.ones(time.size), np.zeros(time.size))
+        reached = servo_rollout([(robot, DcDrive(SUPPLY))], [run], STEP)[:, 0, 0]
+        noise = 2e-5 * np.random.default_rng(k).standard_normal(time.size)
+        columns = {"shaft.position": reached + noise, "shaft.target_position": goal}
+        logs[name] = Log(time, columns)
+    return logs
+
+
+def test_logs_with_their_own_gains_and_payloads_share_one_answer() -> None:
+    base = servo(LOADS["light"][0])
+    logs = [with_machine(log, base, servo(*LOADS[name])) for name, log in runs().items()]
+    found = diagnose(base, logs, [CoulombFriction, PayloadMass])
+    assert [(e.name, e.where) for e in found.effects] == [("coulomb_friction", "shaft")]
+    assert found.effects[0].values["level"] == pytest.approx(LEVEL, rel=0.05)
+    # Taken as one machine, the same logs hold a false cause or a large error.
+    true = base.with_effect(CoulombFriction("shaft", LEVEL))
+    assert compare(true, logs).outputs[0].rms < 0.01
+    assert compare(true, list(runs().values())).outputs[0].rms > 0.1
+
+
+def test_a_payload_of_one_log_weighs_in_gravity_that_is_tilted() -> None:
+    base = servo(LOADS["heavy"][0])
+    heavy = with_machine(runs()["heavy"], base, servo(*LOADS["heavy"]))
+    tilt = GravityDirection("robot", 0.0, 0.1)
+    ours = compare(base.with_effect(tilt), [heavy]).outputs[0].rms
+    theirs = compare(servo(*LOADS["heavy"]).with_effect(tilt), [runs()["heavy"]]).outputs[0].rms
+    assert ours == pytest.approx(theirs, rel=1e-6)
+
+
+def test_what_logs_must_share_is_said() -> None:
+    base, log = servo(1.0), runs()["light"]
+    gears = base.transmission.replace(resistance=np.array([5.0]))
+    with pytest.raises(LogError, match=r"differs from 'xl330_pendulum' in resistance"):
+        with_machine(log, base, base.with_transmission(gears))
+    with pytest.raises(LogError, match=r"differs from .* in coulomb_friction at shaft"):
+        with_machine(log, base, base.with_effect(CoulombFriction("shaft", 0.1)))
+
+
+def test_the_command_line_takes_a_robot_file_per_log(tmp_path: Path) -> None:
+    (tmp_path / "servo.toml").write_text(
+        'robot = "xl330_pendulum"\n[gears.shaft]\nduty_gain = { value = 1.5, unit = "1/rad" }\n',
+        encoding="utf-8",
+    )
+    rubs = (
+        '[[effects]]\neffect = "coulomb_friction"\nwhere = "shaft"\n'
+        f'parameters = {{ level = {{ value = {LEVEL}, unit = "N m" }} }}\n'
+    )
+    (tmp_path / "light.toml").write_text(f'robot = "servo.toml"\n{rubs}', encoding="utf-8")
+    (tmp_path / "heavy.toml").write_text(
+        'robot = "servo.toml"\n[gears.shaft]\nduty_gain = { value = 4.0, unit = "1/rad" }\n'
+        f'{rubs}[[effects]]\neffect = "payload_mass"\nwhere = "arm"\n'
+        'parameters = { mass = { value = 0.3, unit = "kg" } }\n',
+        encoding="utf-8",
+    )
+    given = []
+    for name in ("light", "heavy"):
+        path = save_log(runs()[name], tmp_path / f"{name}.csv")
+        given.append(f"{path}@{tmp_path / 'heavy.toml'}" if name == "heavy" else str(path))
+    robot, out = ["--robot", str(tmp_path / "light.toml")], tmp_path / "out.json"
+    assert main(["compare", *given, *robot, "--json", str(out)]) == 0
+    right = json.loads(out.read_text("utf-8"))["outputs"][0]["rms"]
+    plain = [path.partition("@")[0] for path in given]
+    assert main(["compare", *plain, *robot, "--json", str(out)]) == 0
+    assert json.loads(out.read_text("utf-8"))["outputs"][0]["rms"] > 10.0 * right
+    assert main(["check", *given, *robot]) == 0
+    saved = save_robot(
+        load_robot(tmp_path / "servo.toml").with_effect(CoulombFriction("shaft", LEVEL)),
+        tmp_path / "fitted.toml",
+    )
+    assert load_robot(saved).transmission.duty_gain[0] == 1.5
