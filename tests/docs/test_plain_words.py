@@ -16,6 +16,7 @@ NEWCOMERS = [
     "guide/tutorial",
     "diagnosis/describe-your-robot",
     "diagnosis/bring-your-logs",
+    "diagnosis/logs-without-torque",
     "diagnosis/column-maps",
     "diagnosis/checks",
     "diagnosis/diagnosis",
@@ -24,6 +25,11 @@ NEWCOMERS = [
     "guide/control",
     "guide/embedding",
     "guide/simulation",
+    "guide/extend",
+    "guide/extend-task",
+    "guide/extend-contact",
+    "guide/export",
+    "diagnosis/trend",
 ]
 TWO_SCREENS = 900  # words of prose: two windows of a 27-inch display hold about 1000
 TERMS = {
