@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import CLOSED_LOOP, FAMILIES, draw_machine
-from benchmarks.corpus.flaws import WHOLE_ROBOT, Flaw
+from benchmarks.corpus.flaws import DRAWING, INERTIAL, POINTS, WHOLE_ROBOT, Flaw
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.recipes import Typical, flaws_of_size, recipe
 from benchmarks.corpus.sensors import Sensors
@@ -27,8 +27,12 @@ LISTED = (
     "torque_offset", "torque_ripple", "actuation_delay", "position_offset",
     "gravity_direction", "supply_sag", "current_limit", "thermal_drift",
 )  # fmt: skip
-_FIRST_WITH_PRESLIDING = 24  # seeds below it are the cases that they always were
+LATER = ("presliding", "directional_viscous_friction", "load_presliding")
+"""Effects that came to the list later; seeds below `_FIRST` are the cases that they always were."""
+_FIRST = {"presliding": 24, "directional_viscous_friction": 30, "load_presliding": 30, DRAWING: 30}
+_WRONG_DRAWINGS = 1.0 / 3.0  # share of all cases
 _ONLY_CLOSED_LOOP = ("backlash", "current_limit")
+_ONLY_PRESCRIBED = ("load_presliding",)
 _ALONE = ("backlash", "joint_compliance", "current_limit")
 _ALL_GEARS = {"actuation_delay": 0.7} | dict.fromkeys(
     ("viscous_friction", "coulomb_friction", "transmission_efficiency", "load_friction",
@@ -61,13 +65,36 @@ def draw_case(number: int, seed: int = SEED) -> Case:
     # Cases beyond the count hold a cause of the list beside one that is not in it.
     kind = "mixed" if number >= COUNT else kind
     flaws: list[Flaw] = []
+    drawn = seed >= _FIRST[DRAWING] and bool(random.uniform() < _WRONG_DRAWINGS)
+    if drawn:
+        flaws += _wrong_drawing(random, machine)
     for effect in _effects(random, machine, kind, seed):
+        # A mass beside a wrong drawing is part of what is wrong with the drawing.
+        if drawn and effect in INERTIAL:
+            continue
         flaws += _sized(random, effect, machine, signatures, kind)
     if machine.family in CLOSED_LOOP:
         flaws = [_in_whole_steps(flaw) for flaw in flaws]
     return Case(
         number, machine, tuple(flaws), excitations, richness, sensors, signatures.torque_noise
     )
+
+
+def _wrong_drawing(random: np.random.Generator, machine: Machine) -> list[Flaw]:
+    """Return what the drawing of one link, or of all of them, lacks: density and two masses."""
+    bodies = machine.bodies if random.uniform() < 0.5 else (str(random.choice(machine.bodies)),)
+    worst = float(np.exp(random.uniform(np.log(0.05), np.log(0.3))))  # share of a link's mass
+    flaws = []
+    for name in bodies:
+        link = machine.links[machine.body(name)]
+        size = 2.0 * float(np.sqrt(np.trace(link.inertia) / link.mass))  # about the link's own
+        values = {"scale": 1.0 + worst * float(random.uniform(-1.0, 1.0))}
+        for k in range(POINTS):
+            values[f"mass_{k}"] = worst * float(random.uniform(0.0, 0.5)) * link.mass
+            point = link.com + size * random.uniform(-0.5, 0.5, 3)
+            values |= {f"{axis}_{k}": float(x) for axis, x in zip("xyz", point, strict=True)}
+        flaws.append(Flaw(DRAWING, name, values))
+    return flaws
 
 
 def _in_whole_steps(flaw: Flaw) -> Flaw:
@@ -115,16 +142,18 @@ def _excitations(
 
 
 def _effects(random: np.random.Generator, machine: Machine, kind: str, seed: int) -> list[str]:
-    new = seed >= _FIRST_WITH_PRESLIDING
-    inside = (*LISTED, "presliding") if new else LISTED
+    inside = (*LISTED, *(name for name in LATER if seed >= _FIRST[name]))
+    new = "presliding" in inside
     closed, single = machine.family in CLOSED_LOOP, len(machine.driven) == 1
     outside = [n for n in (NAMES if new else DRAWN) if not (single and n in TWO_JOINTS)]
     if kind == "unlisted":
         return [str(random.choice(outside))]
     if kind == "mixed":
-        listed = [n for n in inside if n not in _ALONE]
+        prescribed = _ONLY_PRESCRIBED if closed else ()
+        listed = [n for n in inside if n not in (*_ALONE, *prescribed)]
         return [str(random.choice(listed)), str(random.choice(outside))]
-    possible = [n for n in inside if closed or n not in _ONLY_CLOSED_LOOP]
+    elsewhere = _ONLY_PRESCRIBED if closed else _ONLY_CLOSED_LOOP
+    possible = [n for n in inside if n not in elsewhere]
     if kind in ("two", "three"):
         possible = [n for n in possible if n not in _ALONE]
     size = {"one": 1, "two": 2, "three": 3}.get(kind, 0)

@@ -11,10 +11,14 @@ _DURATION = 8.0  # [s]
 # Which run each effect's `experiment` describes.
 RUN_FOR = {
     "viscous_friction": "speeds",  # several speeds
+    "directional_viscous_friction": "speeds",
     "quadratic_drag": "speeds",
     "coulomb_friction": "sweep",  # slowly both ways
     "stribeck_friction": "sweep",
     "presliding": "sweep",
+    "load_presliding": "sweep",
+    "link_inertia": "shake",
+    "link_inertias": "shake",
     "torque_ripple": "sweep",
     "load_friction": "slow",  # lift and lower slowly
     "transmission_efficiency": "slow",

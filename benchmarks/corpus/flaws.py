@@ -7,10 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks.corpus.machine import Machine
+from benchmarks.corpus.machine import Link, Machine
 
 WHOLE_ROBOT = ("gravity_direction", "supply_sag")
-INERTIAL = ("payload_mass", "center_of_mass")
+DRAWING = "link_inertia"
+INERTIAL = ("payload_mass", "center_of_mass", DRAWING)
+POINTS = 2  # masses that the drawing of a link lacks
 HIDDEN_STATE = ("joint_compliance", "backlash")
 
 
@@ -45,6 +47,9 @@ def changed_machine(machine: Machine, flaws: Iterable[Flaw]) -> Machine:
             link = machine.links[number]
             shift = np.array([value[axis] for axis in "xyz"])
             machine = machine.with_link(number, replace(link, com=link.com + shift))
+        elif flaw.effect == DRAWING:
+            number = machine.body(flaw.where)
+            machine = machine.with_link(number, _redrawn(machine.links[number], value))
         elif flaw.effect == "rotor_inertia":
             reflected = machine.reflected.copy()
             reflected[machine.driven.index(flaw.where)] = value["reflected_inertia"]
@@ -63,6 +68,24 @@ def _with_payload(machine: Machine, where: str, mass: float) -> Machine:
         number = machine.body(where)
         point = machine.links[number].com
     return machine.with_link(number, machine.links[number].with_point(mass, point))
+
+
+def _redrawn(link: Link, value: Mapping[str, float]) -> Link:
+    """Return a link of another density, with masses that its drawing lacks."""
+    scale = value["scale"]
+    link = replace(link, mass=scale * link.mass, inertia=scale * link.inertia)
+    for k in range(POINTS):
+        point = np.array([value[f"{axis}_{k}"] for axis in "xyz"])
+        link = link.with_point(value[f"mass_{k}"], point)
+    return link
+
+
+def point_mass(mass: float, point: np.ndarray) -> dict[str, float]:
+    """Return the values of a drawing that lacks one mass."""
+    values = {"scale": 1.0, "mass_0": mass} | {f"mass_{k}": 0.0 for k in range(1, POINTS)}
+    for k in range(POINTS):
+        values |= {f"{axis}_{k}": float(x) for axis, x in zip("xyz", point, strict=True)}
+    return values
 
 
 def _turn(axis: int, angle: float) -> np.ndarray:
@@ -86,8 +109,10 @@ def per_joint(
 
 def loss_gains(machine: Machine, flaws: Sequence[Flaw]) -> tuple[np.ndarray, np.ndarray]:
     """Return (1/eta_f, eta_b) per gear: mesh input torque over output torque, both ways."""
-    forward = 1.0 / per_joint(machine, flaws, "transmission_efficiency", "forward_efficiency", 1.0)
-    backward = per_joint(machine, flaws, "transmission_efficiency", "backward_efficiency", 1.0)
+    forward = backward = 1.0
+    for name in ("transmission_efficiency", "load_presliding"):
+        forward = forward / per_joint(machine, flaws, name, "forward_efficiency", 1.0)
+        backward = backward * per_joint(machine, flaws, name, "backward_efficiency", 1.0)
     load = per_joint(machine, flaws, "load_friction", "coefficient", 0.0)
     return forward / (1.0 - load), backward / (1.0 + load)
 
@@ -103,6 +128,9 @@ def smooth_torque(
         j, p = machine.driven.index(flaw.where), flaw.values
         if flaw.effect == "viscous_friction":
             torque[:, j] -= p["coefficient"] * v[:, j]
+        elif flaw.effect == "directional_viscous_friction":
+            way = np.where(v[:, j] > 0.0, p["forward"], p["backward"])
+            torque[:, j] -= way * v[:, j]
         elif flaw.effect == "quadratic_drag":
             torque[:, j] -= p["coefficient"] * np.abs(v[:, j]) * v[:, j]
         elif flaw.effect == "joint_spring":

@@ -12,6 +12,8 @@ from benchmarks.corpus.unlisted import UnlistedTorques
 
 _JOINT = {
     "viscous": ("viscous_friction", "coefficient", 0.0),
+    "forward_viscous": ("directional_viscous_friction", "forward", 0.0),
+    "backward_viscous": ("directional_viscous_friction", "backward", 0.0),
     "drag": ("quadratic_drag", "coefficient", 0.0),
     "coulomb": ("coulomb_friction", "level", 0.0),
     "stribeck": ("stribeck_friction", "level", 0.0),
@@ -75,6 +77,7 @@ class Lanes:
         """Return the torque (B, 2) of smooth effects beside the joints."""
         return (
             -self.viscous * v
+            - np.where(v > 0.0, self.forward_viscous, self.backward_viscous) * v
             - self.drag * np.abs(v) * v
             - self.spring * (q - self.rest)
             + self.ripple * np.sin(self.order * q + self.phase)

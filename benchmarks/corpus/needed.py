@@ -82,7 +82,13 @@ def needed_torque(
     joint = joint + dry_level(machine, flaws, omega) * np.tanh(omega / SLOW)
     inverse = np.linalg.inv(machine.topology)
     output, spin, rise = joint @ machine.topology, omega @ inverse.T, alpha @ inverse.T
-    mesh = meshed(output, spin, *loss_gains(machine, flaws))
+    gains = loss_gains(machine, flaws)
+    mesh = meshed(output, spin, *gains)
+    for flaw in flaws:
+        if flaw.effect == "load_presliding":
+            j = machine.driven.index(flaw.where)
+            bent = bristles((theta @ inverse.T)[:, j], flaw.values["length"])
+            mesh[:, j] = loaded(output[:, j], bent, float(gains[0][j]), float(gains[1][j]))
     delivered = mesh + machine.reflected * rise
     reported = reported_torque(machine, flaws, motion.time, spin, delivered)
     return np.concatenate([reported, -links[:, :b]], axis=1)
@@ -129,6 +135,21 @@ def unlisted_torque(
     step = float(time[1] - time[0])
     rows = zip(time, q, v, a, strict=True)
     return np.array([source.step(step, float(t), *row) for t, *row in rows])
+
+
+def bristles(position: np.ndarray, length: float) -> np.ndarray:
+    """Return the bending (N,) of bristles along positions (N,), from zero; implicit steps."""
+    bent = np.zeros(len(position))
+    for k, way in enumerate(np.diff(position) / length, start=1):
+        bent[k] = (bent[k - 1] + way) / (1.0 + abs(way))
+    return bent
+
+
+def loaded(output: np.ndarray, bent: np.ndarray, forward: float, backward: float) -> np.ndarray:
+    """Return the mesh input for an output, both (N,), of a gear whose losses build up."""
+    along = bent * np.sign(output)
+    grow, shrink = forward - 1.0, 1.0 - backward
+    return output * (1.0 + 0.5 * (grow + shrink) * along + 0.5 * (grow - shrink) * along**2)
 
 
 def meshed(

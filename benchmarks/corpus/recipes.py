@@ -128,6 +128,23 @@ def _of_joints(random: np.random.Generator, effect: str, j: int, typical: Typica
             }
 
         return Recipe(pair, 0.45)
+    if effect == "load_presliding":
+        length = float(random.uniform(0.03, 0.15))
+        share = float(random.uniform(-0.5, 1.0))
+        return Recipe(
+            lambda u: {
+                "forward_efficiency": 1.0 - u,
+                "backward_efficiency": 1.0 - u * (1.0 + share * u),
+                "length": length,
+            },
+            0.4,
+        )
+    if effect == "directional_viscous_friction":
+        other = float(random.uniform(0.0, 0.7))
+        pair = (1.0, other) if random.uniform() < 0.5 else (other, 1.0)
+        return Recipe(
+            lambda u: {"forward": u * pair[0], "backward": u * pair[1]}, 0.8 * torque / speed
+        )
     if effect == "rotor_inertia":
         nominal = float(typical.machine.reflected[j])
         way = float(random.choice([1.0, 1.0, -1.0]))

@@ -23,6 +23,7 @@ _SHAPES = {
     ("torque_ripple", "phase"),
     ("stribeck_friction", "speed"),
     ("presliding", "length"),
+    ("load_presliding", "length"),
     ("thermal_drift", "time_constant"),
     ("joint_compliance", "damping"),
     ("backlash", "stiffness"),

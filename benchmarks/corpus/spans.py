@@ -6,13 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.corpus.flaws import WHOLE_ROBOT, Flaw
+from benchmarks.corpus.flaws import DRAWING, WHOLE_ROBOT, Flaw, point_mass
+from benchmarks.corpus.machine import Link
 from benchmarks.corpus.recipes import Typical
 
 Span = tuple[Flaw, ...]  # one column each
 
 _SLOWNESS = (0.1, 0.2, 0.4, 0.8)
 _BENT = (0.05, 0.08, 0.125, 0.2)  # [rad], the range that is drawn
+_BENT_UNDER_LOAD = (0.03, 0.05, 0.08, 0.15)
 _ORDERS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 20.0, 30.0)
 _WARMING = (0.1, 0.4, 2.0, 10.0)
 _CLIPPED = (0.05, 0.15, 0.25, 0.4)
@@ -23,6 +25,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
     """Yield every shape of an effect at a place as the flaws whose signatures span it."""
     machine = typical.machine
     if where not in machine.driven:
+        if effect == DRAWING:
+            yield _drawing(machine.links[machine.body(where)])
         yield from _of_bodies(effect, where)
         return
     j = machine.driven.index(where)
@@ -37,6 +41,18 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
         both = tuple(flaw(forward_efficiency=f, backward_efficiency=b) for f, b in pairs)
         yield from ((one,) for one in both)
         yield both[1:]
+    elif effect == "load_presliding":
+        less = 1.0 - _SMALL
+        for length in _BENT_UNDER_LOAD:
+            yield tuple(
+                flaw(forward_efficiency=f, backward_efficiency=b, length=length)
+                for f, b in ((less, 1.0), (1.0, less))
+            )
+    elif effect == "directional_viscous_friction":
+        yield tuple(
+            flaw(forward=_SMALL * torque * f, backward=_SMALL * torque * (1.0 - f))
+            for f in (1.0, 0.0)
+        )
     elif effect == "stribeck_friction":
         yield from ((flaw(level=_SMALL * torque, speed=s * speed),) for s in _SLOWNESS)
     elif effect == "presliding":
@@ -98,6 +114,16 @@ def _of_bodies(effect: str, where: str) -> Iterator[Span]:
         yield turns
 
 
+def _drawing(link: Link) -> Span:
+    """Return ten masses at points of a link: together they span every change of its inertia."""
+    size = 2.0 * float(np.sqrt(np.trace(link.inertia) / link.mass))
+    ways = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3), 1.0 - np.eye(3)])
+    return tuple(
+        Flaw(DRAWING, link.name, point_mass(_SMALL * link.mass, link.com + size * way))
+        for way in ways
+    )
+
+
 def places_of(effect: str, typical: Typical) -> tuple[str, ...]:
     """Return where an effect can be."""
     machine = typical.machine
@@ -105,6 +131,6 @@ def places_of(effect: str, typical: Typical) -> tuple[str, ...]:
         return ("robot",)
     if effect == "payload_mass":
         return (*machine.bodies, *(name for name, _, _ in machine.contacts))
-    if effect == "center_of_mass":
+    if effect in ("center_of_mass", DRAWING):
         return machine.bodies
     return machine.driven

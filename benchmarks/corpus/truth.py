@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from benchmarks.corpus.case import Case
-from benchmarks.corpus.draw import LISTED, largest
-from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.draw import LATER, LISTED, largest
+from benchmarks.corpus.flaws import DRAWING, Flaw
 from benchmarks.corpus.recipes import Typical
 from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.spans import Span, places_of, spans_of
@@ -26,7 +26,14 @@ COSINE = 0.995
 # mass equals a wrong encoder zero along the reported one, which is off by that zero.
 EXACT = 0.9995
 TELLABLE = 9.0  # chi-square of what must be left to tell two causes apart
-_PARAMETERS = {"joint_spring": 2, "torque_ripple": 2, "stribeck_friction": 1}
+_PARAMETERS = {
+    "joint_spring": 2,
+    "torque_ripple": 2,
+    "stribeck_friction": 1,
+    "directional_viscous_friction": 2,
+    "load_presliding": 2,
+    DRAWING: 10,
+}
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,9 @@ def truth_of(case: Case) -> Truth:
     groups = {name: [f for f in case.flaws if f.effect == name] for name in case.causes}
     if not groups:
         return Truth((), (), 0.0)
-    candidates = _candidates(signatures, typical)
+    carried = {name: case.machine.links[k].name for name, k, _ in case.machine.contacts}
+    wrong = {carried.get(flaw.where, flaw.where) for flaw in case.flaws}
+    candidates = _candidates(signatures, typical, wrong)
     if case.unlisted and len(groups) == 1:
         name = case.causes[0]
         signal = signatures.of(groups[name])
@@ -148,8 +157,14 @@ def _order(name: str, flaws: Sequence[Flaw]) -> int:
     return len(flaws) * _PARAMETERS.get(name, 1)
 
 
-def _candidates(signatures: Signatures, typical: Typical) -> list[tuple[str, str, np.ndarray]]:
-    """Return (effect, place, columns) of every shape of every effect, alone and in all gears."""
+def _candidates(
+    signatures: Signatures, typical: Typical, wrong: set[str]
+) -> list[tuple[str, str, np.ndarray]]:
+    """Return (effect, place, columns) of every shape of every effect, alone and in all gears.
+
+    Drawings are tried where something is wrong: elsewhere they would stand for a body's cause only
+    where the body's own does.
+    """
     known: dict[int, np.ndarray] = {}
 
     def columns(span: Span) -> np.ndarray:
@@ -165,8 +180,10 @@ def _candidates(signatures: Signatures, typical: Typical) -> list[tuple[str, str
 
     kept: list[Flaw] = []  # so that identities stay unique
     found = []
-    for effect in (*LISTED, "presliding"):
+    for effect in (*LISTED, *LATER, DRAWING):
         places = places_of(effect, typical)
+        if effect == DRAWING:
+            places = tuple(place for place in places if place in wrong)
         first = []
         for where in places:
             spans = [columns(span) for span in spans_of(effect, where, typical)]

@@ -47,7 +47,7 @@ def judge_result(result: dict[str, Any]) -> Judged:
     """Return what was right about a result."""
     causes = result["causes"]
     felt = [cause for cause in causes if cause["felt"]]
-    kind = {0: "nothing", 1: "one", 2: "two", 3: "three"}[len(causes)]
+    kind = {0: "nothing", 1: "one", 2: "two"}.get(len(causes), "three")
     if result["unlisted"]:
         kind = "outside" if result["unexplained"] >= FLOORS else "outside small"
         kind = kind.replace("outside", "mixed") if len(causes) > 1 else kind
@@ -60,8 +60,8 @@ def judge_result(result: dict[str, Any]) -> Judged:
         covered = result["verdict"] == "none" or (answered and bool(named & allowed))
     else:
         covered = answered and all(_stands_in(cause, named, result["merged"]) for cause in felt)
-    places = {(entry["effect"], entry["where"]) for entry in result["found"]}
-    wanted = {(cause["effect"], where) for cause in felt for where in cause["where"]}
+    places = {_place(entry["effect"], entry["where"]) for entry in result["found"]}
+    wanted = {_place(cause["effect"], where) for cause in felt for where in cause["where"]}
     return Judged(
         result,
         kind,
@@ -72,11 +72,26 @@ def judge_result(result: dict[str, Any]) -> Judged:
     )
 
 
+def _one_name(name: str) -> str:
+    """Return a cause's name: the drawing of all links is wrong where that of one is."""
+    return "link_inertia" if name == "link_inertias" else name
+
+
+def _place(name: str, where: str) -> tuple[str, str]:
+    """Return what is found where; logs tell sums over links, not whose drawing is wrong."""
+    name = _one_name(name)
+    return name, "drawing" if name == "link_inertia" else where
+
+
 def named_set(result: dict[str, Any]) -> set[str]:
     """Return every name that the answer gives: effects found and their alternatives."""
-    names = {entry["effect"] for entry in result["found"]}
-    rivals = {a.split(" at ")[0] for entry in result["found"] for a in entry["alternatives"]}
-    return names | rivals
+    return {name for entry in result["found"] for name in _names(entry)}
+
+
+def _names(entry: dict[str, Any]) -> set[str]:
+    """Return the name of an entry of an answer and those of its alternatives."""
+    rivals = (a.split(" at ")[0] for a in entry["alternatives"])
+    return {_one_name(name) for name in (entry["effect"], *rivals)}
 
 
 def _stands_in(cause: dict[str, Any], named: set[str], merged: list[Any]) -> bool:
@@ -102,11 +117,7 @@ def invented(result: dict[str, Any]) -> bool:
     allowed = {name for _, name in result["merged"]}
     for cause in result["causes"]:
         allowed |= {cause["effect"], *cause["stand_ins"]}
-    return any(
-        entry["effect"] not in allowed
-        and not allowed & {a.split(" at ")[0] for a in entry["alternatives"]}
-        for entry in result["found"]
-    )
+    return any(not allowed & _names(entry) for entry in result["found"])
 
 
 def certain(result: dict[str, Any]) -> list[dict[str, Any]]:
@@ -124,8 +135,7 @@ def is_true(result: dict[str, Any], entry: dict[str, Any]) -> bool:
     allowed = {name for _, name in result["merged"]}
     for cause in result["causes"]:
         allowed |= {cause["effect"], *cause["stand_ins"], *cause.get("equals", ())}
-    names = {entry["effect"], *(a.split(" at ")[0] for a in entry["alternatives"])}
-    return bool(names & allowed)
+    return bool(_names(entry) & allowed)
 
 
 def intervals(judged: Judged) -> list[tuple[str, str, float, float, float, float]]:
