@@ -18,7 +18,7 @@ from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion
 from wbc.sim import Plane, Plant
-from wbc.sim.excitation import ENCODER, record_run
+from wbc.sim.excitation import ENCODER, record_run, record_with
 
 COLD, WARM = 20.0, 60.0
 FAR = Plane(height=-9.0)
@@ -142,3 +142,13 @@ def test_one_temperature_or_one_direction_shows_no_such_friction(leg: Robot) -> 
 def test_a_plant_refuses_temperatures_of_other_motors(leg: Robot) -> None:
     with pytest.raises(SimulationError, match="motor temperature"):
         Plant(leg, temperature=np.full(3, 20.0))
+
+
+def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot) -> None:
+    """With one number more it does as well; until it cost a name, every answer was tied."""
+    logs = record_with(leg, [ViscousFriction("knee", 0.3)], duration=6.0)
+    found = diagnose(leg, logs)
+    assert found.verdict == "named"
+    assert [(one.effect.key, one.rivals) for one in found.findings] == [
+        (("viscous_friction", "knee"), ())
+    ]

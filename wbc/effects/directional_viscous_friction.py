@@ -29,6 +29,7 @@ class DirectionalViscousFriction(JointEffect):
     forward: float
     backward: float
 
+    claims: ClassVar[int] = 2  # friction, and that it differs by direction
     name: ClassVar[str] = "directional_viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("forward", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),

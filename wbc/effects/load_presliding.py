@@ -45,6 +45,7 @@ class LoadPresliding(JointEffect):
     backward_efficiency: float
     length: float
 
+    claims: ClassVar[int] = 2  # losses, and that they build up
     name: ClassVar[str] = "load_presliding"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1),

@@ -35,6 +35,7 @@ class ThermalViscousFriction(JointEffect):
     coefficient: float
     rate: float
 
+    claims: ClassVar[int] = 2  # friction, and that it falls with temperature
     name: ClassVar[str] = "thermal_viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),

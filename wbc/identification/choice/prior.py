@@ -22,16 +22,16 @@ _FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss a
 _LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
 _BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
 _AT_END = 3.0  # [nats] for one that lies there
-_DRAWN = 3  # names that one of a wrong drawing stands for; a payload stays the simpler one
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
 def asked(effects: Sequence[Effect]) -> float:
     """Return what the names, places and numbers of a set of causes cost [nats].
 
-    A wrong drawing says of a link that its mass, its centre and its inertia are wrong: three names.
+    An effect that says several things at once counts as several names: a wrong drawing of a link,
+    its mass, its centre and its inertia.
     """
-    names = {effect.name: _DRAWN if effect.departures.size else 1 for effect in effects}
+    names = {effect.name: effect.claims for effect in effects}
     numbers = sum(effect.freedom for effect in effects)
     return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
 
