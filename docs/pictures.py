@@ -114,6 +114,13 @@ def metrics() -> None:
         keep(folder / "planar_leg_tradeoff.png", "tradeoff" + ending)
 
 
+ARM_DESIGN = [
+    *("design", "staubli_tx40", "--contact", "link_6"),
+    *("--pose", "joint_2=0.5,joint_3=1.2,joint_5=0.6"),
+    *("--sweep", "reduction=20:160:15:log", "--sweep", "forward_efficiency=0.5:0.98:15"),
+]
+
+
 def designs() -> None:
     """Draw maps and front of a sweep, and the studies of choosing a gearbox."""
     sweeps = ("reduction=6:160:40:log", "forward_efficiency=0.45:0.98:40")
@@ -123,6 +130,8 @@ def designs() -> None:
         ending = "" if theme == "light" else "_dark"
         keep(OUT / theme / "planar_leg_design_map.png", "design_map" + ending)
         keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
+        wbc([*ARM_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
+        keep(OUT / theme / "staubli_tx40_design_map.png", "design_arm" + ending)
     command = ["experiment", "planar_leg_fixed", "--lossless", "--speed", "6", "--span", "1"]
     command += ["--rounds", "100", "--figures", str(OUT), "--between"]
     wbc([*command, "rotor_inertia@knee", "payload_mass@shin"])

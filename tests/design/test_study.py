@@ -195,6 +195,26 @@ def test_the_command_writes_table_front_and_figures(
 
 
 @pytest.mark.parametrize(
+    ("sweep", "first"),
+    [("forward_efficiency=0.6:0.9:3", "holding_torque:min"), ("torque_limit=1:3:3", "lift:max")],
+)
+def test_an_arm_without_torque_limits_is_not_judged_by_an_unlimited_lift(
+    sweep: str, first: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ["design", "staubli_tx40", "--contact", "link_6", "--json", "f.json"]
+    command += ["--pose", "joint_2=0.5,joint_3=1.2", "--sweep", "reduction=20:160:4:log"]
+    assert main([*command, "--sweep", sweep]) == 0
+    found = json.loads(Path("f.json").read_text())
+    assert found["objectives"] == [first, "backward_inertia:min"]
+    column = first.split(":")[0]
+    # A real choice: every design of the front has a finite value, and they differ.
+    values = {row[column] for row in found["front"]}
+    assert "unlimited" not in values
+    assert len(values) > 1
+
+
+@pytest.mark.parametrize(
     ("extra", "message"),
     [
         (["--objective", "speed:max"], "Unknown objective"),

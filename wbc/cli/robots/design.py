@@ -89,7 +89,8 @@ def add_to(commands: Any) -> None:
     add("--axes", default="xz", help="world axes (default xz)")
     add("--load", type=float, metavar="N", help="force to hold [N]; default: each one's weight")
     add("--objective", action="append", metavar="COLUMN:max|min",
-        help="goals of the Pareto front; default lift:max, impact_mitigation:max")  # fmt: skip
+        help="goals of the front; default lift:max (holding_torque:min without torque limits)"
+        " and impact_mitigation:max (backward_inertia:min on a fixed base)")  # fmt: skip
     add("--workers", type=int, default=1, metavar="N", help="processes; -1 for all cores")
     add("--cluster", metavar="ADDRESS", help="Dask scheduler to work on instead")
     add("--out", default="designs.parquet", metavar="FILE.parquet", help="the table of all designs")
@@ -168,10 +169,15 @@ def _objectives(
 ) -> list[Objective]:
     if options.objective:
         return [parse_objective(text, list(units)) for text in options.objective]
-    floating = load_robot(study.robot).floating_size > 0
+    robot = load_robot(study.robot)
     # On a fixed base the impact mitigation is 1 whatever the gears.
+    floating = robot.floating_size > 0
     other = Objective("impact_mitigation") if floating else Objective("backward_inertia", False)
-    return [Objective("lift"), other]
+    # Without a torque limit every design lifts without end, and the front would be one design.
+    limited = bool(np.isfinite(robot.transmission.torque_limit).any()) or any(
+        parameter.name == "torque_limit" for parameter in study.parameters
+    )
+    return [Objective("lift") if limited else Objective("holding_torque", False), other]
 
 
 def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:
