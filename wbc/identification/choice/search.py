@@ -82,7 +82,10 @@ class Search:
         if current.effects and (fewer := self.best(moves.drops(proposer, current), current)):
             return fewer
         self.report(f"trying one effect more ({best})")
-        if more := self._addition(current):
+        more = self._addition(current)
+        if several := self.best(moves.usual(proposer, current), more or current):
+            return several
+        if more:
             return more
         if current.effects:
             self.report(f"trying others in the place of what was found ({best})")
