@@ -177,7 +177,7 @@ def walked() -> None:
     plots(lambda theme: trot.draw(found, theme), trot="trot")
     page, film = trot.film(OUT / "trot.html", 2.4), OUT / "trot.gif"
     write_animation(
-        film, page, start=0.4, stop=2.4, speed=0.5, width=480, height=300, frame_rate=12.0
+        film, page, start=0.4, stop=2.4, speed=0.5, width=640, height=440, frame_rate=10.0
     )
     keep(film, "trot")
 

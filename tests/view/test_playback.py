@@ -112,3 +112,22 @@ def test_slopes_and_steps_carry_the_projection_of_the_center_of_mass(
 def test_a_profile_that_runs_back_is_refused() -> None:
     with pytest.raises(ViewError, match="must not fall"):
         profile_ground([(0.0, 0.0), (-1.0, 0.0)], 1.0)
+
+
+def test_the_camera_frames_all_of_a_motion_that_it_follows(
+    leg: Robot, squat: Log, tmp_path: Path
+) -> None:
+    """It follows over the ground, not upwards: what climbs was cut off by the top of the window."""
+    share = squat.time / squat.time[-1]
+    moved = {
+        "base_x.position": squat.column("base_x.position") + 5.0 * share,
+        "base_z.position": squat.column("base_z.position") + 0.3 * share,
+    }
+    tops, middles = [], []
+    for name, log in (("stays", squat), ("climbs", squat.with_columns(moved))):
+        scene = scene_of(write_playback(tmp_path / f"{name}.html", leg, log))
+        points = np.array(scene["camera"]["points"])
+        tops.append(points[:, 2].max())
+        middles.append(points[:, 0].mean())
+    assert tops[1] > tops[0] + 0.15
+    assert abs(middles[1] - middles[0]) < 0.5

@@ -166,14 +166,18 @@ def _camera(
 ) -> dict[str, Any]:
     """Return the points that the camera frames and its direction.
 
-    The points are the corners of all bodies along the motion; a robot that leaves the picture is
-    framed where it starts. A robot that lives in the x-z plane is seen nearly along y.
+    The points are the corners of all bodies along the motion. The camera follows a robot that
+    leaves the picture over the ground: its points are moved back to where it starts. A robot that
+    lives in the x-z plane is seen nearly along y.
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
     leaves = np.ptp(track.center_of_mass[:, :2], axis=0).max() > _LEAVES * size.reach
-    frames = [0] if leaves else np.linspace(0, len(track.time) - 1, _FRAMED).astype(int)
-    points = [point for frame in frames for point in _corners(track, shapes, int(frame))]
-    points += [c.position[frame] for frame in frames for c in track.contacts]
+    points = []
+    for frame in np.linspace(0, len(track.time) - 1, _FRAMED).astype(int):
+        center = track.center_of_mass
+        moved = np.append((center[frame] - center[0])[:2] if leaves else (0.0, 0.0), 0.0)
+        seen = [*_corners(track, shapes, int(frame)), *(c.position[frame] for c in track.contacts)]
+        points += [point - moved for point in seen]
     direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
     return {
         "points": np.round(_outermost(np.array(points)), 4).tolist(),
