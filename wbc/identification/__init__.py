@@ -18,6 +18,7 @@ from wbc.identification.answer.diagnosis.diagnosis import (
 from wbc.identification.answer.diagnosis.ranking import Ranked
 from wbc.identification.answer.series import Series
 from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.open_loop import OpenLoop, open_loop
 
 __all__ = [
     "Alternative",
@@ -28,6 +29,7 @@ __all__ = [
     "ErrorLevel",
     "Estimate",
     "Finding",
+    "OpenLoop",
     "OutputError",
     "OutputLevel",
     "Ranked",
@@ -37,5 +39,6 @@ __all__ = [
     "Verdict",
     "compare",
     "diagnose",
+    "open_loop",
     "rank_robots",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,21 +20,59 @@ class DriveTorque(NamedTuple):
     feedback: FloatArray
 
 
-def target_torque(log: Log, transmission: Transmission, row: int) -> DriveTorque:
-    """Return the torque on a rotor that a drive makes of its target.
+@dataclass(frozen=True, eq=False)
+class DriveLaw:
+    """What a drive makes of any motion, row by row of a log (N,): the torque on the rotor is
+
+        clip(clip(wanted - stiffness psi, bound) - damping dpsi, limit)
+
+    with the position psi and velocity dpsi of the motor's output [rad].
+
+    Attributes:
+        wanted: torque at psi = dpsi = 0 without bounds [N m].
+        stiffness: [N m/rad].
+        damping: [N m s/rad].
+        bound: of the part that follows the position [N m]; a duty is within -1 and 1.
+        limit: of the torque on the rotor [N m].
+    """
+
+    wanted: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    bound: FloatArray
+    limit: float
+
+    def torque(self, position: FloatArray, velocity: FloatArray) -> DriveTorque:
+        """Return what the drive makes of positions and velocities (N,) of the motor's output."""
+        pulled = self.wanted - self.stiffness * position
+        kept = np.clip(pulled, -self.bound, self.bound)
+        brake = -self.damping * velocity
+        own = np.where(pulled == kept, -self.stiffness * position, 0.0)
+        return DriveTorque(np.clip(kept + brake, -self.limit, self.limit), own + brake)
+
+    def at(self, row: int, position: float, velocity: float) -> float:
+        """Return the torque [N m] that the drive makes of one motion at one row."""
+        bound = self.bound[row]
+        kept = min(max(self.wanted[row] - self.stiffness[row] * position, -bound), bound)
+        torque = kept - self.damping[row] * velocity
+        return float(min(max(torque, -self.limit), self.limit))
+
+
+def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
+    """Return the law by which a drive makes torque of its target.
 
     At the motor's output, with psi = D^-1 q and e = psi_target - psi, a drive that commands torque
-    gives N tau = kp e + kd (dpsi_target - dpsi), with the feedback -kp psi - kd dpsi. One that
-    commands a duty g e gives the torque of `winding_torque`; its feedback is what the winding makes
-    of -g psi while the duty is within its limits, and the back-EMF. Both keep the torque limit. A
-    velocity that was not recorded is the derivative of the position; a target velocity, zero.
+    gives N tau = kp e + kd (dpsi_target - dpsi). One that commands a duty g e gives the torque of
+    `duty_law`. Both keep the torque limit. A target velocity that was not recorded is zero.
 
     Raises:
-        LogError: the gear states no gains, or a position or target of its joints is missing.
+        LogError: the gear states no gains, or a target of its joints is missing.
     """
     joint = transmission.joints[row]
-    if np.isfinite(transmission.duty_gain[row]):
-        return _by_duty(log, transmission, row)
+    gain = float(transmission.duty_gain[row])
+    if np.isfinite(gain):
+        wanted = gain * _at_motor(log, transmission, row, "target_position")
+        return _winding_law(log, transmission, row, wanted, gain)
     kp, kd = float(transmission.position_gain[row]), float(transmission.velocity_gain[row])
     if not np.isfinite(kp):
         raise LogError(
@@ -42,40 +81,50 @@ def target_torque(log: Log, transmission: Transmission, row: int) -> DriveTorque
             f"[gears.{joint}] to robot.toml, or duty_gain (1/rad) of a drive that sets the voltage."
         )
     wanted = kp * _at_motor(log, transmission, row, "target_position")
-    feedback = -kp * _at_motor(log, transmission, row, "position")
     if kd > 0.0:
         wanted += kd * _at_motor(log, transmission, row, "target_velocity")
-        feedback -= kd * _at_motor(log, transmission, row, "velocity")
-    ratio, limit = float(transmission.gear_ratio[row]), float(transmission.torque_limit[row])
-    torque = np.clip((wanted + feedback) / ratio, -limit, limit)
-    return DriveTorque(torque * _powered(log, joint), feedback / ratio)
+    share = _powered(log, joint) / float(transmission.gear_ratio[row])
+    return DriveLaw(
+        wanted * share,
+        kp * share,
+        kd * share,
+        np.full(len(log), np.inf),
+        float(transmission.torque_limit[row]),
+    )
 
 
-def winding_torque(log: Log, transmission: Transmission, row: int) -> DriveTorque:
-    """Return the torque on a rotor under a recorded duty u: kt (u V - kt dphi) / R.
+def duty_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
+    """Return the torque on a rotor under a recorded duty u as a law: kt (u V - kt dphi) / R.
 
     V is the recorded supply voltage, or else that of robot.toml; the winding is open, and gives no
-    torque, while `<joint>.enabled` is 0. The feedback is the back-EMF's.
+    torque, while `<joint>.enabled` is 0.
 
     Raises:
         LogError: torque constant, resistance or supply voltage of the gear is not known.
     """
     duty = log.column(f"{transmission.joints[row]}.duty")
-    return _winding(log, transmission, row, duty, np.zeros(len(log)))
+    return _winding_law(log, transmission, row, duty, 0.0)
 
 
-def _by_duty(log: Log, transmission: Transmission, row: int) -> DriveTorque:
-    gain = float(transmission.duty_gain[row])
-    own = -gain * _at_motor(log, transmission, row, "position")
-    duty = gain * _at_motor(log, transmission, row, "target_position") + own
-    limited = np.clip(duty, -1.0, 1.0)
-    return _winding(log, transmission, row, limited, np.where(duty == limited, own, 0.0))
+def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -> DriveTorque:
+    """Return what a drive makes of the measured motion by its law.
+
+    A velocity that was not recorded is the derivative of the position.
+
+    Raises:
+        LogError: a position or velocity that the law needs is missing.
+    """
+    nothing = np.zeros(len(log))
+    follows, brakes = law.stiffness.any(), law.damping.any()
+    position = _at_motor(log, transmission, row, "position") if follows else nothing
+    velocity = _at_motor(log, transmission, row, "velocity") if brakes else nothing
+    return law.torque(position, velocity)
 
 
-def _winding(
-    log: Log, transmission: Transmission, row: int, duty: FloatArray, own: FloatArray
-) -> DriveTorque:
-    """Return what a winding gives under a duty (N,) of which `own` (N,) comes from its motion."""
+def _winding_law(
+    log: Log, transmission: Transmission, row: int, wanted: FloatArray, gain: float
+) -> DriveLaw:
+    """Return the law of a winding under the duty clip(wanted - gain psi, 1)."""
     joint = transmission.joints[row]
     ratio, limit = float(transmission.gear_ratio[row]), float(transmission.torque_limit[row])
     constant = known_number(transmission, row, "torque_constant", "N m/A")
@@ -84,11 +133,10 @@ def _winding(
         supply = log.column(f"{joint}.voltage")
     else:
         supply = np.full(len(log), known_number(transmission, row, "supply_voltage", "V"))
-    slope = constant / resistance
-    brake = -slope * constant * ratio * _at_motor(log, transmission, row, "velocity")
-    torque = np.clip(slope * duty * supply + brake, -limit, limit)
-    on = _powered(log, joint)
-    return DriveTorque(torque * on, (slope * own * supply + brake) * on)
+    on = _powered(log, joint) * constant / resistance
+    full = on * supply
+    bound = np.abs(full) if gain else np.full(len(log), np.inf)
+    return DriveLaw(full * wanted, full * gain, on * constant * ratio, bound, limit)
 
 
 def known_number(transmission: Transmission, row: int, name: str, unit: str) -> float:

@@ -39,8 +39,9 @@ class Machine:
     def of(self, robot: Robot) -> Robot:
         """Return the robot with these drives and loads."""
         links = loaded(robot.model, self.inertia).inertias
+        drives = {name: getattr(self.transmission, name) for name in _OF_THE_DRIVE}
         return robot.with_inertias(dict(enumerate(list(links)[1:], start=1))).with_transmission(
-            self.transmission
+            robot.transmission.replace(**drives)
         )
 
 

@@ -6,7 +6,13 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import LogError
-from wbc.measurement.drives import DriveTorque, known_number, target_torque, winding_torque
+from wbc.measurement.drives import (
+    DriveLaw,
+    duty_law,
+    known_number,
+    made_torque,
+    target_law,
+)
 from wbc.measurement.log import Log
 from wbc.transmission import Transmission
 
@@ -28,18 +34,32 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
             drive gains.
     """
     torques = np.empty((len(log), transmission.size))
-    for k, joint in enumerate(transmission.joints):
-        quantity = torque_quantity(log, joint, transmission)
-        made = _made(log, transmission, k, quantity)
-        if made is not None:
-            torques[:, k] = made.torque
-            continue
-        torques[:, k] = log.column(f"{joint}.{quantity}")
-        if quantity == "motor_torque":
-            torques[:, k] /= transmission.gear_ratio[k]
-        elif quantity == "current":
-            torques[:, k] *= known_number(transmission, k, "torque_constant", "N m/A")
+    for k in range(transmission.size):
+        torques[:, k] = made_torque(log, transmission, k, drive_law(log, transmission, k)).torque
     return frozen(torques)
+
+
+def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
+    """Return what a drive makes of any motion while it is told what the log says.
+
+    The law of a drive that reports its torque is that torque, whatever the motion.
+
+    Raises:
+        LogError: as `rotor_torques`.
+    """
+    joint = transmission.joints[row]
+    quantity = torque_quantity(log, joint, transmission)
+    if quantity == "duty":
+        return duty_law(log, transmission, row)
+    if quantity == "target_position":
+        return target_law(log, transmission, row)
+    told = log.column(f"{joint}.{quantity}")
+    if quantity == "motor_torque":
+        told = told / transmission.gear_ratio[row]
+    elif quantity == "current":
+        told = told * known_number(transmission, row, "torque_constant", "N m/A")
+    nothing, unbounded = np.zeros(len(log)), np.full(len(log), np.inf)
+    return DriveLaw(told, nothing, nothing, unbounded, np.inf)
 
 
 def feedback_torques(log: Log, transmission: Transmission) -> FloatArray | None:
@@ -48,21 +68,12 @@ def feedback_torques(log: Log, transmission: Transmission) -> FloatArray | None:
     A target comes late over a bus; the drive's own measurement does not. What is left when this
     part is taken away follows the target. None where all drives report their torque.
     """
-    made = [
-        _made(log, transmission, k, torque_quantity(log, joint, transmission))
-        for k, joint in enumerate(transmission.joints)
-    ]
-    if all(one is None for one in made):
+    joints = transmission.joints
+    if all(torque_quantity(log, joint, transmission) in REPORTED for joint in joints):
         return None
-    nothing = np.zeros(len(log))
-    return frozen(np.stack([nothing if one is None else one.feedback for one in made], axis=1))
-
-
-def _made(log: Log, transmission: Transmission, row: int, quantity: str) -> DriveTorque | None:
-    """Return what a drive makes of a duty or target; None where it reports its torque."""
-    if quantity == "duty":
-        return winding_torque(log, transmission, row)
-    return target_torque(log, transmission, row) if quantity == "target_position" else None
+    laws = [drive_law(log, transmission, k) for k in range(len(joints))]
+    made = [made_torque(log, transmission, k, law).feedback for k, law in enumerate(laws)]
+    return frozen(np.stack(made, axis=1))
 
 
 def reports_torque(log: Log, joint: str) -> bool:

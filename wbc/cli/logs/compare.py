@@ -21,12 +21,14 @@ from wbc.cli.shared.inputs import (
     write_json,
     write_report_file,
 )
+from wbc.cli.shared.open_loop import open_loop_table
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
 from wbc.identification.answer.numbers import plain
 from wbc.identification.answer.provenance import provenance
+from wbc.identification.open_loop import open_loop
 
 EXIT_ABOVE = 3
 """Exit code of an error above --fail-above."""
@@ -65,12 +67,17 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "comparing"):
         comparison = compare(robot, logs)
+        simulated = open_loop(robot, logs)
     parts = [
         Part("the error of every output", error_table(comparison)),
+        Part("the open-loop error", open_loop_table([simulated])),
         Part("warnings", "\n".join(comparison.warnings)),
         Part("where it fails", where_table(comparison)),
     ]
-    content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
+    content = comparison.to_json() | {
+        "open_loop": simulated.to_json(),
+        "provenance": provenance(comparison.sources, command_line()),
+    }
     if options.against:
         given = f"{options.robot} (lossless)" if options.lossless else options.robot
         robots = {given: robot, **{name: load_robot(name) for name in options.against}}
@@ -126,7 +133,6 @@ def error_table(comparison: Comparison) -> Table:
         "torque",
         "floor",
         "x floor",
-        "rollout",
         box=None,
         title="error",
     )
@@ -141,12 +147,8 @@ def error_table(comparison: Comparison) -> Table:
             size,
             plain(o.floor, 2),
             plain(o.ratio, 2),
-            plain(o.rollout, 2),
         )
-    table.caption = (
-        "rms over all logs; torque: measured; floor: noise; rollout: position error after "
-        f"{comparison.horizon:g} s"
-    )
+    table.caption = "rms over all logs; torque: measured; floor: noise"
     return table
 
 

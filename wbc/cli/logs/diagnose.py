@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from math import inf
 from typing import Any
 
@@ -22,6 +23,7 @@ from wbc.cli.shared.inputs import (
     write_json,
     write_report_file,
 )
+from wbc.cli.shared.open_loop import open_loop_table
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import effect_class, save_robot
@@ -31,6 +33,7 @@ from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_
 from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
+from wbc.identification.open_loop import OpenLoop, open_loop
 from wbc.robot import Effect
 
 _RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
@@ -82,10 +85,12 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
+        simulated = [open_loop(one, logs) for one in (robot, diagnosis.robot)]
     print_diagnosis(
         shown,
         diagnosis,
         options.save,
+        simulated,
         quiet=options.quiet,
         verbose=options.verbose,
     )
@@ -98,6 +103,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["discovery"] = discovery.to_json()
         if discovery.proposals:
             fitted, intervals = discovery.robot, dict(discovery.intervals)
+    before, after = simulated
+    content["open_loop"] = {"before": before.to_json(), "after": after.to_json()}
     content["provenance"] = provenance(diagnosis.sources, command_line())
     write_json(options.json, content, console)
     if options.save:
@@ -124,6 +131,7 @@ def print_diagnosis(
     console: Console,
     diagnosis: Diagnosis,
     saved: str | None = None,
+    simulated: Sequence[OpenLoop] = (),
     *,
     quiet: bool = False,
     verbose: bool = False,
@@ -134,6 +142,7 @@ def print_diagnosis(
         console: where.
         diagnosis: the answer.
         saved: file in which the robot with the effects found is, None if in none.
+        simulated: open-loop errors of the robot as given and with the effects found.
         quiet: print the answer alone.
         verbose: print all of the detail.
     """
@@ -151,6 +160,8 @@ def print_diagnosis(
         ("warnings", "\n".join(diagnosis.warnings)),
     ):
         parts += [Part(name, text)] if text else []
+    if simulated:
+        parts.append(Part("the open-loop error", open_loop_table(simulated)))
     parts += [Part("how the error falls", _steps_table(diagnosis))]
     if len(diagnosis.ranking) > 1:
         parts.append(Part("what else was tried", _ranking_table(diagnosis, verbose)))

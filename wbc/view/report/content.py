@@ -104,7 +104,6 @@ def output_rows(comparison: Comparison) -> list[list[str]]:
             plain(o.ratio, 2),
             plain(o.size),
             plain(o.acceleration, 2),
-            plain(o.rollout, 2),
             plain(o.correlation_time, 2),
             plain(o.frequency, 2),
         ]

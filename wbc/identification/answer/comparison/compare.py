@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.comparison.breakdown import breakdowns
-from wbc.identification.answer.comparison.comparison import HORIZON, Comparison, OutputError
+from wbc.identification.answer.comparison.comparison import Comparison, OutputError
 from wbc.identification.answer.series import Series, series_of
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.outputs import output_names, output_units
@@ -77,7 +77,6 @@ def _outputs(
                 floor=float(problem.floor.values[column]),
                 size=_rms([measured[:, column]]) if driven else np.nan,
                 acceleration=_rms([a[:, column] for a in accelerations]),
-                rollout=_rms([_rollout(a[:, column], step) for a in accelerations]),
                 correlation_time=_correlation_time([r[:, column] for r in residuals], step),
                 frequency=_peak([r[:, column] for r in residuals], step),
             )
@@ -112,15 +111,6 @@ def _acceleration_error(record: Record, residual: FloatArray) -> FloatArray:
         errors[row, : order.size] = np.linalg.solve(mass[np.ix_(order, order)], force)
     errors[:, order.size :] = errors[:, robot.sensed]
     return errors
-
-
-def _rollout(acceleration: FloatArray, step: float) -> FloatArray:
-    """Return the position error after the horizon, from the measured state at its start."""
-    length = max(2, round(HORIZON / step))
-    if len(acceleration) < length:
-        return np.zeros(1)
-    lever = (np.arange(length)[::-1] + 0.5) * step * step
-    return np.convolve(acceleration, lever[::-1], mode="valid")
 
 
 def _correlation_time(parts: Sequence[FloatArray], step: float) -> float:

@@ -25,8 +25,6 @@ from wbc.robot import Robot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HORIZON = 0.2  # [s] over which positions are predicted
-
 
 @dataclass(frozen=True, eq=False)
 class OutputError:
@@ -40,7 +38,6 @@ class OutputError:
         floor: root mean square that noise alone leaves.
         size: root mean square of the measured torque; NaN for an undriven coordinate.
         acceleration: rms error of the acceleration predicted from the torque [rad/s^2].
-        rollout: rms error of the position predicted over `horizon` from a measured state [rad].
         correlation_time: time after which the residual's autocorrelation falls below 1/e [s].
         frequency: where the residual's spectrum peaks [Hz].
     """
@@ -52,7 +49,6 @@ class OutputError:
     floor: float
     size: float
     acceleration: float
-    rollout: float
     correlation_time: float
     frequency: float
 
@@ -73,7 +69,6 @@ class Comparison:
         floor: the noise floor and where it comes from.
         where: residual over speed, load, power, position, ..., strongest dependence first.
         series: the residual over time, one per log.
-        horizon: of the rollout [s].
         warnings: about the logs.
         sources: where the logs came from.
     """
@@ -84,7 +79,6 @@ class Comparison:
     floor: NoiseFloor
     where: tuple[Breakdown, ...]
     series: tuple[Series, ...]
-    horizon: float = HORIZON
     warnings: tuple[str, ...] = ()
     sources: tuple[LogSource, ...] = ()
 
@@ -151,7 +145,6 @@ class Comparison:
             "robot": self.robot.name,
             "error": self.error,
             "floor_source": self.floor.source,
-            "horizon": self.horizon,
             "outputs": [
                 {
                     "output": o.output,
@@ -162,7 +155,6 @@ class Comparison:
                     "ratio": o.ratio,
                     "size": None if np.isnan(o.size) else o.size,
                     "acceleration": o.acceleration,
-                    "rollout": o.rollout,
                     "correlation_time": o.correlation_time,
                     "frequency": o.frequency,
                 }

@@ -1,0 +1,156 @@
+"""A log whose robot can be simulated from any of its states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import contact_torque
+from wbc.errors import LogError, SimulationError
+from wbc.identification.records.record import Record
+from wbc.measurement import Log
+from wbc.measurement.drives import DriveLaw
+from wbc.measurement.torque import drive_law
+from wbc.robot import Motion, Robot
+from wbc.sim import Plane, Plant, SimState
+
+_STEP = 2e-3  # [s]; with 1 ms the errors on the sample logs of the leg change by at most 4 %
+_FAR = 1e6  # [m] below, so that no contact point finds ground: recorded forces act instead
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedLog:
+    """A robot that moves as one log tells its drives.
+
+    Attributes:
+        robot: with the drives and loads of this log.
+        plant: of that robot, without joint limits and ground.
+        laws: one per drive.
+        time: (N,) of the log [s], from its start.
+        forces: contact name -> (N, 3) [N] recorded.
+        motion: smoothed states, on the clock of `states`.
+        states: (M,) times of the states [s], from the log's start.
+        first: where the smoothed states begin to be good [s].
+        length: how long they are [s].
+    """
+
+    robot: Robot
+    plant: Plant
+    laws: tuple[DriveLaw, ...]
+    time: FloatArray
+    forces: dict[str, FloatArray]
+    motion: Motion
+    states: FloatArray
+    first: float
+    length: float
+
+    @classmethod
+    def of(cls, robot: Robot, log: Log, record: Record) -> SimulatedLog:
+        """Prepare a log and its smoothed record.
+
+        Raises:
+            LogError: the torque of a joint or the force of a contact is not known.
+            SimulationError: a robot that cannot be simulated.
+        """
+        own = robot if log.machine is None else log.machine.of(robot)
+        gears = own.transmission
+        names = [contact.name for contact in own.contacts]
+        unknown = [name for name in names if name not in log.contacts]
+        if unknown and (own.floating_size or record.active):
+            raise LogError(
+                f"{log.source.label}: the forces at {', '.join(unknown)} were not recorded, and "
+                "without them the robot cannot be simulated along the log."
+            )
+        states = np.asarray(record.motion.time)
+        edge = record.edge / record.rate
+        forces = {
+            name: np.stack([log.column(f"{name}.force.{axis}") for axis in "xyz"], axis=1)
+            for name in names
+            if name in log.contacts
+        }
+        return cls(
+            robot=own,
+            plant=Plant(_without_limits(own), Plane(height=-_FAR)),
+            laws=tuple(drive_law(log, gears, k) for k in range(gears.size)),
+            time=np.asarray(log.time - log.time[0]),
+            forces=forces,
+            motion=_true(own, record.motion),
+            states=states,
+            first=float(states[0]) + edge,
+            length=float(states[-1] - states[0]) - 2.0 * edge,
+        )
+
+    def missed(self, start: float, horizons: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        """Return (j, h) simulated minus measured position, and the measured displacement.
+
+        NaN beyond the end of the log; infinite where the simulation ended before.
+        """
+        first = int(np.searchsorted(self.states, start))
+        begin = float(self.states[first])
+        rows = [self.robot.position_index(name) for name in self.robot.single_joints]
+        position = self.motion.position
+        missed = np.full((len(rows), len(horizons)), np.nan)
+        moved = missed.copy()
+        state = self.plant.state(position[first], self.motion.velocity[first])
+        for column, horizon in enumerate(horizons):
+            end = begin + horizon
+            if end > self.states[-1]:
+                break
+            there = np.array([np.interp(end, self.states, position[:, row]) for row in rows])
+            moved[:, column] = there - position[first, rows]
+            try:
+                state = self._until(state, begin, horizon)
+            except SimulationError:
+                missed[:, column:] = np.inf
+                break
+            missed[:, column] = state.position[rows] - there
+        return missed, moved
+
+    def _until(self, state: SimState, begin: float, horizon: float) -> SimState:
+        """Return the state at `horizon` [s] after `begin`; `state.time` counts from there."""
+        while state.time < horizon - 1e-9:
+            row = int(np.searchsorted(self.time, begin + state.time, side="right")) - 1
+            step = min(_STEP, horizon - state.time)
+            state = self.plant.step(
+                state, self._command(state, row), step, self._external(state, row)
+            ).state
+            if not np.isfinite(state.position).all():
+                raise SimulationError("the simulated motion leaves all numbers.")
+        return state
+
+    def _command(self, state: SimState, row: int) -> FloatArray:
+        """Return the rotor torque (m,) that the drives make of what their encoders show."""
+        robot, seen = self.robot, self.plant.encoders(state)
+        motion = Motion(seen.position, seen.velocity)
+        for effect in robot.effects:
+            motion = effect.measured(robot, motion)
+        to_motor = robot.transmission.motor_from_joint
+        angle = to_motor @ motion.position[robot.actuated_position]
+        speed = to_motor @ motion.velocity[robot.actuated]
+        return np.array(
+            [law.at(row, angle[k], speed[k]) for k, law in enumerate(self.laws)], dtype=np.float64
+        )
+
+    def _external(self, state: SimState, row: int) -> FloatArray | None:
+        if not self.forces:
+            return None
+        forces = {name: force[row][None] for name, force in self.forces.items()}
+        return np.asarray(contact_torque(self.robot, state.position[None], forces)[0])
+
+
+def _true(robot: Robot, motion: Motion) -> Motion:
+    """Return the motion that the robot believes behind the measured one."""
+    for effect in reversed(robot.effects):
+        motion = effect.true(robot, motion)
+    return motion
+
+
+def _without_limits(robot: Robot) -> Robot:
+    """Return the robot with joints that do not end: a log may pass the limits of a drawing."""
+    model = robot.model.copy()
+    model.lowerPositionLimit = np.full(model.nq, -np.inf)
+    model.upperPositionLimit = np.full(model.nq, np.inf)
+    return replace(robot, model=model)
