@@ -224,7 +224,7 @@ def test_names_from_files_cannot_break_out_of_the_page(
     assert "misses these logs by" in text
 
 
-PRACTICE = Path(__file__).resolve().parents[3] / "shared" / "data" / "practice_leg"
+PRACTICE = Path(__file__).resolve().parents[4] / "shared" / "data" / "practice_leg"
 
 
 @pytest.mark.parametrize(

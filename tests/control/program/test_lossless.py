@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.control.independent import force_cost, solve_in_directions
+from tests.control.program.independent import force_cost, solve_in_directions
 from tests.control.scenes import leg_controller, leg_references, leg_rows, random_state
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot

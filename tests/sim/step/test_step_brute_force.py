@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.brute_force import Case, solutions
-from tests.sim.random_steps import random_step
+from tests.sim.step.brute_force import Case, solutions
+from tests.sim.step.random_steps import random_step
 from wbc.errors import SimulationError
 from wbc.sim import StepProgram, solve_program
 

@@ -11,7 +11,7 @@ import pytest
 
 from sims.leg import LegControl, balanced_pose, squat, with_gears
 from sims.legged import CenterOfMass
-from tests.sim.brute_force import Case, solutions
+from tests.sim.step.brute_force import Case, solutions
 from wbc import Robot, load_robot
 from wbc.effects import CoulombFriction
 from wbc.errors import SimulationError

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import balanced_pose
-from tests.sim.bodies import ball, block
+from tests.sim.ground.bodies import ball, block
 from wbc import Robot, load_robot
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import ContactPoint

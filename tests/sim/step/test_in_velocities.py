@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.test_cones import CORPORA, random_step
+from tests.sim.step.test_cones import CORPORA, random_step
 from wbc.sim.solve.branches import pieces_at, solve_pieces
 from wbc.sim.solve.in_velocities import solve_in_velocities
 from wbc.sim.solve.newton import newton

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.control.test_more_tasks import HALF, HAND, TALOS, talos_controller
+from tests.control.tasks.test_more_tasks import HALF, HAND, TALOS, talos_controller
 from wbc.control import (
     CollisionLimit,
     Controller,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.control.independent import force_cost, solve_in_directions
+from tests.control.program.independent import force_cost, solve_in_directions
 from tests.control.scenes import (
     CERTAIN,
     arm,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.identification.discovery_plant import Moving, Torque, bouc_wen, logs, nothing
+from tests.identification.formulas.discovery_plant import Moving, Torque, bouc_wen, logs, nothing
 from wbc.cli import main
 from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
 from wbc.identification import compare, diagnose
@@ -17,7 +17,7 @@ from wbc.identification.formulas import discover
 from wbc.measurement import Log, load_logs, save_log
 from wbc.robot import Robot
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT.parent / "shared" / "data"
 
 HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.sim.brute_force import Case
+from tests.sim.step.brute_force import Case
 from wbc.sim import Elements, StepProgram, Unilateral
 
 
