@@ -13,7 +13,7 @@ from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.effects.joint_effect import JointEffect
 from wbc.identification import diagnose
 from wbc.identification.answer.remainder.attainable import attainable
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
 
@@ -41,7 +41,7 @@ class Saturating(JointEffect):
     "hidden", [[], [CoulombFriction("hip", 0.5)], [PayloadMass("foot", 0.5)]], ids=len
 )
 def test_with_the_true_causes_it_is_the_known_floor(hidden: list[Effect]) -> None:
-    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=5.0)[1:])
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=5.0)[1:])
     assert not problem.floor.repeats
     level = attainable(problem, problem.fit(hidden))
     # What the true robot leaves is the noise of these logs: nothing explains any of it.
@@ -51,7 +51,7 @@ def test_with_the_true_causes_it_is_the_known_floor(hidden: list[Effect]) -> Non
 def test_without_them_it_is_still_near_the_floor() -> None:
     """The regression knows no effect, but what motion tells of one it finds."""
     hidden = [Saturating("knee", 1.0)]
-    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=5.0)[1:])
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=5.0)[1:])
     level = attainable(problem, problem.fit(()))
     knee = np.sqrt(level.attainable / level.left)[1]
     assert np.sqrt(level.left)[1] > 20.0

@@ -25,7 +25,7 @@ from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.odds import odds_of
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.derivatives import derivatives, evaluate, with_changes
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
@@ -33,8 +33,8 @@ from wbc.sim.excitation import record_with
 LEG = load_robot("planar_leg_fixed").lossless()
 
 
-def _problem(*hidden: Effect) -> Problem:
-    return Problem.from_logs(LEG, record_with(LEG, list(hidden), duration=4.0))
+def _problem(*hidden: Effect) -> EstimationProblem:
+    return EstimationProblem.from_logs(LEG, record_with(LEG, list(hidden), duration=4.0))
 
 
 def test_causes_that_only_a_drive_set_aside_feels_are_not_offered() -> None:

@@ -13,7 +13,7 @@ from wbc.effects import Backlash, CoulombFriction, TorqueOffset
 from wbc.identification.choice.weighing.evidence import log_densities, weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.odds import odds_of
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
 
 PROBLEM = SimpleNamespace(first=np.array([1.0]))
@@ -94,12 +94,12 @@ def test_an_answer_that_is_not_believable_has_odds_all_the_same() -> None:
     assert np.isfinite(odds.level(sick))
 
 
-def _problem(rows: int) -> Problem:
+def _problem(rows: int) -> EstimationProblem:
     """Return a problem of two logs, all of whose rows count, without anything else."""
     record = SimpleNamespace(
         rows=rows, weight=np.ones((rows, 1)), condense=lambda values: np.ones((rows, 1))
     )
-    problem = object.__new__(Problem)
+    problem = object.__new__(EstimationProblem)
     object.__setattr__(problem, "records", (record, record))
     object.__setattr__(problem, "floor", SimpleNamespace(aside=()))
     return problem

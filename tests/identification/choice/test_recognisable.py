@@ -6,7 +6,7 @@ import pytest
 import wbc
 from wbc.effects import JointSpring, TorqueRipple
 from wbc.identification.choice.weighing.prior import implausible
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Motion
 from wbc.sim.excitation import record_with
 
@@ -24,7 +24,7 @@ def test_a_ripple_is_recognised_from_one_period_on(order: float, known: bool) ->
 def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: bool) -> None:
     leg = wbc.load_robot("planar_leg_fixed").lossless()
     ripple = TorqueRipple("hip", 0.5, order, 0.3)
-    problem = Problem.from_logs(leg, record_with(leg, [ripple], duration=3.0))
+    problem = EstimationProblem.from_logs(leg, record_with(leg, [ripple], duration=3.0))
     fit = problem.fit([ripple])
     assert fit.effects[0].values["order"] == pytest.approx(order, rel=0.1)
     assert (sum(implausible(problem, fit)) < 1.0) is believed

@@ -25,7 +25,7 @@ from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, without
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
 
@@ -34,7 +34,7 @@ LEG = load_robot("planar_leg_fixed").lossless()
 
 def _climbed(hidden: Sequence[Effect], start: Sequence[Effect]) -> tuple[Search, Hypothesis]:
     """Return the search on logs of what is hidden, from a start, and where it ends."""
-    problem = Problem.from_logs(LEG, record_with(LEG, list(hidden), duration=4.0))
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, list(hidden), duration=4.0))
     trials = Trials(problem)
     search = Search(Proposer(trials, tuple(EFFECTS.values())).at_once)
     begun = trials.of(tuple(start))
@@ -53,7 +53,7 @@ def test_load_friction_with_a_wrong_torque_constant_is_one_lossy_gear(
 
 def test_derivatives_say_what_a_hypothesis_loses_without_a_cause() -> None:
     hidden = [CoulombFriction("hip", 0.3), ViscousFriction("knee", 0.2)]
-    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
     trials = Trials(problem)
     whole = trials.of((*hidden, CoulombFriction("knee", 0.1), PayloadMass("foot", 0.05)))
     assert whole is not None
@@ -84,7 +84,7 @@ def test_causes_that_no_other_explains_stay(hidden: list[Effect]) -> None:
 def test_what_explains_something_else_is_not_tried_in_the_place_of_a_cause() -> None:
     """It was tried as a cause more: on twelve joints such trials were most of the cost."""
     hidden = [ViscousFriction("hip", 0.3), CoulombFriction("knee", 0.6)]
-    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
     proposer = Proposer(Trials(problem), tuple(EFFECTS.values())).at_once
     begun = proposer.trials.of((ViscousFriction("hip", 0.2),))
     assert begun is not None
@@ -108,7 +108,7 @@ def test_what_machines_usually_have_is_found_in_one_move() -> None:
         ViscousFriction("hip", 0.2),
         RotorInertia("knee", 0.02),
     ]
-    problem = Problem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
     search = Search(Proposer(Trials(problem), tuple(EFFECTS.values())).at_once)
     found = search.climb(search.proposer.trials.nothing)
     assert {*found.keys} == {effect.key for effect in hidden}

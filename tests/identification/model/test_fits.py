@@ -12,7 +12,7 @@ from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.effects import Backlash, JointCompliance, JointEffect, ViscousFriction
 from wbc.identification import diagnose
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Parameter
 from wbc.sim.excitation import record_with
@@ -40,7 +40,7 @@ def _falling(leg: Robot, seconds: float) -> list[Log]:
 
 
 def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
-    problem = Problem.from_logs(leg, _falling(leg, 200.0))
+    problem = EstimationProblem.from_logs(leg, _falling(leg, 200.0))
     for start in (
         [JointCompliance("hip", 1.0, 0.0)],
         [JointCompliance("hip", 1.0, 0.0), ViscousFriction("hip", 0.1)],
@@ -81,7 +81,7 @@ class Broken(JointEffect):
 
 def test_an_effect_that_gives_no_number_is_dropped(leg: Robot) -> None:
     logs = record_with(leg, [ViscousFriction("knee", 0.3)], duration=3.0)
-    assert Problem.from_logs(leg, logs).fit([Broken("knee", 1.0)]).failed
+    assert EstimationProblem.from_logs(leg, logs).fit([Broken("knee", 1.0)]).failed
     classes: list[type[Effect]] = [Broken, ViscousFriction]
     found = diagnose(leg, logs, candidates=classes)
     assert [f.effect.name for f in found.findings] == ["viscous_friction"]

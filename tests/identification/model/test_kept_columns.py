@@ -24,8 +24,8 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.kept_columns import KeptColumns
-from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
 
@@ -42,12 +42,14 @@ LINKS: list[Effect] = [PayloadMass("foot", 0.2), CenterOfMass("thigh", 0.01, 0.0
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
-    return Problem.from_logs(LEG, record_with(LEG, [CoulombFriction("hip", 0.3)], duration=3.0))
+def problem() -> EstimationProblem:
+    return EstimationProblem.from_logs(
+        LEG, record_with(LEG, [CoulombFriction("hip", 0.3)], duration=3.0)
+    )
 
 
 def _both(
-    problem: Problem, effects: Sequence[Effect], kept: KeptColumns
+    problem: EstimationProblem, effects: Sequence[Effect], kept: KeptColumns
 ) -> tuple[np.ndarray, np.ndarray]:
     at = evaluate(LEG, effects, problem.records, problem.whitening)
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
@@ -67,7 +69,7 @@ def _both(
     ids=["nothing", "drives", "a lossy gear", "a gear at the edge of loss", "a wrong zero"],
 )
 def test_columns_do_not_depend_on_when_they_were_made(
-    problem: Problem, beside: list[Effect]
+    problem: EstimationProblem, beside: list[Effect]
 ) -> None:
     kept = KeptColumns(problem.robot, problem.records)
     larger = [e.with_values({p.name: 1.1 * e.values[p.name] for p in e.parameters}) for e in LINKS]
@@ -76,7 +78,9 @@ def test_columns_do_not_depend_on_when_they_were_made(
         assert shared == pytest.approx(alone, abs=1e-6)
 
 
-def test_an_effect_with_a_shape_is_derived_anew_where_its_shape_changes(problem: Problem) -> None:
+def test_an_effect_with_a_shape_is_derived_anew_where_its_shape_changes(
+    problem: EstimationProblem,
+) -> None:
     kept = KeptColumns(problem.robot, problem.records)
     for order in (6.0, 6.5, 7.0):
         alone, shared = _both(problem, [TorqueRipple("knee", 0.3, order, 0.4)], kept)
@@ -84,7 +88,7 @@ def test_an_effect_with_a_shape_is_derived_anew_where_its_shape_changes(problem:
 
 
 def test_a_straight_effect_is_derived_twice_at_most(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch
+    problem: EstimationProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = []
     plain = KeptColumns._made

@@ -15,7 +15,7 @@ from wbc.effects.drive.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.filters.smoothing import low_pass, white_level
 from wbc.identification.records.noise.noise_floor import drawn_noise, find_repeats, noise_floor
@@ -140,7 +140,7 @@ def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> 
 
 
 def test_a_factor_that_shrinks_everything_explains_nothing(logs: list[Log]) -> None:
-    problem = Problem.from_logs(ROBOT, logs)
+    problem = EstimationProblem.from_logs(ROBOT, logs)
     base = np.mean((problem.residual @ problem.whitening) ** 2)
     for factor in (0.5, 2.0):
         changed = ROBOT.with_effect(TorqueConstant("hip", factor))

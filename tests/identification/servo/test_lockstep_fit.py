@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from wbc.identification.servo.lockstep_fit import Task, lockstep_fit
+from wbc.identification.servo.lockstep_fit import FitStart, lockstep_fit
 
 TIME = np.linspace(0.0, 3.0, 60)
 DATA = 2.0 * np.exp(-1.3 * TIME) + 0.4 + 0.02 * np.sin(40.0 * TIME)
@@ -27,7 +27,7 @@ def test_finds_the_minima_of_the_loss_within_the_bounds() -> None:
         bounds = np.array([0.0, 0.1, 0.0]), np.array(high)
         pull = np.full(3, 0.02), first
         found = lockstep_fit(
-            residuals, [Task(first, row) for row in ROWS], bounds, scale, pull, soft, 60
+            residuals, [FitStart(first, row) for row in ROWS], bounds, scale, pull, soft, 60
         )
         for task, (x, cost) in enumerate(found):
 

@@ -40,7 +40,7 @@ _LONGEST = 4  # share of the shortest log over which residuals are correlated wi
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class EstimationProblem:
     """Records of one robot with their noise floor, folds and blocks.
 
     Attributes:
@@ -62,7 +62,9 @@ class Problem:
     warnings: tuple[str, ...] = ()
 
     @classmethod
-    def from_logs(cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> Problem:
+    def from_logs(
+        cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL
+    ) -> EstimationProblem:
         """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors.
 
         Band, weights and noise floor are those of the robot's links alone, without its losses and

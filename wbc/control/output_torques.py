@@ -14,7 +14,7 @@ from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot
 
 
-class Plant:
+class OutputTorques:
     """Output torques of the gears and what their rotors add, linear in qdd and contact forces.
 
     K' E_s H_s K qdd + K' E_s c_s = J'f + [0; B E_m] tau_phi holds row by row as
