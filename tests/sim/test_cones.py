@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 from scipy.optimize import minimize
 
 from wbc.errors import SimulationError
@@ -111,6 +114,31 @@ def test_quadratic_programs_alone_lead_to_a_solution(corpus: str) -> None:
         assert done, seed
         scale = (1.0 + np.abs(impulse).max()) * (1.0 + np.abs(program.rows()).max())
         assert worst_violation(program, reduced.velocity(impulse), impulse) < 1e-8 * scale, seed
+
+
+def test_every_solver_counts_speeds_from_ground_that_moves() -> None:
+    """A robot and a ground that are both faster by u have the same impulses."""
+    compared = 0
+    for seed in range(20):
+        program = random_step("one body", seed)
+        u, way = program.unilateral, np.random.default_rng(seed)
+        others = null_space(program.elements.rows)
+        faster = others @ way.normal(size=others.shape[1])
+        ground = np.concatenate((u.normals @ faster, u.tangents @ faster))
+        moved = replace(
+            program,
+            free_velocity=program.free_velocity + faster,
+            unilateral=replace(u, ground=ground),
+        )
+        expected = solve_program(program).velocity + faster
+        assert solve_program(moved).velocity == pytest.approx(expected, abs=1e-7)
+        reduced = reduce_program(moved)
+        tolerance = TOLERANCE * (1.0 + np.abs(reduced.free).max())
+        ways = (newton(reduced, c, tolerance, 10) for c, _ in qp_candidates(reduced))
+        impulse = next(impulse for impulse, _, done in ways if done)
+        assert reduced.velocity(impulse) == pytest.approx(expected, abs=1e-6)
+        compared += others.shape[1] > 0
+    assert compared > 10
 
 
 def test_quadratic_programs_know_gears_at_the_edge_of_self_locking() -> None:
