@@ -117,8 +117,7 @@ def test_quadratic_programs_alone_lead_to_a_solution(corpus: str) -> None:
 
 
 def test_every_solver_counts_speeds_from_ground_that_moves() -> None:
-    """A robot and a ground that are both faster by u have the same impulses."""
-    compared = 0
+    """Robot and ground both faster by u: what solves that, less u, solves the step at rest."""
     for seed in range(20):
         program = random_step("one body", seed)
         u, way = program.unilateral, np.random.default_rng(seed)
@@ -130,15 +129,15 @@ def test_every_solver_counts_speeds_from_ground_that_moves() -> None:
             free_velocity=program.free_velocity + faster,
             unilateral=replace(u, ground=ground),
         )
-        expected = solve_program(program).velocity + faster
-        assert solve_program(moved).velocity == pytest.approx(expected, abs=1e-7)
-        reduced = reduce_program(moved)
+        reduced, found = reduce_program(moved), solve_program(moved)
         tolerance = TOLERANCE * (1.0 + np.abs(reduced.free).max())
         ways = (newton(reduced, c, tolerance, 10) for c, _ in qp_candidates(reduced))
-        impulse = next(impulse for impulse, _, done in ways if done)
-        assert reduced.velocity(impulse) == pytest.approx(expected, abs=1e-6)
-        compared += others.shape[1] > 0
-    assert compared > 10
+        by_programs = next(impulse for impulse, _, done in ways if done)
+        assert np.abs(faster).max() > 0.1
+        for impulse in (found.impulse, by_programs):
+            scale = (1.0 + np.abs(impulse).max()) * (1.0 + np.abs(program.rows()).max())
+            velocity = reduced.velocity(impulse) - faster
+            assert worst_violation(program, velocity, impulse) < 1e-8 * scale, seed
 
 
 def test_quadratic_programs_know_gears_at_the_edge_of_self_locking() -> None:
