@@ -69,10 +69,10 @@ def _add_drift(held: ClosedRows, velocity: FloatArray, rate: FloatArray, kept: B
     Args:
         held: rows of the closed barriers, whose targets are changed.
         velocity: v (nv,) in the middle.
-        rate: (l + c,) speed at which contacts opened at the start.
+        rate: (l + c,) the robot's speed along the contacts at the start.
         kept: (l + c,) barriers that have a target of their own.
     """
-    drift, first = held.approach(velocity) - rate, len(held.limits)
+    drift, first = held.turning(velocity) - rate, len(held.limits)
     free = ~kept
     free[:first] = False
     held.unilateral.target[free] = -np.maximum(drift[free], 0.0)
@@ -93,9 +93,12 @@ def problem_of(
     force = forces.joint - joint_bias(setup.bases, setup.space, middle)
     if external is not None:
         force += external
-    clearance = setup.barriers.clearance(middle.position)
+    now = state.time + 0.5 * step
+    clearance = setup.barriers.clearance(middle.position, now)
     closed = state.closed | kept
-    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, kept, step))
+    opening = _opening(clearance.gap, kept, step)
+    # Speeds count from the ground's at the end, so that what holds on to it ends at its speed.
+    held = setup.barriers.rows(closed, clearance, opening, now, state.time + step)
     _add_drift(held, middle.velocity, rate[closed], kept[closed])
     motor = MotorMotion.of(setup.drive, state)
     return PartProgram(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
