@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ from wbc.errors import RobotError, unknown_name
 from wbc.robot.loading.left_out import left_out
 
 _BASES = ("fixed", "free_flyer")
+_ENDLESS = 1e9  # limits where there are none, while a file is parsed that must state numbers
 
 
 def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, tuple[str, ...]]:
@@ -42,9 +44,7 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
 def _parse(path: Path, base: str) -> pin.Model:
     try:
         if path.suffix == ".urdf":
-            if base == "free_flyer":
-                return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-            return pin.buildModelFromUrdf(str(path))
+            return _parse_urdf(path, base)
         if path.suffix == ".xml":
             model = pin.buildModelFromMJCF(str(path))
             if base == "free_flyer" and not _floats(model):
@@ -53,6 +53,45 @@ def _parse(path: Path, base: str) -> pin.Model:
     except (ValueError, RuntimeError) as cause:
         raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
     raise RobotError(f"'{path}': a model file ends in .urdf or .xml (MJCF).")
+
+
+def _parse_urdf(path: Path, base: str) -> pin.Model:
+    """Return the links of a URDF; a continuous joint is a revolute one without ends.
+
+    pinocchio's own continuous joint has the coordinates (cos q, sin q), which forget the turns
+    that encoders count and are no position of a log.
+    """
+    text, endless = _with_revolute_joints(path)
+    root = (pin.JointModelFreeFlyer(),) if base == "free_flyer" else ()
+    model = pin.buildModelFromXML(text, *root)
+    low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    for joint in endless:
+        number = model.getJointId(joint)
+        if number < model.njoints:
+            row = model.joints[number].idx_q
+            low[row], high[row] = -np.inf, np.inf
+    model.lowerPositionLimit, model.upperPositionLimit = low, high
+    return model
+
+
+def _with_revolute_joints(path: Path) -> tuple[str, list[str]]:
+    """Return a URDF whose continuous joints are revolute ones, and their names."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as cause:
+        raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
+    turning = [joint for joint in root.findall("joint") if joint.get("type") == "continuous"]
+    if not turning:
+        return text, []
+    for joint in turning:
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ET.SubElement(joint, "limit", effort=f"{_ENDLESS:g}", velocity=f"{_ENDLESS:g}")
+        limit.set("lower", f"{-_ENDLESS:g}")
+        limit.set("upper", f"{_ENDLESS:g}")
+    return ET.tostring(root, encoding="unicode"), [str(joint.get("name")) for joint in turning]
 
 
 def _floats(model: pin.Model) -> bool:
