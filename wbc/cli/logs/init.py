@@ -49,8 +49,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
     folder = Path(options.out)
     model = Path(options.robot)
     described = model.suffix not in (".urdf", ".xml")
-    targets = [folder / "columns.toml"] + ([] if described else [folder / "robot.toml"])
-    for target in targets:
+    files = [folder / "columns.toml"] + ([] if described else [folder / "robot.toml"])
+    for target in files:
         if target.exists():
             raise WbcError(f"'{target}' is there already; choose another folder with --out.")
     given = [Path(str(path).partition("#")[0]) for path in options.logs]
@@ -60,8 +60,17 @@ def run(options: argparse.Namespace, console: Console) -> int:
     else:
         joints = model_joints(model, options.base)
         start = guess_names(given[0], joints)
-        driven = start.driven + start.targets or tuple(j for j in joints if j not in start.unseen)
-        if start.targets:
+        # Where other drives report a torque, a joint with a target alone has no drive.
+        targets = () if start.driven else start.targets
+        driven = start.driven or targets or tuple(j for j in joints if j not in start.unseen)
+        if start.driven and start.targets:
+            console.print(
+                f"targets and no torque of {', '.join(start.targets)}, while other drives report "
+                "theirs: taken for a joint without a drive, which gets no gear; if it has one, add "
+                f"[gears.{start.targets[0]}] with kp and kd",
+                soft_wrap=True,
+            )
+        elif targets:
             console.print(
                 "no torque but targets: replace the guessed drive gains kp and kd in robot.toml"
             )
@@ -69,7 +78,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             console.print("no column looks like a torque or current: every joint gets a gear")
         held = [joint for joint in start.unseen if joint not in driven]
         title, target = model.resolve().stem, folder / "robot.toml"
-        name = str(write_robot(target, model, options.base, driven, title, start.targets, held))
+        name = str(write_robot(target, model, options.base, driven, title, targets, held))
         console.print(f"wrote {name}")
         if held:
             console.print(
@@ -83,7 +92,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     guess = guess_map(robot, options.logs, start)
     reasons = [f"guess: {reason}" for reason in guess.reasons]
     path = write_map(
-        targets[0], guess.table, ["Written by `wbc init`; every line is a guess.", *reasons]
+        files[0], guess.table, ["Written by `wbc init`; every line is a guess.", *reasons]
     )
     for reason in reasons:
         console.print(f"  {reason}", soft_wrap=True)

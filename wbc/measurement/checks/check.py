@@ -90,8 +90,14 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
 def _reading(log: Log) -> list[LogFinding]:
     """Return what reading the file found."""
     found = [LogFinding("info", "read", "", note, "") for note in log.source.notes]
+    alike: dict[str, list[str]] = {}
     for column, text in log.source.unusable.items():
-        found.append(LogFinding("warning", "missing", column, text, ""))
+        alike.setdefault(text.replace(column, "*"), []).append(column)
+    for columns in alike.values():
+        text = log.source.unusable[columns[0]]
+        if len(columns) > 1:
+            text += f" The same rows lack {', '.join(columns[1:])}."
+        found.append(LogFinding("warning", "missing", ", ".join(columns), text, ""))
     if log.source.ignored:
         text = f"columns that were not read: {', '.join(log.source.ignored)}."
         way_out = "Map them if they matter (--columns MAP.toml)."

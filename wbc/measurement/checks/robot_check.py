@@ -78,6 +78,22 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
     lacking = [joint for joint in lacking if joint not in followed]
     constant = robot.transmission.torque_constant
     found = []
+    gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
+    holes = [joint for joint in targets if joint in lacking and gained[gears.joints.index(joint)]]
+    lacking = [joint for joint in lacking if joint not in holes]
+    for joint in holes:
+        text = log.source.unusable.get(
+            f"{joint}.target_position", "a number of its gear is missing."
+        )
+        found.append(
+            LogFinding(
+                "error",
+                "no_target",
+                joint,
+                f"the torque of {joint} is made from its target, and {text}",
+                "If nothing drives the joint, take its gear out of robot.toml.",
+            )
+        )
     if lacking and set(lacking) <= set(targets):
         found.append(
             LogFinding(

@@ -1,0 +1,87 @@
+"""Recorded sets of pendulums: from a stranger's files to an answer, and what their README knows.
+
+The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.cli import main
+from wbc.effects import CoulombFriction, load_robot
+from wbc.identification import open_loop
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.measurement import load_logs
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT.parent / "shared" / "data"
+RICMONK = ROOT / "robots" / "ricmonk"
+
+
+def recorded(name: str) -> str:
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"the recorded data '{name}' is not beside this repository")
+    return str(path)
+
+
+def test_a_continuous_pendulum_is_described_and_its_friction_shows(tmp_path, capsys) -> None:
+    names = ("direct_collocation", "ddp")
+    logs = [recorded(f"simple_pendulum/{name}.parquet") for name in names]
+    model = ROOT / "robots" / "simple_pendulum" / "simple_pendulum.urdf"
+    assert main(["init", str(model), *logs, "--out", str(tmp_path)]) == 0
+    files = ["--robot", str(tmp_path / "robot.toml"), "--columns", str(tmp_path / "columns.toml")]
+    assert main(["check", *logs, *files]) == 0
+    assert "these logs can be used" in capsys.readouterr().out
+    robot, read = load_robot("simple_pendulum"), load_logs(logs)
+    problem = EstimationProblem.from_logs(robot, read)
+    fit = problem.fit([CoulombFriction("pendulum", level=0.05)])
+    # Least squares on each log alone gives 0.16 and 0.21 N m beside a heavier load.
+    assert 0.1 < fit.effects[0].values["level"] < 0.35
+    before, after = open_loop(robot, read), open_loop(fit.robot, read)
+    assert after.error[0, 1] < 0.8 * before.error[0, 1]
+
+
+def test_the_arm_without_a_drive_gets_no_gear(tmp_path, capsys) -> None:
+    log = recorded("ricmonk/TVLQR_3xForward.parquet")
+    model = RICMONK / "ricmonk.urdf"
+    assert main(["init", str(model), log, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "taken for a joint without a drive" in said
+    gears = tomllib.loads((tmp_path / "robot.toml").read_text())["gears"]
+    assert list(gears) == ["Joint1", "Joint3"]
+    files = ["--robot", str(tmp_path / "robot.toml"), "--columns", str(tmp_path / "columns.toml")]
+    main(["check", log, *files, "--verbose"])
+    checked = capsys.readouterr().out
+    # Six columns lack the same rows: one remark, not six.
+    assert checked.count("Repair the file") == 1
+
+
+def test_the_outer_arm_of_ricmonk_has_the_friction_and_load_that_least_squares_shows() -> None:
+    path = recorded("ricmonk/TVLQR_6xForward.parquet")
+    robot = load_robot("ricmonk")
+    ratios = dict.fromkeys(robot.transmission.joints, 6.0)
+    logs = load_logs([path], RICMONK / "columns.toml", gear_ratios=ratios)
+    assert len(logs) == 3
+    problem = EstimationProblem.from_logs(robot, logs)
+    fit = problem.fit([CoulombFriction(j, level=0.05) for j in robot.transmission.joints])
+    outer = fit.effects[1].values["level"]
+    assert 0.06 < outer < 0.16
+    row = robot.transmission.joints.index("Joint3")
+    left = np.sqrt(np.mean(problem.residual[:, row] ** 2))
+    assert 0.05 < left < 0.2
+
+
+def test_a_payload_on_the_outer_arm_makes_its_error_larger() -> None:
+    robot = load_robot("ricmonk")
+    left = {}
+    for name in ("TVLQR_3xForward", "TVLQR_3xForward_170gm_asymmetricLoad"):
+        logs = load_logs([recorded(f"ricmonk/{name}.parquet")], RICMONK / "columns.toml")
+        residual = EstimationProblem.from_logs(robot, logs).residual
+        left[name] = np.sqrt(np.mean(residual[:, 1] ** 2))
+    bare, loaded = left.values()
+    assert loaded > 1.15 * bare
