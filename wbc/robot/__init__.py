@@ -19,7 +19,7 @@ from wbc.robot.loading.description import (
     with_gear_numbers,
 )
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
-from wbc.robot.loading.solids import collision_solids, model_geometry, model_path
+from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
@@ -37,6 +37,7 @@ __all__ = [
     "MemoryEnergy",
     "Motion",
     "Parameter",
+    "PlacedGeometry",
     "Quantity",
     "Robot",
     "RobotDescription",
@@ -47,8 +48,7 @@ __all__ = [
     "build_robot",
     "collision_solids",
     "find_description",
-    "model_geometry",
-    "model_path",
+    "placed_geometry",
     "read_description",
     "robot_names",
     "robots_directory",

@@ -22,7 +22,7 @@ _NOWHERE = (np.zeros(0), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class BarrierDistances:
+class Clearance:
     """Distances at one configuration; c = k s contact barriers, k points times s solids.
 
     Attributes:
@@ -119,13 +119,13 @@ class Barriers:
         q[self._position] = np.clip(q[self._position], self._lower, self._upper)
         return q
 
-    def clearance(self, position: FloatArray) -> BarrierDistances:
+    def clearance(self, position: FloatArray) -> Clearance:
         """Return all gaps at q (nq,), for the placements held in the workspace."""
         gap, normal = self._ground() if self.contacts else _NOWHERE
         if self.limits:
             here = position[self._position]
             gap = np.concatenate((here - self._lower, self._upper - here, gap))
-        return BarrierDistances(gap, normal)
+        return Clearance(gap, normal)
 
     def _ground(self) -> tuple[FloatArray, FloatArray]:
         points = contact_points(self._space)
@@ -136,9 +136,7 @@ class Barriers:
         gaps = np.concatenate([gap - self._radius for gap, _ in found])
         return gaps, np.concatenate([normal for _, normal in found])
 
-    def rows(
-        self, closed: BoolArray, clearance: BarrierDistances, target: FloatArray
-    ) -> ClosedRows:
+    def rows(self, closed: BoolArray, clearance: Clearance, target: FloatArray) -> ClosedRows:
         """Return the rows of some barriers, for the Jacobians held in the workspace.
 
         Args:

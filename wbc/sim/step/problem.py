@@ -33,7 +33,7 @@ Solved: TypeAlias = tuple[GearRows, IntArray, StepSolution]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class PartProgram:
+class Problem:
     """Everything that stays the same while the rows of one part are solved."""
 
     setup: Setup
@@ -88,7 +88,7 @@ def problem_of(
     kept: BoolArray,
     step: float,
     coupling: StepCoupling | None,
-) -> PartProgram:
+) -> Problem:
     """Return the forces and barriers of a part, for the workspace that stands at its middle."""
     force = forces.joint - joint_bias(setup.bases, setup.space, middle)
     if external is not None:
@@ -98,10 +98,10 @@ def problem_of(
     held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, kept, step))
     _add_drift(held, middle.velocity, rate[closed], kept[closed])
     motor = MotorMotion.of(setup.drive, state)
-    return PartProgram(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
+    return Problem(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
 
 
-def solve_released(problem: PartProgram) -> Solved:
+def solve_released(problem: Problem) -> Solved:
     """Solve the step, letting go of gears that would pull on a flank of their play."""
     drive = problem.setup.drive
     released = np.zeros(drive.size, dtype=bool)
@@ -120,7 +120,7 @@ def solve_released(problem: PartProgram) -> Solved:
     return solved
 
 
-def _solve_coupled(problem: PartProgram, released: BoolArray, coupling: StepCoupling) -> Solved:
+def _solve_coupled(problem: Problem, released: BoolArray, coupling: StepCoupling) -> Solved:
     """Repeat the step with the rotor coupling of its last iterate until the velocity repeats."""
     drive, velocity = problem.setup.drive, problem.velocity
     last = velocity
@@ -138,7 +138,7 @@ def _solve_coupled(problem: PartProgram, released: BoolArray, coupling: StepCoup
 
 
 def _solve(
-    problem: PartProgram,
+    problem: Problem,
     released: BoolArray,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
@@ -154,7 +154,7 @@ def _solve(
 
 
 def program_of(
-    problem: PartProgram,
+    problem: Problem,
     released: BoolArray,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
