@@ -251,6 +251,41 @@ def test_a_ball_on_a_ball_and_in_a_bowl() -> None:
     assert turns[0] == pytest.approx(0.25 * 2 * np.pi / np.sqrt(9.81), rel=5e-3)
 
 
+def test_the_gap_of_a_height_field_is_the_distance() -> None:
+    """The gap grows along its normal as fast as the way, and not at all across it."""
+    x = np.linspace(-1.0, 1.0, 11)
+    rng = np.random.default_rng(0)
+    ground = HeightField(x, x, 0.08 * rng.normal(size=(11, 11)))
+    flat = np.column_stack((rng.uniform(-0.9, 0.9, (200, 2)), np.zeros(200)))
+    gap, normal = ground.gap(flat)
+    points = flat + (0.03 - gap)[:, None] * normal
+    gap, normal = ground.gap(points)
+    way = 1e-6
+    slopes = [(ground.gap(points + s)[0] - ground.gap(points - s)[0]) for s in way * np.eye(3)]
+    assert np.stack(slopes, axis=1) / (2 * way) == pytest.approx(normal, abs=1e-6)
+    surface, _ = ground.gap(points - gap[:, None] * normal)
+    assert np.abs(surface).max() < 1e-10
+
+
+def test_a_ball_in_a_hollow_keeps_its_energy() -> None:
+    """With its gap taken straight below its centre it lost 4 %, at any step."""
+    x = np.linspace(-1.0, 1.0, 41)
+    hollow = HeightField(x, x, np.repeat(2.0 * x[:, None] ** 2, 41, axis=1))
+    robot = replace(ball(0.1, 0.0), contacts=(ContactPoint("p", "body", np.zeros(3), 0.0, 0.1),))
+    plant, q = Plant(robot, hollow), robot.neutral()
+    q[2] = 0.1
+    left = []
+    for dt in (1e-3, 5e-4):
+        state = plant.state(q, [1.0, 0, 0, 0, 0, 0])
+        state = plant.step(state, [], 1e-9).state
+        first = plant.mechanical_energy(state)
+        for _ in range(round(0.3 / dt)):
+            state = plant.step(state, [], dt).state
+        left.append(abs(plant.mechanical_energy(state) - first))
+    assert left[0] < 5e-3
+    assert left[1] < 0.6 * left[0], left
+
+
 def test_bad_grounds_are_refused() -> None:
     with pytest.raises(SimulationError, match="size of the box must be positive"):
         Box(np.zeros(3), np.array([1.0, 0.0, 1.0]))

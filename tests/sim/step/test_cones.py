@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 from scipy.optimize import minimize
 
 from wbc.errors import SimulationError
@@ -111,6 +114,30 @@ def test_quadratic_programs_alone_lead_to_a_solution(corpus: str) -> None:
         assert done, seed
         scale = (1.0 + np.abs(impulse).max()) * (1.0 + np.abs(program.rows()).max())
         assert worst_violation(program, reduced.velocity(impulse), impulse) < 1e-8 * scale, seed
+
+
+def test_every_solver_counts_speeds_from_ground_that_moves() -> None:
+    """Robot and ground both faster by u: what solves that, less u, solves the step at rest."""
+    for seed in range(20):
+        program = random_step("one body", seed)
+        u, way = program.unilateral, np.random.default_rng(seed)
+        others = null_space(program.elements.rows)
+        faster = others @ way.normal(size=others.shape[1])
+        ground = np.concatenate((u.normals @ faster, u.tangents @ faster))
+        moved = replace(
+            program,
+            free_velocity=program.free_velocity + faster,
+            unilateral=replace(u, ground=ground),
+        )
+        reduced, found = reduce_program(moved), solve_program(moved)
+        tolerance = TOLERANCE * (1.0 + np.abs(reduced.free).max())
+        ways = (newton(reduced, c, tolerance, 10) for c, _ in qp_candidates(reduced))
+        by_programs = next(impulse for impulse, _, done in ways if done)
+        assert np.abs(faster).max() > 0.1
+        for impulse in (found.impulse, by_programs):
+            scale = (1.0 + np.abs(impulse).max()) * (1.0 + np.abs(program.rows()).max())
+            velocity = reduced.velocity(impulse) - faster
+            assert worst_violation(program, velocity, impulse) < 1e-8 * scale, seed
 
 
 def test_quadratic_programs_know_gears_at_the_edge_of_self_locking() -> None:

@@ -33,7 +33,7 @@ Solved: TypeAlias = tuple[GearRows, IntArray, StepSolution]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Problem:
+class PartProgram:
     """Everything that stays the same while the rows of one part are solved."""
 
     setup: Setup
@@ -69,10 +69,10 @@ def _add_drift(held: ClosedRows, velocity: FloatArray, rate: FloatArray, kept: B
     Args:
         held: rows of the closed barriers, whose targets are changed.
         velocity: v (nv,) in the middle.
-        rate: (l + c,) speed at which contacts opened at the start.
+        rate: (l + c,) the robot's speed along the contacts at the start.
         kept: (l + c,) barriers that have a target of their own.
     """
-    drift, first = held.approach(velocity) - rate, len(held.limits)
+    drift, first = held.turning(velocity) - rate, len(held.limits)
     free = ~kept
     free[:first] = False
     held.unilateral.target[free] = -np.maximum(drift[free], 0.0)
@@ -88,20 +88,23 @@ def problem_of(
     kept: BoolArray,
     step: float,
     coupling: StepCoupling | None,
-) -> Problem:
+) -> PartProgram:
     """Return the forces and barriers of a part, for the workspace that stands at its middle."""
     force = forces.joint - joint_bias(setup.bases, setup.space, middle)
     if external is not None:
         force += external
-    clearance = setup.barriers.clearance(middle.position)
+    now = state.time + 0.5 * step
+    clearance = setup.barriers.clearance(middle.position, now)
     closed = state.closed | kept
-    held = setup.barriers.rows(closed, clearance, _opening(clearance.gap, kept, step))
+    opening = _opening(clearance.gap, kept, step)
+    # Speeds count from the ground's at the end, so that what holds on to it ends at its speed.
+    held = setup.barriers.rows(closed, clearance, opening, now, state.time + step)
     _add_drift(held, middle.velocity, rate[closed], kept[closed])
     motor = MotorMotion.of(setup.drive, state)
-    return Problem(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
+    return PartProgram(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
 
 
-def solve_released(problem: Problem) -> Solved:
+def solve_released(problem: PartProgram) -> Solved:
     """Solve the step, letting go of gears that would pull on a flank of their play."""
     drive = problem.setup.drive
     released = np.zeros(drive.size, dtype=bool)
@@ -120,7 +123,7 @@ def solve_released(problem: Problem) -> Solved:
     return solved
 
 
-def _solve_coupled(problem: Problem, released: BoolArray, coupling: StepCoupling) -> Solved:
+def _solve_coupled(problem: PartProgram, released: BoolArray, coupling: StepCoupling) -> Solved:
     """Repeat the step with the rotor coupling of its last iterate until the velocity repeats."""
     drive, velocity = problem.setup.drive, problem.velocity
     last = velocity
@@ -138,7 +141,7 @@ def _solve_coupled(problem: Problem, released: BoolArray, coupling: StepCoupling
 
 
 def _solve(
-    problem: Problem,
+    problem: PartProgram,
     released: BoolArray,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
@@ -154,7 +157,7 @@ def _solve(
 
 
 def program_of(
-    problem: Problem,
+    problem: PartProgram,
     released: BoolArray,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
