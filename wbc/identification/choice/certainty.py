@@ -46,7 +46,7 @@ class Support:
         group: the same of the hypotheses that hold it or what could stand in its place.
         remainder: what is left above the floor over what the cause explains (rms), at the outputs
             that it explains.
-        coverage: (k - 1) k / n where the same effect was found at k of n joints.
+        coverage: (k - 1) k / n where the same effect was found at k of n joints that are judged.
         explained: whether too little is left altogether to ask for one cause more.
         expected: log prior odds of the effect on real machines [nats] (`Effect.expected`).
         implausible: what its numbers cost that no machine is likely to have [nats].
@@ -98,7 +98,7 @@ def support_of(
     """
     names = [effect.name for effect in final.effects]
     first = np.maximum(trials.nothing.outputs, 1e-300)
-    joints = trials.problem.robot.transmission.size
+    joints = len(trials.problem.judged_joints)
     result = {}
     each = zip(final.effects, odds.rivals(final), final.implausible, strict=True)
     for effect, rivals, implausible in each:
@@ -162,7 +162,7 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
             odds=1.0,
             group=1.0,
             remainder=_remainder(share, excess / first),
-            coverage=(places - 1) * places / problem.robot.transmission.size,
+            coverage=(places - 1) * places / len(problem.judged_joints),
             explained=False,
             expected=effect.expected,
             implausible=implausible,
