@@ -8,6 +8,7 @@ from wbc.robot.effect import (
     MemoryEnergy,
     Parameter,
     Quantity,
+    Usual,
     small_steps,
 )
 from wbc.robot.joint_map import BaseState, JointMap
@@ -44,6 +45,7 @@ __all__ = [
     "RobotSource",
     "RotorMounting",
     "Screen",
+    "Usual",
     "bare_robot",
     "build_robot",
     "collision_solids",

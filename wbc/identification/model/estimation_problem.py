@@ -98,6 +98,12 @@ class EstimationProblem:
         )
 
     @property
+    def judged_joints(self) -> tuple[str, ...]:
+        """The joints whose torque is compared."""
+        joints = enumerate(self.robot.transmission.joints)
+        return tuple(joint for k, joint in joints if k not in self.floor.aside)
+
+    @property
     def silent(self) -> tuple[str, ...]:
         """The joints whose drives report nothing that could be compared."""
         known = self.records[0].reported
