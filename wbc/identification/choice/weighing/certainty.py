@@ -31,7 +31,7 @@ _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as
 # In list and fitted well leaves 2 % mostly and 4.4 % at most (play 9 %), outside 6 to 28 %:
 # measured on 84 generated logs.
 _UNEXPLAINED_SHARE_SIMULATED = 0.1
-_UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
+UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
 
 BELIEVED = 2.0 / 3.0
 """A cause in the answer is at least twice as probable as not."""
@@ -129,7 +129,7 @@ def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:
     """
     left = np.sqrt(np.mean(excess))
     first = np.sqrt(max(before - 1.0, 0.0))
-    share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else _UNEXPLAINED_SHARE
+    share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else UNEXPLAINED_SHARE
     return bool(left > max(_UNEXPLAINED_FLOOR, share * first))
 
 
