@@ -40,9 +40,9 @@ from wbc.design.experiment import Cause, Predictions, Rivals, require_predictabl
 from wbc.effects import effect_class
 from wbc.errors import DesignError, WbcError
 from wbc.files import write_text
-from wbc.identification.choice.evidence import weigh
-from wbc.identification.choice.odds import TIED
-from wbc.identification.choice.trials import Trials
+from wbc.identification.choice.weighing.evidence import weigh
+from wbc.identification.choice.weighing.odds import TIED
+from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.problem import Problem
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Robot

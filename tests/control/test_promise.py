@@ -22,7 +22,7 @@ from wbc.control import (
 from wbc.control.solvers import ForeignSolver, QPStatus
 from wbc.effects import load_robot
 from wbc.robot import Motion
-from wbc.robot.library import robot_names
+from wbc.robot.loading.library import robot_names
 
 SETTINGS = ControllerSettings()
 

@@ -16,14 +16,14 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.answer.attainable import attainable
-from wbc.identification.choice import search as search_module
-from wbc.identification.choice.certainty import BELIEVED, doubted_names, support_of
-from wbc.identification.choice.hypothesis import Hypothesis
-from wbc.identification.choice.odds import odds_of
-from wbc.identification.choice.proposals import Proposer
-from wbc.identification.choice.search import Search
-from wbc.identification.choice.trials import Trials
+from wbc.identification.answer.remainder.attainable import attainable
+from wbc.identification.choice.search import search as search_module
+from wbc.identification.choice.search.proposals import Proposer
+from wbc.identification.choice.search.search import Search
+from wbc.identification.choice.weighing.certainty import BELIEVED, doubted_names, support_of
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.odds import odds_of
+from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.derivatives import derivatives, evaluate, with_changes
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual

@@ -10,9 +10,9 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from wbc.effects import Backlash, CoulombFriction, TorqueOffset
-from wbc.identification.choice.evidence import log_densities, weigh
-from wbc.identification.choice.hypothesis import Hypothesis
-from wbc.identification.choice.odds import odds_of
+from wbc.identification.choice.weighing.evidence import log_densities, weigh
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.odds import odds_of
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from wbc import load_robot
-from wbc.identification.records.bandwidth import Bandwidth
 from wbc.identification.records.channels import read_channels
+from wbc.identification.records.filters.bandwidth import Bandwidth
 from wbc.identification.records.impacts import away_from_impacts
 from wbc.measurement import Log
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset
-from wbc.identification.answer.diagnosis import Alternative, Finding
-from wbc.identification.answer.remainder import Remainder
-from wbc.identification.answer.verdict import next_experiment
-from wbc.identification.choice.certainty import Support
-from wbc.identification.records.noise_floor import NoiseFloor
+from wbc.identification.answer.diagnosis.diagnosis import Alternative, Finding
+from wbc.identification.answer.diagnosis.verdict import next_experiment
+from wbc.identification.answer.remainder.remainder import Remainder
+from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.records.noise.noise_floor import NoiseFloor
 from wbc.robot import Effect
 
 FLOOR = NoiseFloor(np.eye(2), np.eye(2), ())

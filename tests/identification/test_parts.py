@@ -11,15 +11,15 @@ from scipy.signal import butter, sosfiltfilt
 
 from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFriction, load_robot
-from wbc.effects.periodicity import strongest_orders
+from wbc.effects.drive.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
-from wbc.identification.choice.design_matrix import DesignMatrix
+from wbc.identification.choice.screening.design_matrix import DesignMatrix
 from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.noise_floor import drawn_noise, find_repeats, noise_floor
+from wbc.identification.records.filters.smoothing import low_pass, white_level
+from wbc.identification.records.noise.noise_floor import drawn_noise, find_repeats, noise_floor
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.smoothing import low_pass, white_level
 from wbc.measurement import Log
 
 

@@ -12,7 +12,7 @@ from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare, diagnose
-from wbc.identification.records.smoothing import quantisation_level
+from wbc.identification.records.filters.smoothing import quantisation_level
 from wbc.measurement import Log
 
 ROBOT = load_robot("planar_leg_fixed").lossless()

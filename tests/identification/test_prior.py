@@ -13,7 +13,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification import diagnose
-from wbc.identification.choice.prior import asked, implausible
+from wbc.identification.choice.weighing.prior import asked, implausible
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with

@@ -18,13 +18,13 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.choice import moves
-from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import log_densities
-from wbc.identification.choice.hypothesis import Hypothesis, without
-from wbc.identification.choice.proposals import Proposer
-from wbc.identification.choice.search import Search
-from wbc.identification.choice.trials import Trials
+from wbc.identification.choice.search import moves
+from wbc.identification.choice.search.proposals import Proposer
+from wbc.identification.choice.search.search import Search
+from wbc.identification.choice.weighing.drop_screen import losses
+from wbc.identification.choice.weighing.evidence import log_densities
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, without
+from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with

@@ -18,7 +18,7 @@ from wbc.measurement import (
     low_pass,
     rotor_torques,
 )
-from wbc.robot.library import robots_directory
+from wbc.robot.loading.library import robots_directory
 from wbc.transmission import Transmission
 
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"

@@ -12,7 +12,7 @@ from wbc.effects import load_robot
 from wbc.measurement import Log, find_suspicions, load_logs, read_logs, suspicions
 from wbc.measurement.columns.apply import mended
 from wbc.robot import Robot
-from wbc.robot.library import robots_directory
+from wbc.robot.loading.library import robots_directory
 
 LEG = load_robot("planar_leg_fixed").lossless()
 RECORDED = {

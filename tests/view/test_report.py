@@ -23,8 +23,8 @@ from wbc.identification import (
     Support,
     diagnose,
 )
+from wbc.identification.answer.diagnosis.sentence import what_to_do
 from wbc.identification.answer.numbers import plain, with_interval
-from wbc.identification.answer.sentence import what_to_do
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion, Robot
 from wbc.view.report import verdict_sentence, write_report

@@ -13,8 +13,8 @@ import wbc
 from wbc.effects import PayloadMass
 from wbc.errors import RobotError
 from wbc.robot import Robot, bare_robot
-from wbc.view.geometry import _clustered, along, capsule, meshcat_geometry
-from wbc.view.shapes import robot_shapes, stick_shapes
+from wbc.view.scene.geometry import _clustered, along, capsule, meshcat_geometry
+from wbc.view.scene.shapes import robot_shapes, stick_shapes
 
 
 def placed(robot: Robot, q: np.ndarray) -> dict[str, np.ndarray]:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.coulomb_friction import CoulombFriction
-from wbc.effects.rotor_coulomb_friction import RotorCoulombFriction
-from wbc.effects.rotor_inertia import RotorInertia
-from wbc.effects.rotor_viscous_friction import RotorViscousFriction
-from wbc.effects.torque_offset import TorqueOffset
-from wbc.effects.viscous_friction import ViscousFriction
+from wbc.effects.drive.rotor_inertia import RotorInertia
+from wbc.effects.drive.torque_offset import TorqueOffset
+from wbc.effects.friction.coulomb_friction import CoulombFriction
+from wbc.effects.friction.rotor_coulomb_friction import RotorCoulombFriction
+from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
+from wbc.effects.friction.viscous_friction import ViscousFriction
 from wbc.identification.classic.base_parameters import base_columns, combination, link_names
 from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.inertial_columns import inertial_columns

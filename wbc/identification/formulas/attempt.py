@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.effects import CustomTorque
-from wbc.identification.choice.evidence import log_densities
-from wbc.identification.choice.hypothesis import Hypothesis
-from wbc.identification.choice.trials import hypothesis_of
+from wbc.identification.choice.weighing.evidence import log_densities
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.trials import hypothesis_of
 from wbc.identification.formulas.formula import Formula
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.problem import Problem

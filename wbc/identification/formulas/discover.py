@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from wbc.effects import CustomTorque
-from wbc.identification.answer.diagnosis import ErrorLevel
-from wbc.identification.answer.remainder import describe, remainders
-from wbc.identification.choice.candidate_columns import evidence
+from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel
+from wbc.identification.answer.remainder.remainder import describe, remainders
+from wbc.identification.choice.screening.candidate_columns import evidence
 from wbc.identification.formulas.attempt import Attempt, better_somewhere
 from wbc.identification.formulas.discovery import Discovery, Outcome
 from wbc.identification.formulas.formula import Formula, find_formula

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from wbc.effects import CustomTorque, TorqueTerm
-from wbc.identification.answer.diagnosis import Estimate
+from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.formulas.attempt import Attempt
 from wbc.identification.formulas.discovery import Proposal
 from wbc.identification.model.fit import Fit

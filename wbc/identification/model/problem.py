@@ -21,7 +21,7 @@ from wbc.identification.records.folds import (
     bootstrap_blocks,
     held_out_folds,
 )
-from wbc.identification.records.noise_floor import (
+from wbc.identification.records.noise.noise_floor import (
     NoiseFloor,
     drawn_noise,
     noise_floor,

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import IdentificationError
-from wbc.identification.records.contact_flags import active_contacts
+from wbc.identification.records.contacts.contact_flags import active_contacts
 from wbc.measurement import (
     Log,
     SuspiciousLogError,

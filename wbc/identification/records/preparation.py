@@ -10,13 +10,9 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
-from wbc.identification.records.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
 from wbc.identification.records.channels import Channels, read_channels
-from wbc.identification.records.impacts import away_from_impacts
-from wbc.identification.records.load_noise import load_bands
-from wbc.identification.records.outputs import output_count
-from wbc.identification.records.record import Record
-from wbc.identification.records.smoothing import (
+from wbc.identification.records.filters.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
+from wbc.identification.records.filters.smoothing import (
     derivative,
     differentiate,
     gate,
@@ -24,7 +20,11 @@ from wbc.identification.records.smoothing import (
     quantisation_level,
     white_level,
 )
-from wbc.identification.records.synthetic_noise import synthetic_noise
+from wbc.identification.records.impacts import away_from_impacts
+from wbc.identification.records.noise.load_noise import load_bands
+from wbc.identification.records.noise.synthetic_noise import synthetic_noise
+from wbc.identification.records.outputs import output_count
+from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.measurement.machine import loaded
 from wbc.robot import Motion, Robot

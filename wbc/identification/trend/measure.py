@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from wbc.effects import load_robot
 from wbc.errors import WbcError
-from wbc.identification.answer.diagnosis import Estimate
+from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.problem import Problem
 from wbc.identification.records.outputs import output_names, output_units

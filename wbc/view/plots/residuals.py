@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from wbc.arrays import FloatArray
-from wbc.view.explained import explained_curves
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import drawing, new_figure
-from wbc.view.residuals import Residuals
+from wbc.view.quantities.explained import explained_curves
+from wbc.view.quantities.residuals import Residuals
 
 _POINTS = 1500
 

@@ -9,8 +9,8 @@ from matplotlib.patches import Patch
 
 from wbc.arrays import FloatArray
 from wbc.transmission import Direction
-from wbc.view.impacts import Impact
 from wbc.view.palette import DIRECTION_COLOURS
+from wbc.view.quantities.impacts import Impact
 
 DIRECTION_LABELS = {
     Direction.FORWARD: "forward (motor drives)",

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.problem import Problem
