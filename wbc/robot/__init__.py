@@ -21,7 +21,7 @@ from wbc.robot.loading.description import (
 )
 from wbc.robot.loading.gear_lines import state_gear
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
-from wbc.robot.loading.solids import collision_solids, model_geometry, model_path
+from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
@@ -39,6 +39,7 @@ __all__ = [
     "MemoryEnergy",
     "Motion",
     "Parameter",
+    "PlacedGeometry",
     "Quantity",
     "Robot",
     "RobotDescription",
@@ -50,8 +51,7 @@ __all__ = [
     "build_robot",
     "collision_solids",
     "find_description",
-    "model_geometry",
-    "model_path",
+    "placed_geometry",
     "read_description",
     "robot_names",
     "robots_directory",
