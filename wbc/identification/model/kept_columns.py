@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
+from wbc.identification.model.added_torque import added_column
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
@@ -108,25 +109,24 @@ class KeptColumns:
         self, beside: tuple[Effect, ...], own: Effect, parameter: Parameter
     ) -> FloatArray | None:
         try:
-            before = self._residual((*beside, own))
+            if (*beside, own) not in self._last:
+                self._last.clear()
+                self._last[*beside, own] = self._residual(beside, own)
+            before = self._last[*beside, own]
             for way in (STEP, -STEP):
                 moved = _moved(own, parameter, (way,))
                 if moved is not own:
-                    after = condensed_residual(
-                        self.robot.with_effects(*beside, moved), self.records
-                    )
-                    return np.asarray((after - before) / way)
+                    return np.asarray((self._residual(beside, moved) - before) / way)
         except IMPOSSIBLE:
             pass
         return None
 
-    def _residual(self, effects: tuple[Effect, ...]) -> FloatArray:
-        if effects not in self._last:
-            self._last.clear()
-            self._last[effects] = condensed_residual(
-                self.robot.with_effects(*effects), self.records
-            )
-        return self._last[effects]
+    def _residual(self, beside: tuple[Effect, ...], own: Effect) -> FloatArray:
+        """Return what is left with an effect, up to what does not depend on its numbers."""
+        taken = None if beside else added_column(self.robot, own, self.records)
+        if taken is not None:
+            return -taken
+        return condensed_residual(self.robot.with_effects(*beside, own), self.records)
 
 
 def keeps_motion(robot: Robot) -> bool:

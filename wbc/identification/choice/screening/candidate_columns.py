@@ -12,17 +12,16 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
+from wbc.identification.model.added_torque import ADDS, added_torque, condensed
 from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
-from wbc.identification.model.kept_columns import lossy_gears
-from wbc.identification.model.residual import raw_residual, swinging_torque
+from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
+from wbc.identification.model.residual import noise_sizes, raw_residual, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
 
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
-
-_ADDS: frozenset[str] = frozenset({"joint_torque", "joint_friction", "rotor_torque"})
 
 _Offer = tuple[type[Effect], str, Screen]
 _Units = tuple[tuple[tuple[str, float], ...], ...]
@@ -138,7 +137,7 @@ def make_atoms(
 
 def adds(robot: Robot, effect: type[Effect]) -> bool:
     """Whether an effect only adds torque to what a robot with perfect gears and drives needs."""
-    if effect.acts_by <= _ADDS:
+    if effect.acts_by <= ADDS:
         return True
     places = effect.places(robot)
     return bool(places) and only_inertial(robot, effect.at(places[0]))
@@ -146,7 +145,7 @@ def adds(robot: Robot, effect: type[Effect]) -> bool:
 
 def alone_on(robot: Robot, given: Robot) -> bool:
     """Whether what `adds` to a robot is what it adds to the robot as given."""
-    sums = all(effect.acts_by <= _ADDS | {"change"} for effect in robot.effects)
+    sums = all(effect.acts_by <= ADDS | {"change"} for effect in robot.effects)
     return sums and not lossy_gears(robot).any() and robot.model is given.model
 
 
@@ -224,6 +223,7 @@ def _columns(
     result: dict[int, FloatArray] = {}
     if swinging is None:
         result |= _inertial_columns(robot, record, offers)
+        result |= _added_columns(robot, record, offers)
     slow = [k for k in range(len(offers)) if k not in result]
     for first in range(0, len(slow), _BATCH):
         changes, sizes = [], []
@@ -238,6 +238,28 @@ def _columns(
         parts = np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
         result |= dict(zip(batch, parts, strict=True))
     return [result[k] for k in range(len(offers))]
+
+
+def _added_columns(
+    robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
+) -> dict[int, FloatArray]:
+    """Return the columns (rows, outputs, r) of the offers that only add torque.
+
+    The rest of the robot is not computed again for each of them.
+    """
+    if not keeps_motion(robot):
+        return {}
+    lossy, sizes = np.flatnonzero(lossy_gears(robot)), noise_sizes(robot, [record])[:1]
+    result = {}
+    for k, (effect, where, screen) in enumerate(offers):
+        if not effect.acts_by <= ADDS:
+            continue
+        units = [_made(effect, where, screen, values) for values in screen.units]
+        taken = [added_torque(robot, unit, record) for unit in units]
+        felt = [t for t in taken if t is not None and not t[:, lossy].any()]
+        if len(felt) == len(units):
+            result[k] = np.stack([condensed(record, t) / sizes for t in felt], axis=-1)
+    return result
 
 
 def _inertial_columns(
