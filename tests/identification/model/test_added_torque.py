@@ -73,5 +73,5 @@ def test_columns_beside_drives_and_a_lossy_gear_are_those_of_the_residual(
         for k, unit in enumerate(regressor.screen.units):
             changed = robot.with_effect(regressor.effect.at(regressor.where, unit))
             lost = before - condensed_residual(changed, records)
-            column = regressor.columns[:, :, k]
+            column = regressor.columns.full()[:, :, k]
             assert column == pytest.approx(lost, abs=1e-6 * max(float(np.abs(lost).max()), 1e-9))
