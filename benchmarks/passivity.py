@@ -18,7 +18,7 @@ import time
 import numpy as np
 import pinocchio as pin
 
-from tests.sim.random_grounds import GROUNDS, made_by_rows, random_scene
+from tests.sim.ground.random_grounds import GROUNDS, made_by_rows, random_scene
 from tests.sim.random_robots import BASES
 from wbc.errors import SimulationError
 from wbc.sim import Plant, SimState

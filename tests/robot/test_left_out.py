@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wbc.robot.model_file import read_model
+from wbc.robot.loading.model_file import read_model
 
 _LINK = (
     '<link name="{}"><inertial><mass value="1"/><origin xyz="0 0 -0.1"/>'

@@ -15,7 +15,6 @@ from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
-from wbc.view.gear_flow import gear_flow, tooth_loss
 from wbc.view.plots import (
     energy_audit,
     energy_figure,
@@ -26,6 +25,7 @@ from wbc.view.plots import (
     tradeoff_figure,
     write_figure,
 )
+from wbc.view.quantities.gear_flow import gear_flow, tooth_loss
 
 
 def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(

@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from wbc.effects.catalogue import effect_class
-from wbc.effects.yielding_gear import SIDES
+from wbc.effects.gear.yielding_gear import SIDES
 from wbc.errors import RobotError, unknown_name
 from wbc.files import write_text
 from wbc.robot import (
@@ -21,8 +21,8 @@ from wbc.robot import (
     read_description,
     with_gear_numbers,
 )
+from wbc.robot.loading.units import to_si
 from wbc.robot.robot import RobotSource
-from wbc.robot.units import to_si
 
 _KEYS = ("robot", "lossless", "gears", "effects", "provenance")
 

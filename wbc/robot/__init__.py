@@ -1,13 +1,6 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.contact import ContactPoint
-from wbc.robot.description import (
-    RobotDescription,
-    bare_robot,
-    build_robot,
-    read_description,
-    with_gear_numbers,
-)
 from wbc.robot.effect import (
     ContactForces,
     Effect,
@@ -18,12 +11,19 @@ from wbc.robot.effect import (
     small_steps,
 )
 from wbc.robot.joint_map import BaseState, JointMap
-from wbc.robot.library import find_description, robot_names, robots_directory
+from wbc.robot.loading.description import (
+    RobotDescription,
+    bare_robot,
+    build_robot,
+    read_description,
+    with_gear_numbers,
+)
+from wbc.robot.loading.library import find_description, robot_names, robots_directory
+from wbc.robot.loading.solids import collision_solids, model_geometry, model_path
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, Screen
-from wbc.robot.solids import collision_solids, model_geometry, model_path
 
 __all__ = [
     "BaseState",

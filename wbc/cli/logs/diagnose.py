@@ -27,9 +27,9 @@ from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
+from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
 from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
-from wbc.identification.answer.sentence import verdict_sentence, what_to_do
 from wbc.identification.formulas import discover
 from wbc.robot import Effect
 

@@ -152,7 +152,7 @@ def _study(options: argparse.Namespace) -> Study:
 
 def _gait(options: argparse.Namespace, robot: Robot) -> tuple[tuple[float, ...], ...]:
     """Return rows (time, q...) at evenly spread instants of a log."""
-    from wbc.view.channels import configuration
+    from wbc.view.quantities.channels import configuration
 
     if options.instants < 1:
         raise WbcError("--instants must be at least 1.")

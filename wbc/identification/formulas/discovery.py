@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from wbc.effects import CustomTorque
-from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
+from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel, Estimate
 from wbc.robot import Effect, Robot
 
 Outcome = Literal["formula", "partial", "none"]

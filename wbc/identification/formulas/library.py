@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects import TorqueTerm
-from wbc.effects.periodicity import strongest_orders
+from wbc.effects.drive.periodicity import strongest_orders
 from wbc.robot import Motion, Robot
 
 _HARMONICS = 2  # orders read off the data, per kind of torque

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from wbc.effects.yielding_gear import Side, YieldingGear
+from wbc.effects.gear.yielding_gear import Side, YieldingGear
 from wbc.identification.model.fit import ITERATIONS, Fit
 from wbc.identification.model.link_friction import rubbing_effects
 from wbc.robot import Effect, Motion, Robot

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.links import LinkFriction, LinkResponse
 from wbc.robot import Effect, Motion, Robot
 

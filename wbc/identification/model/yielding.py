@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.robot import Effect, Robot
 from wbc.transmission import Flanks
 

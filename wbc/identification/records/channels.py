@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import IdentificationError, LogError
-from wbc.identification.records.contact_flags import active_contacts
+from wbc.identification.records.contacts.contact_flags import active_contacts
 from wbc.measurement import Log, feedback_torques, makes_torque, reports_torque, rotor_torques
 from wbc.measurement.checks.robot_check import check_robot
 from wbc.robot import Robot

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import BoolArray
-from wbc.identification.records.bandwidth import Bandwidth
 from wbc.identification.records.channels import Channels
+from wbc.identification.records.filters.bandwidth import Bandwidth
 from wbc.robot import Robot
 
 _JUMP = 0.3  # of the robot's weight, by which a force may change from one sample to the next

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import IdentificationError
-from wbc.identification.answer.diagnosis import Estimate
+from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.answer.shown import data_frame
 from wbc.identification.trend.drift import Line, Points, fit_lines, no_chance
 from wbc.identification.trend.measure import (

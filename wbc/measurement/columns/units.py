@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import pi
 
 from wbc.errors import LogError, unknown_name
-from wbc.robot.units import SI_UNITS
+from wbc.robot.loading.units import SI_UNITS
 
 _TURN = 2.0 * pi
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from wbc.errors import RobotError
 from wbc.files import write_text
-from wbc.robot.model_file import read_model
+from wbc.robot.loading.model_file import read_model
 
 _KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
 _GUESS = "guess: not in the model file; look it up"

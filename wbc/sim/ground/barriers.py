@@ -22,7 +22,7 @@ _NOWHERE = (np.zeros(0), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Clearance:
+class BarrierDistances:
     """Distances at one configuration; c = k s contact barriers, k points times s solids.
 
     Attributes:
@@ -131,13 +131,13 @@ class Barriers:
         q[self._position] = np.clip(q[self._position], self._lower, self._upper)
         return q
 
-    def clearance(self, position: FloatArray, time: float) -> Clearance:
+    def clearance(self, position: FloatArray, time: float) -> BarrierDistances:
         """Return all gaps at q (nq,) and a time [s], for the placements held in the workspace."""
         gap, normal = self._ground(time) if self.contacts else _NOWHERE
         if self.limits:
             here = position[self._position]
             gap = np.concatenate((here - self._lower, self._upper - here, gap))
-        return Clearance(gap, normal)
+        return BarrierDistances(gap, normal)
 
     def _ground(self, time: float) -> tuple[FloatArray, FloatArray]:
         points = contact_points(self._space)
@@ -151,7 +151,7 @@ class Barriers:
     def rows(
         self,
         closed: BoolArray,
-        clearance: Clearance,
+        clearance: BarrierDistances,
         target: FloatArray,
         time: float = 0.0,
         later: float = 0.0,

@@ -35,7 +35,7 @@ from wbc.sim.step.flight import (
 )
 from wbc.sim.step.forces import EffectForces, effect_forces
 from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
-from wbc.sim.step.problem import problem_of, program_of, solve_released
+from wbc.sim.step.part_program import problem_of, program_of, solve_released
 
 _NO_SHIFT = np.zeros(0)
 _MESH_ROUNDS = 40

@@ -12,10 +12,10 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.channels import configuration, contact_forces, rotor_torque, velocity
-from wbc.view.gear_flow import gear_flow, tooth_loss
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+from wbc.view.quantities.channels import configuration, contact_forces, rotor_torque, velocity
+from wbc.view.quantities.gear_flow import gear_flow, tooth_loss
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.averaging import jump_rows
-from wbc.view.channels import contact_forces
-from wbc.view.gear_flow import gear_flow
-from wbc.view.impacts import log_impacts, robot_weight
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.noisy import plot_mean
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+from wbc.view.quantities.averaging import jump_rows
+from wbc.view.quantities.channels import contact_forces
+from wbc.view.quantities.gear_flow import gear_flow
+from wbc.view.quantities.impacts import log_impacts, robot_weight
 
 _QUANTITY = {"N": "force", "N s": "impulse", "rad/s": "speed", "W": "power"}
 

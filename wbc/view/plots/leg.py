@@ -20,10 +20,10 @@ from wbc.metrics import (
 )
 from wbc.robot import Robot
 from wbc.transmission import Direction
-from wbc.view.impacts import robot_weight
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import DASHES, drawing, new_figure
-from wbc.view.shapes import robot_shapes
+from wbc.view.quantities.impacts import robot_weight
+from wbc.view.scene.shapes import robot_shapes
 
 # One colour for one assumption about the gears, in both panels.
 _FORWARD, _BACKWARD, _PERFECT = 0, 1, 2

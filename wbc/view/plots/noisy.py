@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wbc.arrays import FloatArray
-from wbc.view.averaging import window_mean
+from wbc.view.quantities.averaging import window_mean
 
 _SHARE = 1.0 / 150.0
 _ROUGH = 0.1

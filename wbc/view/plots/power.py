@@ -7,12 +7,12 @@ from matplotlib.figure import Figure
 
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.gear_flow import gear_flow
-from wbc.view.impacts import log_impacts
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.noisy import display_window
 from wbc.view.plots.shading import direction_patches, fill_power, mark_impacts
 from wbc.view.plots.style import drawing, new_figure
+from wbc.view.quantities.gear_flow import gear_flow
+from wbc.view.quantities.impacts import log_impacts
 
 
 def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from wbc.arrays import FloatArray
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.channels import configuration, contact_forces, rotor_torque
-from wbc.view.impacts import log_impacts, robot_weight
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.noisy import plot_mean
 from wbc.view.plots.shading import mark_impacts
 from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
+from wbc.view.quantities.channels import configuration, contact_forces, rotor_torque
+from wbc.view.quantities.impacts import log_impacts, robot_weight
 
 _CUT = 4.0  # weights at which the axis of the force ends where something lands
 _QUANTITY = {"m": "height", "mm": "sway", "deg": "pitch", "N m": "torque", "N": "force"}

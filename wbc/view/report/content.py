@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, Ranked
+from wbc.identification.answer.diagnosis.sentence import spoken, verdict_sentence, what_to_do
 from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
-from wbc.identification.answer.sentence import spoken, verdict_sentence, what_to_do
 from wbc.measurement import LogQuality, LogSource
 
 _MEANINGS = {

@@ -9,9 +9,9 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification import Series
-from wbc.view.explained import explained_curves
+from wbc.view.quantities.explained import explained_curves
+from wbc.view.quantities.residuals import LogResiduals, ResidualRun
 from wbc.view.report.content import log_name
-from wbc.view.residuals import ResidualRun, Residuals
 
 _ROWS = 700  # of one line: about as many as a screen has points across
 _NUMBERS = 500_000  # of all lines together: some 3 MB of text
@@ -19,7 +19,7 @@ _POINTS = 450
 
 
 def residual_plots(
-    residuals: Residuals, before: Sequence[Series], after: Sequence[Series]
+    residuals: LogResiduals, before: Sequence[Series], after: Sequence[Series]
 ) -> dict[str, Any]:
     """Return per output: torques and residuals over time, residuals over speed, position and load.
 

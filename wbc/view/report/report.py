@@ -13,14 +13,15 @@ from plotly.offline import get_plotlyjs
 
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis
-from wbc.identification.answer.compare import compare_problem
+from wbc.identification.answer.comparison.compare import compare_problem
 from wbc.identification.answer.series import series_of
 from wbc.identification.formulas import Discovery
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log, check_logs
 from wbc.robot import Robot
-from wbc.view.ghost import model_ghost
-from wbc.view.playback import playback_page
+from wbc.view.playback.ghost import model_ghost
+from wbc.view.playback.playback import playback_page
+from wbc.view.quantities.residuals import residuals_in
 from wbc.view.report.content import (
     correlation_table,
     dependence_rows,
@@ -36,7 +37,6 @@ from wbc.view.report.content import (
 )
 from wbc.view.report.formulas import formula_part
 from wbc.view.report.plot_data import residual_plots
-from wbc.view.residuals import residuals_in
 
 _PAGE = Path(__file__).parent / "page"
 
@@ -88,7 +88,7 @@ def report_page(
     saved: str | None = None,
 ) -> str:
     """Return the HTML text of `write_report`."""
-    problem = Problem.from_logs(robot, logs)
+    problem = EstimationProblem.from_logs(robot, logs)
     comparison = compare_problem(problem)
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from wbc.effects.yielding_gear import Side, YieldingGear
+from wbc.effects.gear.yielding_gear import Side, YieldingGear
 from wbc.identification.choice.gears.plays import best_plays
 from wbc.identification.choice.gears.springs import best_springs
 from wbc.identification.model.residual import link_response, rubbing_responses

@@ -1,0 +1,117 @@
+"""`step` never raises, is always bounded and always safe: hostile states and inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from benchmarks.controller_hostile import OVERSHOOT, hostile_inputs, kept, quiet
+from benchmarks.controller_scenes import controller
+from tests.control.scenes import arm
+from wbc.control import (
+    Controller,
+    ControllerSettings,
+    JointLimit,
+    PostureTask,
+    RotorTorqueEffort,
+    RotorTorqueLimit,
+    Status,
+    explain,
+)
+from wbc.control.solvers import ForeignSolver, QPStatus
+from wbc.effects import load_robot
+from wbc.robot import Motion
+from wbc.robot.loading.library import robot_names
+
+SETTINGS = ControllerSettings()
+
+
+def bounded(command, levels=1):
+    assert command.rounds <= SETTINGS.max_rounds * levels
+    assert command.iterations <= SETTINGS.max_iterations + OVERSHOOT
+    return True
+
+
+@pytest.mark.parametrize(
+    ("name", "ticks"),
+    [("planar_leg_strong", 2000), ("solo12", 2000), ("anymal", 1200), ("talos", 800)],
+)
+def test_hostile_ticks_are_bounded_and_safe(name, ticks):
+    robot, generator = load_robot(name), np.random.default_rng(1)
+    ours = controller(robot)
+    cases = hostile_inputs(robot, ours, generator)
+    for tick in range(ticks):
+        arguments = next(cases)
+        command = ours.step(*arguments)
+        assert kept(robot, command), (tick, command.message)
+        assert bounded(command)
+        if not command.status.usable:
+            assert command.message
+    ours.reset()  # wild targets are held, as any target is
+    assert ours.step(quiet(robot, generator)).status is Status.SOLVED
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_shipped_robot_keeps_the_promise(name):
+    """With efforts, joint limits and a second level, and without contacts."""
+    robot, generator = load_robot(name), np.random.default_rng(2)
+    driven = robot.transmission.joints
+    tasks = [
+        PostureTask.of(robot, driven[:1], name="first"),
+        PostureTask.of(robot, name="rest", level=1),
+        RotorTorqueEffort(weight=1e-3),
+    ]
+    limits = [RotorTorqueLimit(), JointLimit.of(robot)]
+    ours = Controller(robot, tasks, limits=limits)
+    for _ in range(60):
+        speed = generator.choice([0.1, 3.0, 100.0, 1e9])
+        q = pin.integrate(robot.model, robot.neutral(), generator.normal(size=robot.model.nv))
+        command = ours.step(Motion(q, speed * generator.normal(size=robot.model.nv)))
+        assert np.isfinite(command.rotor_torque).all()
+        assert kept(robot, command)
+        assert bounded(command, levels=2)
+
+
+def test_random_arms_keep_the_promise():
+    for seed in range(40):
+        generator = np.random.default_rng(seed)
+        robot = arm(int(generator.integers(1, 7)), generator)
+        ours = Controller(robot, [PostureTask.of(robot)], limits=None)
+        for _ in range(10):
+            v = 10.0 ** generator.uniform(-2, 5) * generator.normal(size=robot.model.nv)
+            q = pin.integrate(robot.model, robot.neutral(), generator.normal(size=v.shape))
+            command = ours.step(Motion(q, v))
+            assert kept(robot, command)
+            assert bounded(command)
+
+
+def test_a_conflict_is_explained_when_somebody_asks():
+    robot, generator = load_robot("solo12"), np.random.default_rng(0)
+    ours, told = controller(robot), []
+    q = next(iter(robot.poses.values()))
+    for _ in range(10):
+        v = np.zeros(robot.model.nv)
+        v[robot.actuated] = 50.0 * generator.normal(size=12)
+        command = ours.step(Motion(q, v))
+        assert command.status is Status.INFEASIBLE
+        told.append(command)
+    for command in told:  # each by its own program, although ticks have passed
+        assert "cannot be kept" in explain(command)
+        assert "missing" in explain(command)
+    assert explain(ours.step(Motion(q, np.zeros(robot.model.nv)))) == ""
+    assert "position" in explain(ours.step(None))
+
+
+@pytest.mark.parametrize("name", ["planar_leg_strong", "solo12", "talos"])
+def test_what_is_called_a_contradiction_is_one(name):
+    """Another solver finds no motion either for the program of a tick that was refused."""
+    robot, generator = load_robot(name), np.random.default_rng(3)
+    ours, refused = controller(robot), []
+    cases = hostile_inputs(robot, ours, generator)
+    while len(refused) < 40:
+        command = ours.step(*next(cases))
+        if command.status is Status.INFEASIBLE and "cannot be kept" in command.message:
+            refused.append(command.refused.problem.dense())
+    found = [ForeignSolver("daqp").solve(problem) for problem in refused]
+    assert sum(one.status is QPStatus.SOLVED for one in found) == 0

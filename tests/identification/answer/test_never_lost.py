@@ -1,0 +1,106 @@
+"""Whatever happens while causes are sought, the best answer so far remains."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+import pytest
+
+from wbc.arrays import FloatArray
+from wbc.effects import CoulombFriction, ViscousFriction, load_robot
+from wbc.identification import diagnose
+from wbc.identification.choice.search.find_causes import Found
+from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.sim.excitation import record_with
+
+LEG = load_robot("planar_leg_fixed").lossless()
+LOGS = record_with(LEG, [CoulombFriction("hip", 0.7)], duration=3.0)
+KEY = ("coulomb_friction", "hip")
+
+
+@final
+@dataclass(frozen=True)
+class Broken(Effect):
+    """An effect with an error in it."""
+
+    size: float
+
+    name: ClassVar[str] = "broken"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("size", "1", 0.0, -1.0, 1.0, 0.1),)
+    explanation: ClassVar[str] = "None."
+    experiment: ClassVar[str] = "None."
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        return ("robot",)
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        raise ZeroDivisionError("no torque")
+
+
+@final
+@dataclass(frozen=True)
+class Boundless(Effect):
+    """An effect whose torque is no number once it has a size."""
+
+    size: float
+
+    name: ClassVar[str] = "boundless"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("size", "1", 0.0, -1.0, 1.0, 0.1),)
+    explanation: ClassVar[str] = "None."
+    experiment: ClassVar[str] = "None."
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        return ("robot",)
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        return np.full(motion.velocity.shape, np.nan if self.size else 0.0)
+
+
+@pytest.mark.parametrize("bad", [Broken, Boundless])
+def test_an_effect_that_fails_is_left_out_and_named(bad: type[Effect]) -> None:
+    diagnosis = diagnose(LEG, LOGS, [bad, CoulombFriction, ViscousFriction])
+    assert [e.key for e in diagnosis.effects] == [KEY]
+    if bad is Broken:
+        assert any("broken: ZeroDivisionError: no torque" in text for text in diagnosis.warnings)
+
+
+def test_a_search_without_time_says_so() -> None:
+    diagnosis = diagnose(LEG, LOGS, budget=0.0)
+    assert diagnosis.effects == ()
+    assert any("best answer so far" in text for text in diagnosis.warnings)
+
+
+def test_time_that_ends_after_the_search_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    answering = importlib.import_module("wbc.identification.answer.diagnosis.diagnose")
+
+    def late(found: Found, *rest: object) -> Found:
+        found.trials.until = 0.0
+        return found
+
+    hidden = [
+        CoulombFriction("knee", 0.5),
+        ViscousFriction("hip", 0.3),
+        CoulombFriction("hip", 0.7),
+    ]
+    logs = record_with(LEG, hidden, duration=4.0)
+    monkeypatch.setattr(answering, "look_closer", late)
+    diagnosis = diagnose(LEG, logs, [CoulombFriction, ViscousFriction], budget=1e3)
+    assert {e.key for e in diagnosis.effects} == {e.key for e in hidden}
+
+
+def test_an_interrupted_search_keeps_what_it_found() -> None:
+    def interrupt(line: str) -> None:
+        if line.startswith("+ coulomb_friction"):
+            interrupted.append(line)
+        elif interrupted:
+            raise KeyboardInterrupt
+
+    interrupted: list[str] = []
+    diagnosis = diagnose(LEG, LOGS, progress=interrupt)
+    assert [e.key for e in diagnosis.effects] == [KEY]
+    assert any("interrupted" in text for text in diagnosis.warnings)

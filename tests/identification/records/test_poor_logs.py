@@ -1,0 +1,163 @@
+"""Logs that say little, or that must not be believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.recover.plant import Lane, simulate
+from wbc.effects import CoulombFriction, load_robot
+from wbc.errors import WbcError
+from wbc.identification import compare, diagnose
+from wbc.identification.records.filters.smoothing import quantisation_level
+from wbc.measurement import Log
+
+ROBOT = load_robot("planar_leg_fixed").lossless()
+JOINTS = ("hip", "knee")
+
+
+def _log(flaws: dict[str, tuple[float, float]], excitation: int, noise: int) -> Log:
+    lanes = [Lane(dict(flaws), excitation, noise=noise)]
+    table = dict(simulate(lanes, duration=5.0, step=5e-4)[0])
+    return Log(table.pop("time"), table)
+
+
+@pytest.fixture(scope="module")
+def friction() -> tuple[Log, Log]:
+    flaws = {"coulomb": (0.6, 0.0)}
+    return _log(flaws, 3, 1), _log(flaws, 4, 2)
+
+
+def _standing(torque_error: float) -> Log:
+    """Return a log of a leg that is held at one pose."""
+    random = np.random.default_rng(0)
+    count, pose = 2000, np.array([0.3, -0.6])
+    gravity = pin.computeGeneralizedGravity(ROBOT.model, ROBOT.model.createData(), pose)
+    columns: dict[str, np.ndarray] = {}
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}.position"] = pose[k] + 2e-5 * random.standard_normal(count)
+        columns[f"{joint}.velocity"] = 3e-3 * random.standard_normal(count)
+        torque = gravity[k] / 20.0 + torque_error
+        columns[f"{joint}.rotor_torque"] = torque + 2e-3 * random.standard_normal(count)
+    return Log(0.002 * np.arange(count), columns)
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.0, "none"), (0.05, "unknown")])
+def test_nothing_is_named_where_nothing_moves(error: float, verdict: str) -> None:
+    diagnosis = diagnose(ROBOT, [_standing(error)])
+    assert diagnosis.verdict == verdict
+    assert diagnosis.effects == ()
+    # The columns are suspected of being constant, and each joint is said to stand still.
+    assert [w.split()[0] for w in diagnosis.warnings[-2:]] == ["hip", "knee"]
+    assert "Move each joint" in diagnosis.next_experiment
+
+
+@pytest.mark.parametrize("noise", [(2e-5, 3e-3), (1e-5, 1e-3)])
+def test_a_joint_that_holds_still_does_not_rub_against_its_noise(
+    noise: tuple[float, float],
+) -> None:
+    """Between the limits of its friction a held joint may carry any torque, here none."""
+    random, time = np.random.default_rng(1), 0.004 * np.arange(1500)
+    swing = 0.6 * np.sin(5.0 * time) * np.array([[0.0], [1.0]])
+    rate, rise = np.gradient(swing, 0.004, axis=1), -25.0 * swing
+    data = ROBOT.model.createData()
+    pose = np.array([[0.6], [-0.3]]) + swing
+    torque = np.array(
+        [pin.rnea(ROBOT.model, data, *x) for x in zip(pose.T, rate.T, rise.T, strict=True)]
+    ).T
+    torque = (torque + ROBOT.transmission.reflected_inertia[:, None] * rise) / 20.0
+    columns: dict[str, np.ndarray] = {}
+    for k, joint in enumerate(JOINTS):
+        drawn = random.standard_normal((3, time.size))
+        columns[f"{joint}.position"] = pose[k] + noise[0] * drawn[0]
+        columns[f"{joint}.velocity"] = rate[k] + noise[1] * drawn[1]
+        columns[f"{joint}.rotor_torque"] = torque[k] + 2e-3 * drawn[2]
+    log = Log(time, columns)
+    rubbing = ROBOT.with_effect(CoulombFriction("hip", 0.6))
+    assert compare(rubbing, [log]).error == pytest.approx(compare(ROBOT, [log]).error, rel=0.02)
+
+
+def test_a_copy_is_no_second_observation(friction: tuple[Log, Log]) -> None:
+    once, twice = diagnose(ROBOT, friction), diagnose(ROBOT, [*friction, friction[0]])
+    assert twice.error == once.error
+    assert len(twice.warnings) == 1
+    assert "same data" in twice.warnings[0]
+
+
+def test_a_drive_that_reports_nothing_is_set_aside(friction: tuple[Log, Log]) -> None:
+    random = np.random.default_rng(5)
+    deaf = [
+        log.with_columns({"knee.rotor_torque": 2e-3 * random.standard_normal(len(log))})
+        for log in friction
+    ]
+    diagnosis = diagnose(ROBOT, deaf)
+    assert [(e.name, e.where) for e in diagnosis.effects] == [("coulomb_friction", "hip")]
+    assert any(w.startswith("knee: the torque that its drive reports") for w in diagnosis.warnings)
+
+
+def test_degrees_are_recognised_by_the_limits_of_the_joint(friction: tuple[Log, Log]) -> None:
+    names = ("hip.position", "hip.velocity")
+    wrong = friction[0].with_columns({n: np.rad2deg(friction[0].column(n)) for n in names})
+    with pytest.raises(WbcError, match=r"hip.position.* degrees"):
+        compare(ROBOT, [wrong])
+
+
+def test_a_number_at_its_bound_names_nothing(friction: tuple[Log, Log]) -> None:
+    """A drive whose report is a seventh of the truth is beyond what a torque constant may be."""
+    weak = [
+        log.with_columns({"hip.rotor_torque": log.column("hip.rotor_torque") / 7.0})
+        for log in friction
+    ]
+    diagnosis = diagnose(ROBOT, weak)
+    for effect in diagnosis.effects:
+        for parameter in effect.parameters:
+            ends = (parameter.low, parameter.high)
+            value = effect.values[parameter.name]
+            assert parameter.shape or value == parameter.null or value not in ends
+
+
+def test_logs_of_two_machines_are_seen_to_disagree(friction: tuple[Log, Log]) -> None:
+    other = _log({"coulomb": (0.75, 0.0)}, 4, 7)
+    diagnosis = diagnose(ROBOT, [friction[0], other])
+    texts = [text for finding in diagnosis.findings for text in finding.warnings]
+    assert any("the logs disagree on level" in text for text in texts)
+    agreeing = diagnose(ROBOT, friction)
+    texts = [text for finding in agreeing.findings for text in finding.warnings]
+    assert not any("disagree" in text for text in texts)
+
+
+def test_slow_steps_of_an_encoder_are_noise_at_low_frequencies() -> None:
+    rate, step = 500.0, 1e-3
+    t = np.arange(20000) / rate
+    slow = 0.05 * np.sin(0.3 * t)
+    error = np.round(slow / step) * step - slow
+    level = quantisation_level(np.round(slow / step)[:, None] * step, rate)[0]
+    assert error.var() == pytest.approx(step**2 / 12.0, rel=0.1)
+    crossings = 4.0 * 0.05 * 0.3 / (2.0 * np.pi) / step
+    assert level == pytest.approx(step**2 / 6.0 / max(crossings, 10.0), rel=0.2)
+    assert (
+        quantisation_level(
+            (slow + 1e-4 * np.random.default_rng(0).standard_normal(t.size))[:, None], rate
+        )[0]
+        < 1e-12
+    )
+
+
+def test_a_flying_robot_needs_no_contact_forces() -> None:
+    flying = replace(load_robot("planar_leg").lossless(), contacts=())
+    count = 1000
+    t = np.arange(count) * 0.004
+    random = np.random.default_rng(1)
+    columns = {}
+    for name in flying.single_joints:
+        phase = random.uniform(0.0, 6.0)
+        columns[f"{name}.position"] = 0.2 * np.sin(5.0 * t + phase)
+        columns[f"{name}.velocity"] = 1.0 * np.cos(5.0 * t + phase)
+    columns["base_z.position"] = 10.0 - 0.5 * 9.81 * t**2
+    columns["base_z.velocity"] = -9.81 * t
+    for joint in JOINTS:
+        columns[f"{joint}.rotor_torque"] = 0.01 * random.standard_normal(count)
+    assert len(compare(flying, [Log(t, columns)]).outputs) == 5

@@ -1,0 +1,123 @@
+"""The maps beside the robots against the outside data they are for."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from tests.measurement.conftest import outside
+from wbc.measurement import (
+    align_velocity,
+    check_log,
+    filtered_derivatives,
+    load_log,
+    load_logs,
+    low_pass,
+    rotor_torques,
+)
+from wbc.robot.loading.library import robots_directory
+from wbc.transmission import Transmission
+
+PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"
+
+
+def _map(robot: str) -> str:
+    return str(robots_directory() / robot / "columns.toml")
+
+
+@pytest.mark.parametrize(
+    ("robot", "design", "count"),
+    [
+        ("double_pendulum", "A.0", 8),
+        ("double_pendulum_c0", "C.0", 7),
+        ("double_pendulum_c1", "C.1", 12),
+    ],
+)
+def test_double_pendulum_logs_are_split_by_design(robot: str, design: str, count: int) -> None:
+    path = outside(PENDULUM)
+    logs = load_logs([path], _map(robot))
+    assert len(logs) == count
+    assert all(log.source.part.startswith(design + "/") for log in logs)
+    table = pq.read_table(path, filters=[("log", "==", logs[0].source.part)])
+    np.testing.assert_array_equal(logs[0].column("elbow.velocity"), table["v2_rad_s"].to_numpy())
+    np.testing.assert_array_equal(logs[0].time, table["time_s"].to_numpy())
+
+
+def test_reported_velocities_of_the_double_pendulum_are_backward_differences() -> None:
+    log = load_log(f"{outside(PENDULUM)}#C.1/143339", _map("double_pendulum_c1"))
+    steps = np.diff(log.column("elbow.position")) / np.diff(log.time)
+    backward = np.corrcoef(steps, log.column("elbow.velocity")[1:])[0, 1]
+    assert backward > 0.999
+    quality = check_log(log)
+    assert quality.velocity_delay["elbow"] == pytest.approx(0.5 * log.sample_time, rel=0.05)
+
+
+def test_servo_logs_carry_what_the_drive_did() -> None:
+    path = outside("bam_servo/bam.parquet")
+    logs = load_logs([path], _map("xl330_pendulum"))
+    assert len(logs) == 12
+    # Duty law of the README: pwm = clip(kp 4096 / (2 pi) / (256 885) (goal - q)), slope 1.02.
+    log = next(log for log in logs if log.source.part == "xl330_kp200_sin_sin")
+    error = log.column("shaft.goal_position") - log.column("shaft.position")
+    law = 200.0 * 4096.0 / (2.0 * np.pi) / (256.0 * 885.0) * error
+    duty = log.column("shaft.duty")
+    assert float(law @ duty / (law @ law)) == pytest.approx(1.02, abs=0.05)
+    other = load_logs([path], _map("sts3250_pendulum"))
+    assert len(other) == 3
+    assert not any(log.has("shaft.duty") for log in other)
+    released = next(log for log in logs if log.source.part.endswith("kp100_lift_and_drop"))
+    assert np.count_nonzero(released.column("shaft.enabled") == 0.0) == 1138
+
+
+def test_emps_force_reproduces_the_published_identification() -> None:
+    log = load_log(outside("emps/emps_estimation.parquet"), _map("emps"))
+    motion = filtered_derivatives(log.time, log.column("slide.position"), 40.0)
+    force = low_pass(log.time, log.column("slide.motor_torque"), 40.0)
+    sign = low_pass(log.time, np.sign(motion.first), 40.0)
+    regressor = np.stack([motion.second, motion.first, sign, np.ones(len(log))], axis=1)
+    found = np.linalg.lstsq(regressor, force, rcond=None)[0]
+    np.testing.assert_allclose(found, [95.06, 202.0, 20.53, -3.13], rtol=0.02)
+
+
+def test_staubli_joints_follow_from_the_coupled_motors() -> None:
+    path = outside("staubli_tx40/tx40.parquet")
+    log = load_log(path, _map("staubli_tx40"))
+    ratios = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
+    matrix = np.diag(ratios)
+    matrix[5, 4] = ratios[5]
+    joints = tuple(f"joint_{k}" for k in range(1, 7))
+    q = log.stack("position", joints) - [0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(q @ matrix.T, log.stack("rotor_position", joints), atol=1e-9)
+    # The distribution B = (D R)^-T must give the README's tau_joint = R_tau tau_motor.
+    topology = np.eye(6)
+    topology[5, 4] = -1.0
+    gears = Transmission(joints, ratios, np.zeros(6), topology=topology)
+    expected = np.diag(ratios)
+    expected[4, 5] = ratios[5]
+    torques = rotor_torques(log, gears)
+    np.testing.assert_allclose(torques @ gears.distribution.T, torques @ expected.T, atol=1e-12)
+
+
+def test_tiago_starts_with_the_motion_and_its_velocity_is_a_low_pass_of_it() -> None:
+    log = load_log(outside("tiago/tiago.parquet"), _map("tiago"))
+    model = json.loads(outside("tiago/model.json").read_text())
+    assert log.joints == tuple(joint["name"] for joint in model["joints"])
+    assert len(log) == 5080
+    quality = check_log(log)
+    assert len(quality.of_kind("velocity_filtered")) == 8
+    # Undoing T dv/dt + v = dq/dt must give the derivative of the position, which is not used for it
+    # beyond the one number T; a pure shift leaves several times as much.
+    aligned = align_velocity(log)
+    for joint in ("torso_lift_joint", "arm_1_joint", "arm_4_joint"):
+        truth = filtered_derivatives(log.time, log.column(f"{joint}.position"), 5.0).first
+        found = low_pass(aligned.time, aligned.column(f"{joint}.velocity"), 5.0)
+        shifted = np.interp(
+            log.time + quality.velocity_delay[joint], log.time, log.column(f"{joint}.velocity")
+        )
+        inner = slice(60, -60)
+        left = np.std((found - truth)[inner])
+        assert left < 0.01 * np.std(truth[inner])
+        assert left < 0.3 * np.std((low_pass(log.time, shifted, 5.0) - truth)[inner])

@@ -1,0 +1,157 @@
+"""The ghost lies on a right model's measurement and leaves a wrong one's in its direction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from wbc.effects import CoulombFriction, ViscousFriction
+from wbc.measurement import Log
+from wbc.robot import Motion, Robot
+from wbc.view import log_ghost, model_ghost, write_playback
+from wbc.view.plots import residual_figure, staircase_figure
+from wbc.view.quantities.explained import binned_mean
+from wbc.view.quantities.residuals import residuals_of
+
+KNEE = 1
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return wbc.load_robot("planar_leg_fixed").lossless()
+
+
+def swing(robot: Robot) -> Log:
+    """Eight seconds of the fixed leg, exact motion and the torques `robot` needs for it."""
+    time = np.arange(0.0, 8.0, 2e-3)
+    rates = np.array([2.1, 3.3])
+    q, v, a = (
+        0.5 * rates**k * wave(rates * time[:, None])
+        for k, wave in ((0, np.sin), (1, np.cos), (2, lambda x: -np.sin(x)))
+    )
+    motion = Motion(q, v, a, time=time)
+    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
+    columns = {}
+    for i, joint in enumerate(robot.joints):
+        columns[f"{joint}.position"] = q[:, i]
+        columns[f"{joint}.velocity"] = v[:, i]
+        columns[f"{joint}.rotor_torque"] = torque[:, i]
+    return Log(time, columns)
+
+
+def test_a_right_model_lies_on_the_measurement(robot: Robot) -> None:
+    log = swing(robot)
+    ghost = model_ghost(robot, log, np.full(2, 0.01))
+    measured = np.stack(
+        [np.interp(ghost.time, log.time, log.column(f"{j}.position")) for j in robot.joints]
+    )
+    inner = (ghost.time > 0.5) & (ghost.time < 7.5)
+    np.testing.assert_allclose(ghost.position[inner], measured.T[inner], atol=2e-3)
+
+
+def test_a_model_without_friction_runs_ahead(robot: Robot) -> None:
+    log = swing(robot.with_effect(ViscousFriction("knee", 0.4)))
+    ghost = model_ghost(robot, log, np.full(2, 0.01))
+    position = np.interp(ghost.time, log.time, log.column("knee.position"))
+    speed = np.interp(ghost.time, log.time, log.column("knee.velocity"))
+    inner = (ghost.time > 1.0) & (ghost.time < 7.0)
+    lead = (ghost.position[:, KNEE] - position)[inner]
+    # The spring answers a slow push with the push itself, later: correlate over its delay.
+    shifts = range(0, 200, 5)
+    best = max(np.corrcoef(np.roll(lead, -s)[:-200], speed[inner][:-200])[0, 1] for s in shifts)
+    assert best > 0.95
+    assert np.abs(lead).max() > 0.01
+    # Its residual is the friction torque it lacks, in floors of 0.01 N m.
+    at = np.interp(ghost.residual_time, log.time, log.column("knee.velocity"))
+    # (Rows near a reversal of any joint weigh less, hence the median.)
+    fast = np.abs(at) > 0.5
+    ratio = ghost.residual["knee"][fast] / at[fast]
+    assert np.median(ratio) == pytest.approx(40.0, rel=0.01)
+    assert np.all(ratio > 0.0)
+
+
+def test_a_free_base_is_held_by_its_foot(leg: Robot, squat: Log) -> None:
+    stance = squat.between(0.3, 2.0)
+    names = ("base_x", "base_z", "base_pitch", "hip", "knee")
+    q = stance.stack("position", names)
+    v = stance.stack("velocity", names)
+    motion = Motion(q, v, np.gradient(v, stance.time, axis=0), time=stance.time)
+    force = np.stack(
+        [stance.column("foot.force.x"), 0.0 * stance.time, stance.column("foot.force.z")], axis=1
+    )
+    lossless = leg.lossless()
+    torque, _ = rotor_torque(
+        lossless.with_effect(CoulombFriction("knee", 3.0)),
+        motion,
+        link_torque(leg, motion),
+        contact_torque(leg, q, {"foot": force}),
+    )
+    log = stance.with_columns({"hip.rotor_torque": torque[:, 0], "knee.rotor_torque": torque[:, 1]})
+    ghost = model_ghost(lossless, log)
+    feet = [_foot(leg, row) for row in ghost.position[20:-20]]
+    moved = np.linalg.norm(
+        ghost.position[20:-20, 3:]
+        - np.stack([np.interp(ghost.time, log.time, q[:, i]) for i in (3, 4)], axis=1)[20:-20],
+        axis=1,
+    )
+    assert moved.max() > 0.01
+    # First order: a shift of e leaves the foot off by about e^2 times a link.
+    assert np.abs(np.array(feet) - feet[0]).max() < max(1e-3, 0.8 * moved.max() ** 2)
+
+
+def _foot(robot: Robot, q: np.ndarray) -> np.ndarray:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return np.array(data.oMf[robot.model.getFrameId("foot")].translation)
+
+
+def test_another_run_as_ghost_needs_no_model(leg: Robot, squat: Log, tmp_path: object) -> None:
+    ghost = log_ghost(leg, squat, "reference")
+    page = write_playback(f"{tmp_path}/two.html", leg, squat, ghost=ghost)
+    assert "transparent: " in page.read_text(encoding="utf-8")
+
+
+def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
+    missing = CoulombFriction("hip", 0.7)
+    truth = robot.with_effect(missing)
+    rng = np.random.default_rng(0)
+    clean = swing(truth)
+    logs = [
+        clean.with_columns(
+            {
+                n: clean.column(n) + 2e-3 * rng.standard_normal(len(clean))
+                for n in clean.names
+                if "torque" in n
+            }
+        )
+        for _ in range(2)
+    ]
+    residuals = residuals_of(robot, truth, logs)
+    assert residuals.outputs == ("hip", "knee")
+    run = residuals.runs[0]
+    fast = np.abs(run.speed[:, 0]) > 0.5
+    np.testing.assert_allclose(np.abs(run.before[fast, 0]), 0.7, atol=0.05)
+    assert np.abs(run.after[fast, 0]).max() < 0.1
+    figure = residual_figure(residuals, "with coulomb friction")
+    over_speed = figure.axes[1]
+    line = over_speed.get_lines()[0]
+    assert line.get_ydata()[0] == pytest.approx(-0.7, abs=0.05)
+    assert line.get_ydata()[-1] == pytest.approx(0.7, abs=0.05)
+    band = figure.axes[0].patches[0]
+    assert band.get_height() == pytest.approx(4.0 * residuals.floor[0])
+
+
+def test_the_staircase_draws_every_step() -> None:
+    figure = staircase_figure([("as given", 48.3), ("+ coulomb friction", 1.01)], "repeats")
+    widths = [bar.get_width() for bar in figure.axes[0].patches]
+    assert widths == [48.3, 1.01]
+
+
+def test_bins_of_equal_count_keep_a_line_straight() -> None:
+    x = np.linspace(-1.0, 2.0, 300)
+    centers, means = binned_mean(x, 3.0 * x)
+    np.testing.assert_allclose(means, 3.0 * centers)
+    assert len(centers) == 24

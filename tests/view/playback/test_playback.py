@@ -1,0 +1,133 @@
+"""The page is read back: what it shows is where the robot was, and it asks no network."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import LogError, ViewError
+from wbc.measurement import Log
+from wbc.robot import Robot, bare_robot
+from wbc.view import profile_ground, write_playback
+from wbc.view.quantities.channels import configuration
+
+
+def scene_of(page: Path) -> dict:
+    text = page.read_text(encoding="utf-8")
+    match = re.search(r'<script id="scene" type="application/json">(.*?)</script>', text, re.S)
+    return json.loads(match[1])
+
+
+def floats(text: str, *shape: int) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), "<f4").reshape(*shape)
+
+
+@pytest.fixture(scope="module")
+def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_playback(
+        tmp_path_factory.mktemp("view") / "squat.html", leg, squat, marks={"squat": 0.7}
+    )
+
+
+def test_every_frame_holds_the_placement_of_every_joint(page: Path, leg: Robot, squat: Log) -> None:
+    scene = scene_of(page)
+    time = floats(scene["time"], -1)
+    poses = floats(scene["robot"]["poses"], len(time), leg.model.njoints, 7)
+    q = configuration(leg, squat)
+    data = leg.model.createData()
+    for frame in (0, 40, len(time) - 1):
+        row = int(np.argmin(np.abs(squat.time - time[frame])))
+        pin.forwardKinematics(leg.model, data, q[row])
+        for joint in range(leg.model.njoints):
+            np.testing.assert_allclose(
+                poses[frame, joint, :3], data.oMi[joint].translation, atol=1e-6
+            )
+            turn = pin.Quaternion(data.oMi[joint].rotation).coeffs()
+            assert abs(poses[frame, joint, 3:] @ turn) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_impact_is_marked_and_its_force_is_not_skipped(page: Path, squat: Log) -> None:
+    scene = scene_of(page)
+    assert [mark["label"].split(",")[0].split(" at")[0] for mark in scene["marks"]] == [
+        "impact of foot",
+        "squat",
+    ]
+    landing = squat.time[np.argmax(squat.column("foot.force.z") > 0.0)]
+    assert scene["marks"][0]["time"] == pytest.approx(landing)
+    force = floats(scene["contacts"][0]["force"], -1, 3)
+    assert force[:, 2].max() == pytest.approx(squat.column("foot.force.z").max())
+
+
+def test_power_runs_forward_while_rising_and_backward_while_sinking(page: Path) -> None:
+    scene = scene_of(page)
+    time = floats(scene["time"], -1)
+    knee = next(gear for gear in scene["gears"] if gear["name"] == "knee")
+    mode = floats(knee["direction"], -1)
+    # Both link torques act against gravity at the knee only; the squat sinks first.
+    sinking, rising = (time > 0.3) & (time < 0.6), (time > 0.8) & (time < 1.2)
+    assert set(mode[sinking]) == {-1.0}
+    assert set(mode[rising]) == {1.0}
+
+
+def test_the_page_is_one_file_without_network(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="https?:', text)
+    assert page.stat().st_size < 2_000_000
+
+
+def test_a_robot_without_visuals_and_forces_still_plays(tmp_path: Path) -> None:
+    robot = bare_robot(pin.buildSampleModelManipulator(), "arm")
+    time = np.linspace(0.0, 1.0, 50)
+    log = Log(time, {f"{name}.position": np.sin(time) for name in robot.single_joints[:3]})
+    scene = scene_of(write_playback(tmp_path / "arm.html", robot, log))
+    assert scene["contacts"] == []
+    assert scene["floor"] is None
+    assert len(scene["commands"]) > 2 * (robot.model.njoints - 1)
+
+
+def test_a_log_of_another_robot_is_refused(leg: Robot, tmp_path: Path) -> None:
+    log = Log(np.arange(3.0), {"elbow.position": np.zeros(3)})
+    with pytest.raises(LogError, match=r"hip\.position"):
+        write_playback(tmp_path / "no.html", leg, log)
+
+
+def test_slopes_and_steps_carry_the_projection_of_the_center_of_mass(
+    leg: Robot, squat: Log, tmp_path: Path
+) -> None:
+    ground = profile_ground([(-1.0, 0.0), (0.0, 0.0), (0.0, 0.1), (1.0, 0.4)], 1.0)
+    moved = squat.with_columns({"base_x.position": np.full(len(squat), 0.5)})
+    scene = scene_of(write_playback(tmp_path / "slope.html", leg, moved, ground=ground))
+    center = floats(scene["com"], -1, 3)
+    np.testing.assert_allclose(scene["floor"], 0.1 + 0.3 * center[:, 0], atol=1e-4)
+    normal = floats(scene["contacts"][0]["normal"], -1, 3)
+    np.testing.assert_allclose(normal[0], [-0.3, 0.0, 1.0] / np.hypot(0.3, 1.0), atol=1e-6)
+
+
+def test_a_profile_that_runs_back_is_refused() -> None:
+    with pytest.raises(ViewError, match="must not fall"):
+        profile_ground([(0.0, 0.0), (-1.0, 0.0)], 1.0)
+
+
+def test_the_camera_frames_all_of_a_motion_that_it_follows(
+    leg: Robot, squat: Log, tmp_path: Path
+) -> None:
+    """It follows over the ground, not upwards: what climbs was cut off by the top of the window."""
+    share = squat.time / squat.time[-1]
+    moved = {
+        "base_x.position": squat.column("base_x.position") + 5.0 * share,
+        "base_z.position": squat.column("base_z.position") + 0.3 * share,
+    }
+    tops, middles = [], []
+    for name, log in (("stays", squat), ("climbs", squat.with_columns(moved))):
+        scene = scene_of(write_playback(tmp_path / f"{name}.html", leg, log))
+        points = np.array(scene["camera"]["points"])
+        tops.append(points[:, 2].max())
+        middles.append(points[:, 0].mean())
+    assert tops[1] > tops[0] + 0.15
+    assert abs(middles[1] - middles[0]) < 0.5

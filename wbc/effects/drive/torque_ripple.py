@@ -1,0 +1,83 @@
+"""Torque that repeats with position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.drive.periodicity import LEAST_PERIODS, strongest_orders
+from wbc.effects.joint_effect import JointEffect
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+
+
+@final
+@dataclass(frozen=True)
+class TorqueRipple(JointEffect):
+    """A torque periodic in position, amplitude * sin(order * q + phase), given at the joint.
+
+    Attributes:
+        amplitude: [N m], at the joint.
+        order: periods per turn of the joint (a slot or tooth count times the ratio; not always a
+            whole number).
+        phase: [rad].
+    """
+
+    amplitude: float
+    order: float
+    phase: float
+
+    name: ClassVar[str] = "torque_ripple"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude", "N m", 0.0, 0.0, 10000.0, 0.3),
+        Parameter("order", "1", 1.0, 0.05, 100000.0, 1.0, shape=True),
+        Parameter("phase", "rad", 0.0, -6.3, 6.3, 1.0, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "Magnets, slots and teeth pass one another: the torque repeats with every pole, slot, "
+        "tooth or turn."
+    )
+    experiment: ClassVar[str] = (
+        "Turn the joint very slowly and evenly over its range in both directions: the torque "
+        "waves with position, the same both ways."
+    )
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return one screen per order at which the unexplained torque repeats with position."""
+        position, torque = robot.position_index(where), robot.velocity_index(where)
+        orders = strongest_orders(
+            [motion.position[:, position] for motion in evidence.motions],
+            [unexplained[:, torque] for unexplained in evidence.unexplained],
+        )
+
+        def screen(order: float) -> Screen:
+            units = tuple(
+                {"amplitude": 1.0, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
+            )
+
+            def combine(coefficients: FloatArray) -> dict[str, float]:
+                sine, cosine = (float(c) for c in coefficients)
+                return {
+                    "amplitude": float(np.hypot(sine, cosine)),
+                    "order": order,
+                    "phase": float(np.arctan2(cosine, sine)),
+                }
+
+            return Screen(units, combine)
+
+        return tuple(screen(order) for order in orders)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether the joint passed a whole period, within a twentieth."""
+        positions = [self.joint_position(robot, motion) for motion in motions]
+        span = max(float(p.max()) for p in positions) - min(float(p.min()) for p in positions)
+        return self.order * span > 0.95 * 2.0 * np.pi * LEAST_PERIODS
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""
+        angle = self.order * self.joint_position(robot, motion) + self.phase
+        return self.on_joint(robot, motion, self.amplitude * np.sin(angle))

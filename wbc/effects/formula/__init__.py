@@ -1,0 +1,1 @@
+"""Torques given as formulas: the effect, and the grammar of its terms."""

@@ -1,0 +1,1 @@
+"""Torques that oppose motion, as functions of speed and load."""

@@ -1,0 +1,51 @@
+"""Dry friction of a motor that several joints turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
+from wbc.robot import Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class RotorCoulombFriction(CoupledGearEffect):
+    """Dry friction that follows the motor's speed: -level sgn(psi_dot) at the motor's output.
+
+    Attributes:
+        level: [N m], at the motor output (N times that on the rotor); replaces the robot's value.
+    """
+
+    level: float
+
+    expected: ClassVar[float] = 2.0
+    name: ClassVar[str] = "rotor_coulomb_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
+    )
+    explanation: ClassVar[str] = (
+        "The seals and bearings on the motor's side of a coupled gear rub: the torque changes "
+        "sign with the speed of the motor, which several joints make together."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joints that share the motor one at a time, then against one another so that the "
+        "motor stands still: what rubs at the motor falls away."
+    )
+
+    @classmethod
+    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
+        """Return the robot's present friction."""
+        gears, column = robot.transmission, robot.transmission.index(where)
+        return {
+            "level": float(gears.rotor_coulomb_friction[column] * abs(gears.gear_ratio[column]))
+        }
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot whose rotor rubs that much."""
+        gears = robot.transmission
+        level = self.level / self.ratio(robot)
+        return robot.with_transmission(
+            gears.with_value("rotor_coulomb_friction", self.where, level)
+        )

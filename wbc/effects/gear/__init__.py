@@ -1,0 +1,1 @@
+"""What happens between rotor and joint: losses, springs and play of a gear."""

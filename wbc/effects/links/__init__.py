@@ -1,0 +1,1 @@
+"""Masses, springs and gravity of the links."""

@@ -1,0 +1,59 @@
+"""A link whose centre of mass lies elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.effects.links.inertia import require_physical, with_shifted_center
+from wbc.robot import Effect, Parameter, Robot
+
+
+@final
+@dataclass(frozen=True)
+class CenterOfMass(Effect):
+    """The centre of mass of a body is shifted; mass and inertia about it stay.
+
+    Attributes:
+        x: shift in the frame of the body's joint [m].
+        y: likewise.
+        z: likewise.
+    """
+
+    x: float
+    y: float
+    z: float
+
+    name: ClassVar[str] = "center_of_mass"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("x", "m", 0.0, -10.0, 10.0, 0.02),
+        Parameter("y", "m", 0.0, -10.0, 10.0, 0.02),
+        Parameter("z", "m", 0.0, -10.0, 10.0, 0.02),
+    )
+    explanation: ClassVar[str] = (
+        "Cables, covers or a battery sit elsewhere than drawn: the body is as heavy as the "
+        "model says but hangs differently."
+    )
+    experiment: ClassVar[str] = (
+        "Hold the body still at many angles: the extra gravity torque is a shifted sine of the "
+        "angle, while the total weight on the ground is right."
+    )
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Every body that has a mass."""
+        return tuple(b for b in robot.bodies if robot.model.inertias[robot.body_joint(b)].mass > 0)
+
+    @property
+    def freedom(self) -> int:
+        """The number of directions in which it moved."""
+        return max(1, sum(value != 0.0 for value in self.values.values()))
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot with the centre of mass moved."""
+        joint = robot.body_joint(self.where)
+        before = robot.model.inertias[joint]
+        after = with_shifted_center(before, np.array([self.x, self.y, self.z]))
+        return robot.with_inertia(joint, require_physical(before, after, self.where))

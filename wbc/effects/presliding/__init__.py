@@ -1,0 +1,1 @@
+"""Friction that remembers: bristles that bend before a joint slides."""

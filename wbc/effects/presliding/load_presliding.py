@@ -1,0 +1,194 @@
+"""A gear whose losses build up over a small angle after every reversal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.gear.transmission_efficiency import TransmissionEfficiency
+from wbc.effects.joint_effect import JointEffect
+from wbc.effects.presliding.bristles import energy_of_step, inertia_along, stepped
+from wbc.effects.presliding.presliding import TRAVELS, travel_of
+from wbc.errors import EffectError
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen
+
+_SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
+
+
+@final
+@dataclass(frozen=True)
+class LoadPresliding(JointEffect):
+    """Efficiencies of a gear of which the sign of the speed is replaced by a state z.
+
+    t = T + mean |T| z + difference T z^2,  dz/dt = (w - |w| z) / length,
+
+    with t and T the torques into and out of the mesh and w the speed of its output. At z = +-1
+    this is the gear with 1/eta_f = 1 + mean + difference, eta_b = 1 - mean + difference; where the
+    length goes to zero it always is (`TransmissionEfficiency`). Bristles hold
+    mean |T| length z^2 / 2.
+
+    A simulator carries z from step to step, from z = 0, and solves for T and the loss together;
+    in impacts such a gear loses nothing. Along a log, z follows from the series, from z = 0 at its
+    start. Where a single sample is all that is known (a controller), the gear has its efficiencies.
+
+    Attributes:
+        forward_efficiency: eta_f; replaces the robot's value.
+        backward_efficiency: eta_b > 0; likewise.
+        length: h [rad] at the gear's output: the way over which the losses build up.
+    """
+
+    forward_efficiency: float
+    backward_efficiency: float
+    length: float
+
+    claims: ClassVar[int] = 2  # losses, and that they build up
+    name: ClassVar[str] = "load_presliding"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1),
+        Parameter("backward_efficiency", "1", 1.0, 0.01, 1.0, 0.1),
+        Parameter("length", "rad", 0.0, 0.0, 10.0, 0.02, shape=True),
+    )
+    explanation: ClassVar[str] = (
+        "Teeth and rollers under load first bend before they slide: what the gear loses builds up "
+        "over a small angle after every reversal, in proportion to the load."
+    )
+    experiment: ClassVar[str] = (
+        "Move the joint slowly back and forth over small and large ranges with two known weights: "
+        "the loops of torque over position have round corners and grow with the weight."
+    )
+
+    @property
+    def freedom(self) -> int:
+        """The length, and the numbers that the efficiencies are."""
+        return 1 + self._efficiencies.freedom
+
+    @property
+    def implausibility(self) -> float:
+        """That of the efficiencies."""
+        return self._efficiencies.implausibility
+
+    @classmethod
+    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
+        """Return the robot's present efficiencies, without a length."""
+        return {**TransmissionEfficiency.null_values(robot, where), "length": 0.0}
+
+    @classmethod
+    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
+        """Return one screen per length; the torque is linear in 1/eta_f and eta_b."""
+        null = cls.null_values(robot, where)
+        travel = travel_of(robot, where, evidence.motions)
+        if travel == 0.0 or null["backward_efficiency"] <= 0.0:
+            return ()
+        _, free = TransmissionEfficiency.screening(robot, where, evidence)
+        lengths = [min(share * travel, 10.0) for share in _SHARES]
+
+        def screen(length: float) -> Screen:
+            units = tuple({**unit, "length": length} for unit in free.units)
+            return Screen(units, lambda c: {**free.combine(c), "length": length})
+
+        found = [screen(length) for length in lengths]
+        if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
+            bent = [{**null, "length": length} for length in lengths]
+            found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
+        return tuple(found)
+
+    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
+        """Whether z came close to its end and was seen on its way there."""
+        steps = [np.abs(np.diff(self.joint_position(robot, motion))) for motion in motions]
+        slow = float(np.median(np.concatenate(steps)))
+        return bool(slow < self.length < travel_of(robot, self.where, motions) / TRAVELS)
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot with these efficiencies, the limit of a short length."""
+        return self._efficiencies.change(robot)
+
+    def meshed(
+        self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray
+    ) -> FloatArray:
+        """Return t (..., m) [N m] with this gear's column by z along a log."""
+        if motion.time is None or motion.velocity.ndim != 2 or self.length == 0.0:
+            return mesh
+        gear = robot.transmission.index(self.where)
+        turned = motion.position[:, robot.actuated_position] @ self._row(robot)
+        series = np.zeros(len(turned))
+        from wbc.effects.presliding.bristle_series import follow_bristles  # it loads the compiler
+
+        follow_bristles(np.ascontiguousarray(turned), self.length, series)
+        result = np.array(mesh)
+        result[:, gear] = output[:, gear] + self._loss(robot, output[:, gear], series)
+        return result
+
+    def first_memory(self, robot: Robot) -> FloatArray:
+        """Return z of bristles that do not bend, and the T [N m] that they carry: (2,)."""
+        return np.zeros(2)
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return z and T (2,) at the end of a step."""
+        if motion.memory is None:
+            raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
+        z, load = self._stepped(robot, motion, motion.memory)
+        return np.array([z, load])
+
+    def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return what the loss takes from the rotors (m,) in a simulator's step; None elsewhere."""
+        if motion.memory is None:
+            return None
+        z, load = self._stepped(robot, motion, motion.memory)
+        loss = self._loss(robot, np.array([load]), np.array([z]))[0]
+        gear = robot.transmission.index(self.where)
+        return self.on_rotor(robot, motion, -loss / robot.transmission.gear_ratio[gear])
+
+    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
+        """Return what bristles stored and lost over a step [J]."""
+        memory = motion.memory
+        if memory is None:
+            return None
+        z, load = self._stepped(robot, motion, memory)
+        way = self._speed(robot, motion) * memory.step
+        loss = float(self._loss(robot, np.array([load]), np.array([z]))[0])
+        mean, _ = self._coefficients(robot)
+        before, earlier = (float(x) for x in memory.value)
+        levels = mean * abs(earlier), mean * abs(load)
+        return energy_of_step((before, z), levels, self.length, loss * way)
+
+    @property
+    def _efficiencies(self) -> TransmissionEfficiency:
+        return TransmissionEfficiency(self.where, self.forward_efficiency, self.backward_efficiency)
+
+    def _coefficients(self, robot: Robot) -> tuple[float, float]:
+        """Return mean and difference, of all that the gear loses."""
+        gears, gear = robot.transmission, robot.transmission.index(self.where)
+        inverse = 1.0 / float(gears.forward_efficiency[gear])
+        backward = float(gears.backward_efficiency[gear])
+        return 0.5 * (inverse - backward), 0.5 * (inverse + backward) - 1.0
+
+    def _loss(self, robot: Robot, load: FloatArray, bent: FloatArray) -> FloatArray:
+        """Return t - T (N,) [N m] for T and z (N,)."""
+        mean, difference = self._coefficients(robot)
+        return np.asarray(mean * np.abs(load) * bent + difference * load * bent**2)
+
+    def _row(self, robot: Robot) -> FloatArray:
+        """Return (m,) how the gear's output turns with the driven joints."""
+        gears = robot.transmission
+        return np.asarray(gears.motor_from_joint[gears.index(self.where)])
+
+    def _speed(self, robot: Robot, motion: Motion) -> float:
+        return float(motion.velocity[robot.actuated] @ self._row(robot))
+
+    def _stepped(self, robot: Robot, motion: Motion, memory: Memory) -> tuple[float, float]:
+        """Return z at the end of a simulator's step, and T [N m] during it."""
+        speed, load = self._speed(robot, motion), float(memory.value[1])
+        if motion.mesh_torque is not None:
+            load = float(motion.mesh_torque[robot.transmission.index(self.where)])
+        mean, _ = self._coefficients(robot)
+        level = mean * abs(load)
+        if level == 0.0 or speed == 0.0:
+            return float(memory.value[0]), load
+        direction = np.zeros(robot.model.nv)
+        direction[robot.actuated] = self._row(robot)
+        inertia = inertia_along(robot, motion, direction)
+        return stepped(memory, speed, level, self.length, inertia), load

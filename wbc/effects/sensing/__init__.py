@@ -1,0 +1,1 @@
+"""Sensors that report something else than what is true."""

@@ -1,0 +1,1 @@
+"""How far robots are from their logs, and where."""

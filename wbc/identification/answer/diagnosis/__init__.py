@@ -1,0 +1,1 @@
+"""From logs to causes: findings, verdict, ranking, and how they are said."""

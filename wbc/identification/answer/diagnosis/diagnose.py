@@ -1,0 +1,204 @@
+"""From logs to an answer: prepare, search, say."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from math import inf
+
+import numpy as np
+
+from wbc.effects import EFFECTS
+from wbc.identification.answer.diagnosis.correlation import correlation_of
+from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
+from wbc.identification.answer.diagnosis.findings import describe_findings
+from wbc.identification.answer.diagnosis.ranking import rank_hypotheses
+from wbc.identification.answer.diagnosis.verdict import (
+    NOTHING_MOVES,
+    explained_share,
+    next_experiment,
+    verdict_of,
+)
+from wbc.identification.answer.remainder.attainable import Attainable, attainable
+from wbc.identification.answer.remainder.remainder import describe, remainders
+from wbc.identification.answer.series import series_of
+from wbc.identification.choice.search.find_causes import SearchResult, find_causes
+from wbc.identification.choice.search.near_rest import look_closer
+from wbc.identification.choice.weighing.certainty import (
+    BELIEVED,
+    Support,
+    doubted_names,
+    support_of,
+    unexplained,
+)
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.odds import Odds, odds_of
+from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.log_warnings import still_joints, without_copies
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.outputs import output_names, output_units
+from wbc.measurement import Log
+from wbc.robot import Effect, Robot
+
+_STILL = (
+    "{} does not move in these logs: they say nothing about its friction, inertia or gears. Record "
+    "it moving back and forth, slowly and fast."
+)
+_SILENT = (
+    "{}: the torque that its drive reports is small, close to its noise, and does not follow what "
+    "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
+    "judged, or its torque constant, unit or column is wrong."
+)
+
+
+def diagnose(
+    robot: Robot,
+    logs: Sequence[Log],
+    candidates: Sequence[type[Effect]] | None = None,
+    progress: Callable[[str], None] = lambda line: None,
+    budget: float = inf,
+) -> Diagnosis:
+    """Return which physical effects `robot` lacks, according to `logs`.
+
+    When its time is over, or at Ctrl-C, the answer is the best so far, and a warning says so. An
+    effect that raises an error is left out, and a warning says so.
+
+    Args:
+        robot: the robot that the user believes in.
+        logs: one or several logs of the same robot; runs that repeat one another give the noise
+            floor.
+        candidates: effect classes to consider; default all.
+        progress: called with a line of text as the work proceeds.
+        budget: time for the search [s].
+
+    Raises:
+        IdentificationError: logs that cannot be compared with this robot, or too short ones.
+        LogError: a channel is missing.
+    """
+    until = time.monotonic() + budget
+    different, warnings = without_copies(logs)
+    problem = EstimationProblem.from_logs(robot, different)
+    still = still_joints(problem.records)
+    nothing_moves = len(still) == robot.transmission.size
+    warnings += [
+        *problem.warnings,
+        *map(_SILENT.format, problem.silent),
+        *map(_STILL.format, still),
+    ]
+    # A robot at rest shows one torque per joint, which anything explains.
+    wanted = EFFECTS.values() if candidates is None else candidates
+    classes = () if nothing_moves else tuple(wanted)
+    found = find_causes(problem, classes, progress, until)
+    found = look_closer(found, robot, different, classes, progress)
+    warnings += _about_the_search(found)
+    trials = found.trials
+    trials.until = inf  # the search is over: what the answer still needs is fitted
+    problem, first = trials.problem, trials.nothing
+    final, odds, level, support, more = _believed(found)
+    verdict = verdict_of(problem, first, final, list(support.values()), more)
+    rivals = dict(zip(final.keys, odds.rivals(final), strict=True))
+    fit = trials.fit(final)
+    alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
+    left = remainders(problem, fit) if more else ()
+    correlation = correlation_of(problem, fit)
+    findings = describe_findings(problem, fit, support, alternatives, correlation)
+    asked = next_experiment(verdict, findings, left, problem.floor, {c.name: c for c in classes})
+    return Diagnosis(
+        verdict=verdict,
+        findings=findings,
+        next_experiment=NOTHING_MOVES if nothing_moves else asked,
+        error=ErrorLevel(
+            before=float(np.sqrt(first.error)),
+            after=float(np.sqrt(final.error)),
+            floor=1.0,
+            floor_source=problem.floor.source,
+        ),
+        outputs=_outputs(problem, fit, level),
+        explained=explained_share(first, final),
+        steps=_steps(trials, final),
+        remainder=describe(left),
+        robot=fit.robot,
+        warnings=tuple(warnings),
+        ranking=rank_hypotheses(odds, final),
+        correlation=correlation,
+        before=series_of(problem.robot, problem.records),
+        after=series_of(fit.robot, problem.records),
+        sources=tuple(log.source for log in logs),
+    )
+
+
+def _about_the_search(found: SearchResult) -> list[str]:
+    """Return what a reader must know of a search that ended early or left effects out."""
+    texts = []
+    if found.stopped:
+        texts.append(
+            f"The search did not end by itself ({found.stopped}): this is the best answer so far."
+        )
+    for failure, count in found.trials.failures.items():
+        trials = "one trial was" if count == 1 else f"{count} trials were"
+        texts.append(f"{trials} left out of the search: {failure}")
+    return texts
+
+
+def _believed(
+    found: SearchResult,
+) -> tuple[Hypothesis, Odds, Attainable, dict[Key, Support], bool]:
+    """Return the hypothesis with those causes only that are more probable than not.
+
+    With the odds of all that was tried, what it leaves, what speaks for its causes, and whether
+    more must be missing.
+    """
+    trials, final = found.trials, found.final
+    problem, first = trials.problem, trials.nothing
+    # Names that the derivatives say are not believed go first: those fits would be slow ones.
+    names = doubted_names(trials, final)
+    fewer = trials.of([e for e in final.effects if e.name not in names]) if names else None
+    final = fewer or final
+    doubted = set(found.final.keys) - set(final.keys)
+    while True:
+        # What rests on a cause that is not believed is no evidence for others.
+        known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
+        odds = odds_of(trials, known, final)
+        level = attainable(problem, trials.fit(final))
+        more = unexplained(problem, first.error, final, level.excess)
+        support = support_of(trials, final, odds, level.excess, not more)
+        kept = [e for e in final.effects if support[e.key].group_probability >= BELIEVED]
+        fewer = trials.of(kept) if len(kept) < len(final.effects) else None
+        if fewer is None:
+            # Where something was found and nothing of it is believed, something else is there.
+            return final, odds, level, support, more or bool(found.final.effects and not kept)
+        doubted |= set(final.keys) - set(fewer.keys)
+        final = fewer
+
+
+def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
+    names, units = output_names(problem.robot), output_units(problem.robot)
+    left = condensed_residual(fit.robot, problem.records)
+    kept = [k for k in range(len(names)) if k not in problem.floor.aside]
+    share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
+    before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
+    sensors = np.sqrt(np.diag(problem.floor.sensors))
+    return tuple(
+        OutputLevel(
+            output=name,
+            unit=units[k],
+            before=float(before[k]),
+            after=float(after[k]),
+            attainable=max(float(after[k] * share.get(k, 1.0)), float(sensors[k])),
+            sensors=float(sensors[k]),
+        )
+        for k, name in enumerate(names)
+    )
+
+
+def _steps(trials: Trials, final: Hypothesis) -> tuple[Step, ...]:
+    """Return the staircase of the causes that stayed, in the order in which they act."""
+    steps = [Step("", "", float(np.sqrt(trials.nothing.error)))]
+    for count in range(1, len(final.effects) + 1):
+        last = final.effects[count - 1]
+        smaller = final if count == len(final.effects) else trials.of(final.effects[:count])
+        if smaller is not None:
+            steps.append(Step(last.name, last.where, float(np.sqrt(smaller.error))))
+    return tuple(steps)

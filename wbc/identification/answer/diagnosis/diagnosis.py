@@ -1,0 +1,346 @@
+"""What a diagnosis says, for people and for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from wbc.identification.answer.diagnosis.correlation import Correlation
+from wbc.identification.answer.diagnosis.ranking import Ranked
+from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
+from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.series import Series
+from wbc.identification.answer.shown import (
+    data_frame,
+    html_table,
+    on_one_screen,
+    torque_figure,
+)
+from wbc.identification.choice.weighing.certainty import Support
+from wbc.measurement import LogSource
+from wbc.robot import Effect, Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repeatable"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number that was found: value with the ends of its 90 % interval, in `unit`.
+
+    `drawn` is what the robot as given has in its place; None for a parameter of an effect.
+    """
+
+    value: float
+    unit: str
+    low: float
+    high: float
+    drawn: float | None = None
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An effect at a place that could stand for another one on these logs."""
+
+    effect: str
+    where: str
+
+    def beside(self, name: str) -> str:
+        """Return its name; with its place if it is the same effect elsewhere."""
+        return f"{self.effect} at {self.where}" if self.effect == name else self.effect
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that the logs show.
+
+    Attributes:
+        effect: the effect with its fitted parameters.
+        parameters: estimates by parameter name.
+        support: what speaks for it.
+        alternatives: the effects it cannot be told from on these logs.
+        warnings: at a bound, not identifiable.
+        quantities: what a person can check, by name, where the parameters are not it and logs tell
+            that it differs from the robot as given.
+    """
+
+    effect: Effect
+    parameters: Mapping[str, Estimate]
+    support: Support
+    alternatives: tuple[Alternative, ...] = ()
+    warnings: tuple[str, ...] = ()
+    quantities: Mapping[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Mapping[str, Estimate]:
+        """What a person reads: the quantities, or else the parameters."""
+        return self.quantities or self.parameters
+
+    @property
+    def probability(self) -> float:
+        """That the effect is there."""
+        return self.support.probability
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Names of the alternatives, each once; `name at place` for the same effect elsewhere."""
+        return tuple(dict.fromkeys(a.beside(self.effect.name) for a in self.alternatives))
+
+
+@dataclass(frozen=True)
+class ErrorLevel:
+    """Root mean square errors on held-out data, in units of the noise floor.
+
+    Attributes:
+        before: of the robot that was given.
+        after: of the robot with the effects found.
+        floor: 1 by definition.
+        floor_source: `repeats` or `lower bound`.
+    """
+
+    before: float
+    after: float
+    floor: float
+    floor_source: str
+
+
+@dataclass(frozen=True)
+class OutputLevel:
+    """What is left at one output, root mean square on the logs, in its unit.
+
+    Attributes:
+        output: joint (torque at the motor output) or undriven coordinate (wrench).
+        unit: of the numbers.
+        before: of the robot that was given.
+        after: of the robot with the effects found.
+        attainable: what any model of motion, load and time would leave; never below `sensors`.
+        sensors: what the noise of the sensors leaves.
+    """
+
+    output: str
+    unit: str
+    before: float
+    after: float
+    attainable: float
+    sensors: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """Held-out error after an addition (the first step adds nothing)."""
+
+    added: str
+    where: str
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is missing from a robot, as far as its logs can tell.
+
+    Attributes:
+        verdict: `none` (nothing is missing), `named`, `ambiguous` (several effects explain the
+            same), `unknown` (something is missing that no candidate explains) or
+            `not_repeatable` (repeated runs disagree with one another).
+        findings: the effects, in the order added.
+        next_experiment: what to record next.
+        error: before, after and floor.
+        outputs: what is left at each joint and undriven coordinate.
+        explained: share of the mean square error that the effects found take away.
+        steps: error after each addition.
+        remainder: what an unexplained remainder looks like; empty when there is none.
+        robot: the robot with the effects found.
+        warnings: about the logs.
+        ranking: the models tried that differ from the one found in one effect, best first.
+        correlation: which of the parameters move together.
+        before: measured torques and those of the robot as given over time, one per log.
+        after: the same with the effects found.
+        sources: where the logs came from.
+    """
+
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    next_experiment: str
+    error: ErrorLevel
+    outputs: tuple[OutputLevel, ...]
+    explained: float
+    steps: tuple[Step, ...]
+    remainder: str
+    robot: Robot
+    warnings: tuple[str, ...] = ()
+    ranking: tuple[Ranked, ...] = ()
+    correlation: Correlation = field(default=Correlation((), np.zeros((0, 0))))
+    before: tuple[Series, ...] = ()
+    after: tuple[Series, ...] = ()
+    sources: tuple[LogSource, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
+        lines = [f"{self.verdict}: {verdict_sentence(self)}"]
+        for finding in self.findings:
+            numbers = ", ".join(
+                f"{name} {with_interval(e.value, e.low, e.high)[0]} "
+                f"({with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(" 1")
+                + (f" (drawn {plain(e.drawn)})" if e.drawn is not None else "")
+                for name, e in finding.numbers.items()
+            )
+            rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
+            lines.append(
+                f"  {finding.effect.name} at {finding.effect.where}{rivals}: {numbers}; "
+                f"probability {finding.probability:.2f}"
+            )
+        lines += [
+            f"  {o.output}: {plain(o.before)} -> {plain(o.after)} {o.unit} "
+            f"(attainable {plain(o.attainable)}, sensors {plain(o.sensors)})"
+            for o in self.outputs
+        ]
+        return "\n".join([*lines, f"do this now: {what_to_do(self)}", *self.warnings])
+
+    def __repr__(self) -> str:
+        """Return what `print` shows, cut to one screen."""
+        return on_one_screen(str(self))
+
+    def _repr_html_(self) -> str:
+        """Return the answer as a notebook shows it."""
+        found = [
+            [row["effect"], row["where"], row["parameter"], *with_interval(
+                row["value"], row["low"], row["high"]
+            ), row["unit"], f"{100.0 * row['probability']:.0f} %"]
+            for row in self.rows()
+        ]  # fmt: skip
+        heads = ("effect", "at", "parameter", "value", "90 % interval", "unit", "sure")
+        left = [
+            [o.output, plain(o.before), plain(o.after), plain(o.attainable), o.unit]
+            for o in self.outputs
+        ]
+        return (
+            f"<p><b>{escape(verdict_sentence(self))}</b></p>"
+            f"<p>Do this now: {escape(what_to_do(self))}</p>"
+            + (html_table(heads, found) if found else "")
+            + html_table(("left at", "before", "after", "attainable", "unit"), left)
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one entry per number found: what, where, how large, how sure."""
+        return [
+            {
+                "effect": f.effect.name,
+                "where": f.effect.where,
+                "parameter": name,
+                **asdict(estimate),
+                "probability": f.probability,
+            }
+            for f in self.findings
+            for name, estimate in f.numbers.items()
+        ]
+
+    def to_frame(self) -> Any:
+        """Return a pandas frame with a row per number found.
+
+        Raises:
+            MissingPackageError: pandas is not installed.
+        """
+        return data_frame(self.rows())
+
+    def plot(self, log: int = 0) -> Figure:
+        """Return torques of one log over time, measured and of both models, with the residuals.
+
+        Args:
+            log: number of the log.
+
+        Raises:
+            MissingPackageError: matplotlib is not installed.
+        """
+        joints = self.robot.transmission.joints
+        models = [("as given", self.before), ("with the effects found", self.after)]
+        return torque_figure(joints, models, log)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects found, with fitted parameters."""
+        return tuple(finding.effect for finding in self.findings)
+
+    def intervals(self) -> dict[tuple[str, str, str], tuple[float, float]]:
+        """Return (effect, where, parameter) -> (low, high), as `save_robot` takes them."""
+        return {
+            (f.effect.name, f.effect.where, name): (estimate.low, estimate.high)
+            for f in self.findings
+            for name, estimate in f.parameters.items()
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain numbers, texts, lists and dictionaries with the keys of the log format."""
+        return {
+            "verdict": self.verdict,
+            "effects": [
+                {
+                    "effect": f.effect.name,
+                    "where": [f.effect.where],
+                    "parameters": {
+                        name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
+                        for name, e in f.parameters.items()
+                    },
+                    "quantities": {
+                        name: {
+                            "value": e.value,
+                            "unit": e.unit,
+                            "low": e.low,
+                            "high": e.high,
+                            "drawn": e.drawn,
+                        }
+                        for name, e in f.quantities.items()
+                    },
+                    "probability": f.probability,
+                    "support": asdict(f.support),
+                    "alternatives": [
+                        {"effect": a.effect, "where": a.where} for a in f.alternatives
+                    ],
+                    "explanation": f.effect.explanation,
+                    "warnings": list(f.warnings),
+                }
+                for f in self.findings
+            ],
+            "alternatives": {f.effect.name: [] for f in self.findings}
+            | self._alternatives_by_name(),
+            "next_experiment": self.next_experiment,
+            "error": {
+                "before": self.error.before,
+                "after": self.error.after,
+                "floor": self.error.floor,
+                "floor_source": self.error.floor_source,
+            },
+            "explained": self.explained,
+            "joints": {
+                o.output: {
+                    "unit": o.unit,
+                    "before": o.before,
+                    "after": o.after,
+                    "attainable": o.attainable,
+                    "sensors": o.sensors,
+                }
+                for o in self.outputs
+            },
+            "steps": [{"added": s.added, "where": s.where, "error": s.error} for s in self.steps],
+            "remainder": self.remainder,
+            "warnings": list(self.warnings),
+            "ranking": [row.to_json() for row in self.ranking],
+            "correlation": {
+                "parameters": [list(name) for name in self.correlation.names],
+                "matrix": self.correlation.matrix.tolist(),
+            },
+            "provenance": provenance(self.sources),
+        }
+
+    def _alternatives_by_name(self) -> dict[str, list[str]]:
+        merged: dict[str, list[str]] = {}
+        for finding in self.findings:
+            names = merged.setdefault(finding.effect.name, [])
+            names.extend(name for name in finding.rivals if name not in names)
+        return merged

@@ -1,0 +1,107 @@
+"""Effects found, with their intervals and what must be said beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wbc.effects.gear.yielding_gear import YieldingGear
+from wbc.identification.answer.diagnosis.correlation import Correlation
+from wbc.identification.answer.diagnosis.diagnosis import Alternative, Estimate, Finding
+from wbc.identification.answer.diagnosis.quantities import quantities_of
+from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.choice.weighing.hypothesis import Key
+from wbc.identification.force_sensors import force_sensor_doubts
+from wbc.identification.log_warnings import disagreements
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import interval_bounds
+from wbc.identification.model.link_friction import rubbing_effects
+from wbc.robot import Effect
+from wbc.robot.coordinates import unit_at
+
+_CORRELATED = 0.95
+_VAGUE = 1.0  # half width of an interval, as a share of the value
+_MOTOR_SIDE = (
+    "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
+    "not slow the link. A simulation would have it at the link"
+)
+
+
+def describe_findings(
+    problem: EstimationProblem,
+    fit: Fit,
+    support: Mapping[Key, Support],
+    alternatives: Sequence[Sequence[Key]],
+    correlation: Correlation,
+) -> tuple[Finding, ...]:
+    """Return the effects of a model with intervals, alternatives and warnings.
+
+    Args:
+        problem: the logs.
+        fit: of the hypothesis chosen.
+        support: of its causes.
+        alternatives: for each effect, names and places of what it cannot be told from.
+        correlation: of the parameters.
+    """
+    distortion = problem.distortion(fit)
+    bounds = interval_bounds(fit, problem.blocks, distortion)
+    related = _moving_together(fit, correlation)
+    stray = disagreements(problem.records, fit)
+    sensors = force_sensor_doubts(problem, fit)
+    findings = []
+    for k, effect in enumerate(fit.effects):
+        estimates: dict[str, Estimate] = {}
+        warnings = []
+        for row, (owner, parameter) in enumerate(fit.parameters):
+            if owner != k:
+                continue
+            value = effect.values[parameter.name]
+            unit = unit_at(problem.robot, effect.where, parameter.unit)
+            low, high = (float(x) for x in bounds[row])
+            estimates[parameter.name] = Estimate(value, unit, low, high)
+            if value in (parameter.low, parameter.high):
+                warnings.append(f"{parameter.name} is at the bound {_with_unit(value, unit)}")
+            elif high - low > 2.0 * _VAGUE * abs(value):
+                span = f"{low:.3g} to {_with_unit(high, unit)}"
+                warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
+        quantities, about = quantities_of(problem, fit, k, distortion)
+        if about:
+            warnings = []  # they are about parameters that nobody checks
+        warnings += [*about, *effect.remarks(problem.robot)]
+        warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k], *sensors[k]]
+        rivals = tuple(Alternative(*key) for key in alternatives[k])
+        own = support[effect.key]
+        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
+    return tuple(findings)
+
+
+def _motor_side(effect: Effect, problem: EstimationProblem, fit: Fit) -> list[str]:
+    """Return a sentence beside a gear that yields and whose friction rubs at the motor."""
+    if not isinstance(effect, YieldingGear) or effect.friction_side != "motor":
+        return []
+    rubbing = rubbing_effects(fit.robot, effect.where, problem.records[0].motion)
+    return [_MOTOR_SIDE.format(" and ".join(other.name for other in rubbing))] if rubbing else []
+
+
+def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
+    """Return for every effect a sentence per parameter of another that moves with one of its."""
+    found: list[list[str]] = [[] for _ in fit.effects]
+    matrix = correlation.matrix
+    for one, other in zip(*np.nonzero(np.triu(np.abs(matrix), 1) > _CORRELATED), strict=True):
+        k, parameter = fit.parameters[one]
+        partner, shared = fit.parameters[other]
+        drawn = fit.effects[k].departures.size or fit.effects[partner].departures.size
+        if k != partner and not drawn:
+            effect = fit.effects[partner]
+            found[k].append(
+                f"{parameter.name} and {shared.name} of {effect.name} at {effect.where} move "
+                f"together (correlation {matrix[one, other]:.2f}): only their sum is well known"
+            )
+    return found
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """Return a number and its unit; the unit of a ratio, 1, is not written."""
+    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"

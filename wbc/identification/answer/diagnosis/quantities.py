@@ -1,0 +1,142 @@
+"""What logs tell of numbers that a person can check, where the parameters are not them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.answer.diagnosis.diagnosis import Estimate
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import WIDER, bootstrap_steps
+from wbc.robot import Effect, Quantity
+
+_TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
+_STEP = 1e-4  # of a scale, by which parameters are varied
+_TAIL = 1.645  # standard deviations of a normal distribution's 90 % interval
+_RIDGE = 1e-9
+
+
+def quantities_of(
+    problem: EstimationProblem, fit: Fit, k: int, distortion: FloatArray
+) -> tuple[dict[str, Estimate], list[str]]:
+    """Return the quantities of effect `k` that differ from the drawing, and sentences on the rest.
+
+    A quantity is told where the logs know it at least twice as well as the drawing does. What is
+    told in the place of another is left out where that one is told.
+
+    Args:
+        problem: the logs.
+        fit: of the hypothesis chosen.
+        k: number of an effect.
+        distortion: (p,) by how much parameters are off, see `EstimationProblem.distortion`.
+    """
+    effect = fit.effects[k]
+    found = effect.quantities(problem.robot)
+    if not found:
+        return {}, []
+    drawn = effect.with_values(effect.null_values(problem.robot, effect.where))
+    before = drawn.quantities(problem.robot)
+    rows = [row for row, (owner, _) in enumerate(fit.parameters) if owner == k]
+    slopes = _slopes(problem, fit, effect, rows, found)
+    usual = fit.usual.jacobian[:, rows]
+    alone = _spread(usual.T @ usual, slopes)
+    after = _spread(_left_by_others(fit, rows), slopes)
+    moves = bootstrap_steps(fit, problem.blocks)[:, rows] @ slopes.T
+    low, high = np.percentile(WIDER * moves, [5.0, 95.0], axis=0)
+    others = np.hypot(_TAIL * after, slopes @ distortion[rows])
+    estimates = {
+        name: Estimate(
+            quantity.value,
+            quantity.unit,
+            quantity.value - float(np.hypot(low[row], others[row])),
+            quantity.value + float(np.hypot(high[row], others[row])),
+            before[name].value,
+        )
+        for row, (name, quantity) in enumerate(found.items())
+        if after[row] < _TOLD * alone[row]
+    }
+    told = _simplest(estimates, found)
+    differ = {name: e for name, e in told.items() if not e.low <= before[name].value <= e.high}
+    sentences = [_numbers_told(fit, rows)]
+    if same := [name for name in told if name not in differ]:
+        sentences.append(f"as drawn within what these logs tell: {', '.join(same)}")
+    if silent := _silent(estimates, found):
+        sentences.append(f"these logs do not tell, left as drawn: {', '.join(silent)}")
+    return differ, sentences
+
+
+def _numbers_told(fit: Fit, rows: list[int]) -> str:
+    """Return in words how many directions of some parameters the logs tell.
+
+    By the eigenvalues of what the logs know of them in units of what is known without.
+    """
+    usual = fit.usual.jacobian[:, rows].T @ fit.usual.jacobian[:, rows]
+    root = np.linalg.inv(np.linalg.cholesky(usual))
+    logs = _left_by_others(fit, rows) - usual
+    known = np.linalg.eigvalsh(root @ logs @ root.T)
+    count = int(np.sum(known > 1.0 / _TOLD**2 - 1.0))
+    return (
+        f"these logs tell {count} of its {len(rows)} numbers or of their combinations; the rest "
+        "stays as drawn"
+    )
+
+
+def _left_by_others(fit: Fit, rows: list[int]) -> FloatArray:
+    """Return the information about some parameters when all others are free to move."""
+    whole = fit.information + fit.usual.jacobian.T @ fit.usual.jacobian
+    others = [row for row in range(len(whole)) if row not in rows]
+    own = whole[np.ix_(rows, rows)]
+    if not others:
+        return own
+    beside = whole[np.ix_(others, others)]
+    size = np.sqrt(np.maximum(np.diagonal(beside), 1e-300))
+    scaled = beside / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    across = whole[np.ix_(others, rows)] / size[:, None]
+    return np.asarray(own - across.T @ np.linalg.solve(scaled, across))
+
+
+def _spread(information: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return the standard deviations of quantities with these slopes (n, p)."""
+    size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
+    scaled = information / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    along = slopes / size
+    return np.asarray(np.sqrt(np.sum(along.T * np.linalg.solve(scaled, along.T), axis=0)))
+
+
+def _slopes(
+    problem: EstimationProblem,
+    fit: Fit,
+    effect: Effect,
+    rows: list[int],
+    found: Mapping[str, Quantity],
+) -> FloatArray:
+    """Return (n, p) the change of the quantities per scale of each parameter."""
+    before = np.array([quantity.value for quantity in found.values()])
+    columns = []
+    for row in rows:
+        parameter = fit.parameters[row][1]
+        value = effect.values[parameter.name]
+        step = _STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
+        moved = effect.with_values({parameter.name: value + step}).quantities(problem.robot)
+        after = np.array([quantity.value for quantity in moved.values()])
+        columns.append((after - before) * (parameter.scale / step))
+    return np.stack(columns, axis=-1)
+
+
+def _simplest(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> dict[str, Estimate]:
+    """Return what is told without what is only said in the place of it."""
+    kept = {}
+    for name, estimate in known.items():
+        group = [n for n, q in found.items() if q.instead and name.startswith(q.instead)]
+        if not group or not all(n in known for n in group):
+            kept[name] = estimate
+    return kept
+
+
+def _silent(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> list[str]:
+    """Return the names of what is not told and not only said in the place of something."""
+    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
+    return [n for n in found if n not in known and not n.startswith(stand_ins)]

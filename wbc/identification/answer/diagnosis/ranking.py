@@ -1,0 +1,142 @@
+"""What was found beside what was tried: evidence, and paired differences on held-out data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.odds import TIED, Odds
+from wbc.robot import Effect
+
+_MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could use
+Standing = Literal["found", "better", "worse", "not distinguishable"]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A hypothesis that was tried, beside the one that was found.
+
+    Attributes:
+        added: (effect, where) of what it has and the one found has not.
+        removed: (effect, where) of what it lacks.
+        error: held-out root mean square in noise floors.
+        difference: its held-out mean square minus that of the one found [floors^2].
+        deviation: standard error of the difference; both on the same blocks of the logs, a block
+            being one observation.
+        evidence: its evidence minus that of the one found [nats].
+        standing: `found` for what was found itself; `better`, `worse`, or `not distinguishable`,
+            by the evidence.
+        effects: all it has, with the parameters fitted to these logs.
+    """
+
+    added: tuple[Key, ...]
+    removed: tuple[Key, ...]
+    error: float
+    difference: float
+    deviation: float
+    evidence: float
+    standing: Standing
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """What the hypothesis is, in words."""
+        if not self.added and not self.removed:
+            return "what was found"
+        if not self.added:
+            return "robot as given" if len(self.removed) > 1 else f"without {_spoken(self.removed)}"
+        if not self.removed:
+            return f"with {_spoken(self.added)}, too"
+        return f"{_spoken(self.added)} instead of {_spoken(self.removed)}"
+
+    @property
+    def judgement(self) -> str:
+        """What to think of it, in words: how it fits and how probable it is are not the same."""
+        if self.standing == "found":
+            return "found"
+        if self.standing == "not distinguishable":
+            return "as good"
+        if self.standing == "better":
+            return "more probable"
+        # By chance a difference is beyond two standard errors in one of twenty.
+        if self.difference < -2.0 * self.deviation:
+            return "fits better, but less probable"
+        if not self.removed:
+            return "not needed"
+        worse = self.difference > 2.0 * self.deviation
+        return "fits worse" if worse else "fits as well, but less probable"
+
+    @property
+    def odds(self) -> str:
+        """How probable it is beside what was found, such as 1 to 20; empty for that itself."""
+        if self.standing == "found":
+            return ""
+        ratio = 10.0 ** min(abs(self.evidence) / np.log(10.0), _MOST_ODDS)
+        whole = 10.0 ** round(float(np.log10(ratio)))
+        shown = f"{ratio:.2g}" if ratio < 100.0 else f"{whole:,.0f}"
+        more = "beyond " if ratio >= 10.0**_MOST_ODDS else ""
+        return more + (f"1 : {shown}" if self.evidence <= 0.0 else f"{shown} : 1")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain texts and numbers."""
+        return {
+            "added": [{"effect": name, "where": where} for name, where in self.added],
+            "removed": [{"effect": name, "where": where} for name, where in self.removed],
+            "error": self.error,
+            "difference": self.difference,
+            "deviation": self.deviation,
+            "evidence": self.evidence,
+            "standing": self.standing,
+            "effects": [
+                {"effect": effect.name, "where": effect.where, "parameters": effect.values}
+                for effect in self.effects
+            ],
+        }
+
+
+def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
+    """Return the hypotheses that differ from `found` in one cause, most evidence first.
+
+    One cause is an effect less, an effect more, or one in the place of another, at one place or in
+    all gears; the robot as given is always among them.
+
+    Args:
+        odds: of everything that was tried.
+        found: the hypothesis chosen.
+    """
+    own = set(found.keys)
+    level = odds.level(found)
+    rows = []
+    for h, nats in zip(odds.hypotheses, odds.evidence, strict=True):
+        keys = set(h.keys)
+        less, more = own - keys, {name for name, _ in keys - own}
+        if (len(less) <= 1 and len(more) <= 1) or not keys:
+            rows.append(_beside(h, found, nats - level))
+    return tuple(rows)
+
+
+def _beside(h: Hypothesis, found: Hypothesis, evidence: float) -> Ranked:
+    blocks = h.blocks - found.blocks
+    own = set(found.keys)
+    standing: Standing = "not distinguishable"
+    if set(h.keys) == own:
+        standing = "found"
+    elif abs(evidence) > TIED:
+        standing = "better" if evidence > 0.0 else "worse"
+    return Ranked(
+        added=tuple(key for key in h.keys if key not in own),
+        removed=tuple(key for key in found.keys if key not in h.keys),
+        error=float(np.sqrt(h.error)),
+        difference=h.error - found.error,
+        deviation=float(np.std(blocks, ddof=1) / np.sqrt(blocks.size)),
+        evidence=evidence,
+        standing=standing,
+        effects=h.effects,
+    )
+
+
+def _spoken(keys: tuple[Key, ...]) -> str:
+    return " and ".join(f"{name.replace('_', ' ')} at {where}" for name, where in keys)

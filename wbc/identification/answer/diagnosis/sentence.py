@@ -1,0 +1,141 @@
+"""What a diagnosis says, in a sentence that a person would say, and what to do now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from wbc.identification.answer.numbers import plain
+
+if TYPE_CHECKING:
+    from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, Finding, OutputLevel
+
+_MOST = 3
+"""Numbers of one effect in a sentence; tables hold all."""
+CERTAIN = 0.95
+"""Probability from which on a cause is certain."""
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """Return what a diagnosis says, in one or two sentences with its numbers."""
+    found = _sum_up(diagnosis.findings)
+    match diagnosis.verdict:
+        case "none":
+            floors = plain(diagnosis.error.after, 2)
+            return (
+                "Nothing is missing: the robot explains these logs as far as their noise lets it "
+                f"({_left(diagnosis)}, {floors} noise floors)."
+            )
+        case "named":
+            return f"Missing: {found}. {_progress(diagnosis)}."
+        case "ambiguous":
+            rivals = _rivals(diagnosis.findings)
+            return (
+                f"It would be enough to add {found}. {_progress(diagnosis)}. But these logs cannot "
+                f"tell {rivals}."
+            )
+        case "partial":
+            certain = _sum_up(certain_findings(diagnosis))
+            return (
+                f"Missing, that is certain: {certain}. {_progress(diagnosis)}. More is missing "
+                "that no known effect explains."
+            )
+        case "unknown":
+            added = f"{found} would help. {_progress(diagnosis)}." if found else ""
+            left = f"Something is missing that no known effect explains ({_left(diagnosis)}). "
+            return left + added[:1].upper() + added[1:]
+        case "not_repeatable":
+            return (
+                "Repeated runs disagree with one another by more than their noise, so nothing can "
+                "be named from these logs."
+            )
+
+
+def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
+    """Return what to do now.
+
+    Args:
+        diagnosis: the answer.
+        saved: name of the file in which the robot with the effects found is, None if in none.
+    """
+    use = f"use the corrected robot: --robot {saved or 'fitted.toml'}"
+    if not saved:
+        use = f"save the corrected robot (--save fitted.toml, in Python save_robot), then {use}"
+    match diagnosis.verdict:
+        case "named":
+            return f"{use[:1].upper()}{use[1:]}."
+        case "partial":
+            return f"{use[:1].upper()}{use[1:]}. {diagnosis.next_experiment}"
+        case "none":
+            return "Go on with this robot; faster or loaded motions would show more."
+        case _:
+            return diagnosis.next_experiment
+
+
+def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
+    """Return the findings that are certain, each alone or with what it cannot be told from."""
+    return tuple(f for f in diagnosis.findings if f.support.group_probability >= CERTAIN)
+
+
+def spoken(name: str) -> str:
+    """Return the name of an effect as words."""
+    return name.replace("_", " ")
+
+
+def _progress(diagnosis: Diagnosis) -> str:
+    """Return how far the error falls at the output that missed most beside its sensors."""
+    worst = max(diagnosis.outputs, key=_floors, default=None)
+    share = f"That explains {_percent(diagnosis.explained)} of the squared error"
+    if worst is None:
+        return share
+    before, after = plain(worst.before, 2), plain(worst.after, 2)
+    return f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent; all of it only where nothing is left."""
+    return f"{100.0 * share:.0f} %" if share < 0.995 else "more than 99 %"
+
+
+def _left(diagnosis: Diagnosis) -> str:
+    """Return what is left at the output that is furthest above its sensors."""
+    worst = max(diagnosis.outputs, key=lambda o: o.after / max(o.sensors, 1e-300), default=None)
+    if worst is None:
+        return "nothing is left"
+    return f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
+
+
+def _floors(output: OutputLevel) -> float:
+    return output.before / max(output.sensors, 1e-300)
+
+
+def _sum_up(findings: Sequence[Finding]) -> str:
+    return _joined([_said(finding) for finding in findings])
+
+
+def _said(finding: Finding) -> str:
+    """Return an effect at its place with its size; of many numbers those that a person checks."""
+    if not finding.quantities:
+        return finding.effect.said({name: e.unit for name, e in finding.parameters.items()})
+    shown = list(finding.quantities.items())[:_MOST]
+    sizes = ", ".join(
+        f"{name} {plain(e.value)} {e.unit}".removesuffix(" 1")
+        + (f" instead of {plain(e.drawn)}" if e.drawn is not None else "")
+        for name, e in shown
+    )
+    return f"{spoken(finding.effect.name)} at {finding.effect.where} ({sizes})"
+
+
+def _rivals(findings: Sequence[Finding]) -> str:
+    parts = [
+        f"{spoken(finding.effect.name)} from {_joined([spoken(a) for a in finding.rivals])}"
+        for finding in findings
+        if finding.alternatives
+    ]
+    return "; ".join(dict.fromkeys(parts))
+
+
+def _joined(parts: Sequence[str]) -> str:
+    if len(parts) < 2:
+        return "".join(parts)
+    return ", ".join(parts[:-1]) + " and " + parts[-1]

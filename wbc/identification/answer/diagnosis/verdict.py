@@ -1,0 +1,129 @@
+"""What a search amounts to, and what to record next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import permutations
+
+import numpy as np
+
+from wbc.identification.answer.diagnosis.diagnosis import Finding, Verdict
+from wbc.identification.answer.diagnosis.sentence import CERTAIN, spoken
+from wbc.identification.answer.remainder.remainder import Remainder
+from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.records.noise.noise_floor import NoiseFloor
+from wbc.robot import Effect
+
+_SUBSTANTIAL = 0.5  # share of the mean square error of one output that is no small part
+_ASKED = 2  # experiments for what is left, the worst output first
+_DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
+
+
+def verdict_of(
+    problem: EstimationProblem,
+    first: Hypothesis,
+    final: Hypothesis,
+    support: Sequence[Support],
+    more: bool,
+) -> Verdict:
+    """Return the verdict.
+
+    Args:
+        problem: the logs.
+        first: the robot as given.
+        final: what was found.
+        support: of its causes.
+        more: whether something is left that nothing found explains.
+    """
+    if more:
+        certain = any(s.group_probability >= CERTAIN for s in support)
+        return "partial" if certain and _substantial(first, final) else "unknown"
+    if not final.effects:
+        return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
+    return "ambiguous" if any(s.group > s.odds for s in support) else "named"
+
+
+def _substantial(first: Hypothesis, final: Hypothesis) -> bool:
+    """Whether the causes found explain a substantial part of what was missing at some output."""
+    before = np.maximum(first.outputs - 1.0, 1e-300)
+    share = 1.0 - np.maximum(final.outputs - 1.0, 0.0) / before
+    return bool(np.any((share > _SUBSTANTIAL) & (before > 1.0)))
+
+
+def explained_share(first: Hypothesis, final: Hypothesis) -> float:
+    """Return the share of the mean square error above the floor that was taken away."""
+    before = max(first.error - 1.0, 1e-300)
+    return float(np.clip(1.0 - max(final.error - 1.0, 0.0) / before, 0.0, 1.0))
+
+
+NOTHING_MOVES = (
+    "Nothing moves in these logs, and at rest every effect looks like another. Move each "
+    "joint back and forth through its range, slowly and fast, loaded and unloaded."
+)
+"""What to record next where no joint moves."""
+
+
+def next_experiment(
+    verdict: Verdict,
+    findings: Sequence[Finding],
+    left: Sequence[Remainder],
+    floor: NoiseFloor,
+    classes: Mapping[str, type[Effect]],
+) -> str:
+    """Return what to record next, in words.
+
+    Args:
+        verdict: of the diagnosis.
+        findings: the effects found.
+        left: what they leave.
+        floor: the noise floor.
+        classes: the candidates by name.
+    """
+    if verdict == "none":
+        return "Nothing is missing on these logs; record faster or loaded motions to look further."
+    if verdict == "not_repeatable":
+        return (
+            "Runs that should repeat one another do not: check what changed between them "
+            "(temperature, mounting, payload, supply) and record one motion several times."
+        )
+    if verdict in ("unknown", "partial"):
+        return _of_what_is_left(left, floor)
+    texts = []
+    for finding in findings:
+        if finding.alternatives:
+            names = dict.fromkeys(a.effect for a in finding.alternatives)
+            rivals = [classes[name].experiment for name in names if name in classes]
+            texts.append(
+                f"To tell {spoken(finding.effect.name)} from "
+                f"{', '.join(spoken(rival) for rival in finding.rivals)} at "
+                f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
+            )
+            texts += _what_no_run_tells(finding, classes)
+    if texts:
+        return " ".join(dict.fromkeys(texts))
+    return " ".join(dict.fromkeys(f"{f.effect.experiment}" for f in findings))
+
+
+def _of_what_is_left(left: Sequence[Remainder], floor: NoiseFloor) -> str:
+    worst = sorted(left, key=lambda one: -one.floors)
+    asked = list(dict.fromkeys(one.experiment for one in worst if one.experiment))[:_ASKED]
+    texts = ["No known effect explains what is left."]
+    texts += [f"{text[:1].upper()}{text[1:]}." for text in asked]
+    if not floor.repeats:
+        texts.append(
+            "Repeat one run exactly: the noise floor is only a lower bound here, and a repeat "
+            "shows how much of what is left can be explained at all."
+        )
+    if not asked:
+        texts.append("Then move one joint at a time slowly and fast through the same positions.")
+    return " ".join(texts)
+
+
+def _what_no_run_tells(finding: Finding, classes: Mapping[str, type[Effect]]) -> list[str]:
+    """Return a sentence for every two of the rivals that no experiment on a robot separates."""
+    names = dict.fromkeys([finding.effect.name, *(a.effect for a in finding.alternatives)])
+    rivals = [classes[name] for name in names if name in classes]
+    pairs = permutations(rivals, 2)
+    return [one.inseparable[other.name] for one, other in pairs if other.name in one.inseparable]

@@ -1,0 +1,191 @@
+"""What an unexplained remainder looks like, in words, and what to record to learn more of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.answer.comparison.breakdown import Breakdown, binned, breakdowns
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.outputs import (
+    output_gear,
+    output_names,
+    output_row,
+    output_units,
+)
+from wbc.identification.records.record import Record
+
+_MATTERS = 2.0  # floors above which an output is mentioned
+_DEPENDS = 0.15  # share of variance above which a dependence is mentioned
+_CLUES = 3  # dependences that are mentioned
+_EXPERIMENTS = {
+    "acceleration": "move {} fast with small strokes in several poses, with and without a known "
+    "weight: the inertia of a link or rotor may be wrong",
+    "load": "hold {} still in many poses: the mass or the centre of mass of a link may be wrong",
+    "position": "move {} very slowly over its whole range, both ways",
+    "rotor angle": "turn {} very slowly and evenly over several turns of its rotor",
+    "speed": "turn {} at several constant speeds, both ways",
+    "direction": "turn {} at several constant speeds, both ways",
+    "mesh power": "lift and lower a known weight with {} slowly",
+    "load against direction": "lift and lower known weights with {} slowly",
+    "time since reversal": "turn {} back and forth slowly with strokes of several sizes",
+    "time": "repeat one motion of {} for several minutes and record the temperature",
+    "temperature": "repeat one motion of {} cold and warm",
+}
+"""Variable on which a remainder depends -> what to record next."""
+_ELSEWHERE = "move {} alone while {} holds still: what is left at {} follows the motion of {}"
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What is left unexplained at one output.
+
+    Attributes:
+        output: joint or coordinate.
+        size: root mean square, in `unit`.
+        unit: N m or N.
+        floors: the same in noise floors.
+        clues: variables on which it depends, with shares of its variance, strongest first.
+        elsewhere: the other joint whose motion it follows more than its own; empty if none.
+        growth: its size in the last third of the logs over that in the first.
+        memory: whether it builds up after every reversal.
+    """
+
+    output: str
+    size: float
+    unit: str
+    floors: float
+    clues: tuple[tuple[str, float], ...]
+    elsewhere: str
+    growth: float
+    memory: bool
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
+        text = f"{self.output}: {self.size:.3g} {self.unit} left, {self.floors:.0f} times the floor"
+        text += f", follows {', '.join(said)}" if said else ", follows no single variable"
+        if self.growth > 1.5:
+            text += f", grows {self.growth:.1f}-fold during a log"
+        if self.memory:
+            text += ", builds up after every reversal (memory)"
+        return text + "."
+
+    @property
+    def experiment(self) -> str:
+        """What to record to learn more of it; empty where nothing is known of it."""
+        name = self.output
+        if self.elsewhere:
+            return _ELSEWHERE.format(self.elsewhere, name, name, self.elsewhere)
+        if self.memory:
+            return _EXPERIMENTS["time since reversal"].format(name)
+        known = [_EXPERIMENTS[clue] for clue, _ in self.clues if clue in _EXPERIMENTS]
+        return known[0].format(name) if known else ""
+
+
+def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
+    """Return what is left at every output with an unexplained residual.
+
+    Args:
+        problem: the logs.
+        fit: the model whose residual is described.
+    """
+    records = problem.records
+    parts = [condensed_residual(fit.robot, [record]) for record in records]
+    given = [condensed_residual(problem.robot, [record]) for record in records]
+    found = breakdowns(records, parts)
+    result = []
+    units = output_units(records[0].robot)
+    for column, name in enumerate(output_names(records[0].robot)):
+        values = [part[:, column] for part in parts]
+        size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+        floor = float(problem.floor.values[column])
+        if size < _MATTERS * floor or column in problem.floor.aside:
+            continue
+        own = [b for b in found if b.output == name and b.share > _DEPENDS]
+        other = _elsewhere(records, values, column, own)
+        clues = [(b.variable, b.share) for b in own]
+        clues += [(other.variable, other.share)] if other else []
+        speeds = [_speed(record, column) for record in records]
+        result.append(
+            Remainder(
+                output=name,
+                size=size,
+                unit=units[column],
+                floors=size / floor,
+                clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:_CLUES]),
+                elsewhere=other.variable.rpartition(" of ")[2] if other else "",
+                growth=_growth(values),
+                # Partial explanations blur the trace of a memory: the robot as given shows it, too.
+                memory=_memory(values, speeds)
+                or _memory([part[:, column] for part in given], speeds),
+            )
+        )
+    return tuple(result)
+
+
+def describe(left: Sequence[Remainder]) -> str:
+    """Return a sentence per output: how much is left, and on what it depends."""
+    return " ".join(one.text for one in left)
+
+
+def _elsewhere(
+    records: Sequence[Record],
+    values: Sequence[FloatArray],
+    column: int,
+    own: Sequence[Breakdown],
+) -> Breakdown | None:
+    """Return the motion of another joint that what is left follows more than its own, if any."""
+    robot = records[0].robot
+    names = output_names(records[0].robot)
+    residual = np.concatenate(list(values))
+    best: Breakdown | None = None
+    for other in range(robot.transmission.size):
+        if other == output_gear(robot, column):
+            continue
+        row = int(robot.actuated[other])
+        speed = np.concatenate([r.thinned(r.motion.velocity[:, row]) for r in records])
+        if np.ptp(speed) > 0.0:
+            name = f"speed of {names[other]}"
+            one = binned(names[column], name, "rad/s", speed, residual)
+            best = one if best is None or one.share > best.share else best
+    least = max([_DEPENDS, *(b.share for b in own)])
+    return best if best is not None and best.share > least else None
+
+
+def _growth(values: list[FloatArray]) -> float:
+    """Return the size in the last third of the logs over that in the first."""
+    first = np.concatenate([v[: len(v) // 3] for v in values])
+    last = np.concatenate([v[-(len(v) // 3) :] for v in values])
+    return float(np.sqrt(np.mean(last**2) / max(float(np.mean(first**2)), 1e-300)))
+
+
+def _speed(record: Record, column: int) -> FloatArray:
+    """Return the speed (rows,) of the coordinate behind an output."""
+    return record.thinned(record.motion.velocity[:, output_row(record.robot, column)])
+
+
+def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:
+    """Whether the residual changes gradually after reversals, as hysteresis does."""
+    early, late = [], []
+    for residual, speed in zip(values, speeds, strict=True):
+        sign = np.sign(speed)
+        toward = residual * sign
+        changed = np.flatnonzero(np.diff(sign) != 0.0) + 1
+        for start, stop in pairwise(changed):
+            third = (stop - start) // 3
+            if third >= 2:
+                early.append(float(np.mean(toward[start : start + third])))
+                late.append(float(np.mean(toward[stop - third : stop])))
+    if len(early) < 6:
+        return False
+    difference = np.array(late) - np.array(early)
+    score = float(np.mean(difference) / (np.std(difference) / np.sqrt(difference.size)))
+    return abs(score) > 4.0

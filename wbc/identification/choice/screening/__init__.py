@@ -1,0 +1,1 @@
+"""Candidate causes as columns of a linear regression: tried without fitting a model."""

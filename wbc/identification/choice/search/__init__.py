@@ -1,0 +1,1 @@
+"""From logs to the hypothesis that they speak for: moves, proposals, search."""

@@ -1,0 +1,254 @@
+"""Which causes may be missing beside a hypothesis: screened linearly, not yet fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
+from wbc.identification.choice.screening.linear_screen import BeamSearch, Subset
+from wbc.identification.choice.screening.screening import Nearby, Swinging, screen, screen_instead
+from wbc.identification.choice.weighing.drop_screen import until_null
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.model.yielding import deflects
+from wbc.robot import Effect, Robot
+
+Offer = tuple[Effect, ...]
+"""Effects with start values, not yet fitted."""
+
+_PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
+_ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
+_SCREEN_ERROR = 0.03
+_SCREEN_NOISE = 0.2
+_REPLACED = 0.5  # of what a cause explains, that it may still explain beside what replaces it
+_LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
+_SIMULATED = 4  # joints behind which links are simulated in one screen
+_REMEMBERED = 6  # hypotheses whose simulated links are kept
+_AMONG = 100  # pairs of causes that are screened on held-out data
+
+
+@dataclass(eq=False)
+class Proposer:
+    """Proposes causes beside hypotheses.
+
+    Attributes:
+        trials: fitted so far, with the logs.
+        candidates: effect classes that may be used.
+    """
+
+    trials: Trials
+    candidates: tuple[type[Effect], ...]
+    _simulated: dict[Offer, Swinging] = field(default_factory=dict)
+    _common: Shelf = field(default_factory=dict)
+    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[BeamSearch, list[Regressor]]] = (
+        field(default_factory=dict)
+    )
+
+    @property
+    def at_once(self) -> Self:
+        """The same among causes that act at once: no link is simulated for them."""
+        return replace(self, candidates=tuple(c for c in self.candidates if not deflects(c)))
+
+    @property
+    def yielding(self) -> Self:
+        """The same among gears that yield."""
+        return replace(self, candidates=tuple(c for c in self.candidates if deflects(c)))
+
+    def beside(
+        self,
+        h: Hypothesis,
+        count: int,
+        exclude: Sequence[Key] = (),
+        enough: float = 0.0,
+        near: Nearby | None = None,
+    ) -> list[Offer]:
+        """Return the most promising causes beside those of a hypothesis, best first.
+
+        Args:
+            h: the hypothesis.
+            count: how many offers at most.
+            exclude: names and places that are not offered.
+            enough: error [floors^2] up to which an offer counts as good; else the best one's.
+            near: a robot close to the hypothesis', whose columns serve for its own.
+        """
+        if not self.candidates:
+            return []
+        search, regressors = self._screened(h, self.candidates, exclude, near)
+        return self._chosen(h, search, regressors, count, enough)
+
+    def instead(
+        self,
+        h: Hypothesis,
+        own: Sequence[Effect],
+        rest: Hypothesis,
+        count: int,
+        exclude: Sequence[Key],
+    ) -> list[Offer] | None:
+        """Return the most promising causes in the place of some of a hypothesis, best first.
+
+        All places of one hypothesis are screened by the same columns: a screen of its own for
+        each would cost as much as everything else together.
+
+        Args:
+            h: the hypothesis.
+            own: its causes that give way.
+            rest: the hypothesis without them, fitted.
+            count: how many offers at most.
+            exclude: names and places that are not offered.
+
+        Returns:
+            None where one set of columns does not serve: links swing, or the causes that give way
+            do not act linearly.
+        """
+        some = any(deflects(c) for c in self.candidates) or any(e.departures.size for e in own)
+        if some or h.swings or not self.candidates:
+            return None
+        search, regressors = self._around(h)
+        robot = self.trials.problem.robot
+        gone, steps = until_null(self.trials.fit(h), own, robot)
+        taken = {*h.keys, *exclude}
+        moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
+        if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
+            return None
+        return self._chosen(rest, moved, regressors, count, h.error, search)
+
+    def _around(self, h: Hypothesis) -> tuple[BeamSearch, list[Regressor]]:
+        """Return the screen of all causes that act at once, in the place of others or beside."""
+        key = self.candidates, h.effects
+        if key not in self._instead:
+            self._instead.clear()
+            problem, fit = self.trials.problem, self.trials.fit(h)
+            direct = [c for c in self.candidates if not deflects(c)]
+            self._instead[key] = screen_instead(
+                problem, fit, direct, self.trials.failures, self._common
+            )
+        return self._instead[key]
+
+    def _chosen(
+        self,
+        h: Hypothesis,
+        search: BeamSearch,
+        regressors: list[Regressor],
+        count: int,
+        enough: float,
+        around: BeamSearch | None = None,
+    ) -> list[Offer]:
+        """Return the best of a screen; `around` is that with the causes that give way."""
+        start = Subset((), search.error(()))
+        found = search.grow([start])
+        offers: list[Offer] = []
+        least = found[0].error if found else start.error
+        # The screen is linear: leave room for what the fit may still gain over it.
+        doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
+        worst = max(least, enough) + doubt
+        # What leaves a cause as much to explain as before does not take its place: it was tried as
+        # a cause more.
+        replaced = 0.0 if around is None else _REPLACED * (start.error - around.error(()))
+        # Beside the best group of places stands the best single one.
+        single = next((s for s in found if len(s.regressors) == 1), None)
+        seen: set[tuple[Key, ...]] = set()
+        for subset in found:
+            added = [regressors[k] for k in subset.regressors]
+            key = tuple(sorted(regressor.key for regressor in added))
+            # How a link swings is screened roughly: the fit gains much over it.
+            swings = any(deflects(regressor.effect) for regressor in added)
+            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
+            rough = max(rough, worst) if enough else rough
+            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
+            if around is not None and search.error(subset.regressors) > replaced + around.error(
+                subset.regressors
+            ):
+                continue
+            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
+                continue
+            seen.add(key)
+            offers.append((*h.effects, *search.effects(subset)))
+        # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
+        for subset in _drawn(search, regressors) if not enough and not h.swings else ():
+            if tuple(regressors[k].key for k in subset.regressors) not in seen:
+                offers.append((*h.effects, *search.effects(subset)))
+        if h.swings:
+            robot = self.trials.fit(h).robot
+            offers += [(*h.effects, e) for e in _swinging_too(robot, regressors, seen)]
+        return offers
+
+    def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
+        """Return the effects of a hypothesis with two more that explain most together.
+
+        They may hide one another: damping makes a delay look negative, neither is possible alone.
+        """
+        offered = [c for c in self.candidates if not deflects(c)]
+        if not offered:
+            return []
+        search, _ = self._around(h)
+        offers: dict[tuple[Key, ...], Offer] = {}
+        for subset in search.pairs(_AMONG):
+            if not np.isfinite(subset.error) or len(offers) == count:
+                break
+            effects = search.effects(subset)
+            offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
+        return [(*h.effects, *effects) for effects in offers.values()]
+
+    def _screened(
+        self,
+        h: Hypothesis,
+        offered: Sequence[type[Effect]],
+        exclude: Sequence[Key] = (),
+        near: Nearby | None = None,
+    ) -> tuple[BeamSearch, list[Regressor]]:
+        taken = {*h.keys, *exclude}
+        # One gear yields in one way: play before a spring is play with soft flanks.
+        yielding = [e.where for e in h.effects if deflects(e)]
+        yielding += self._calm_joints(h)
+        taken |= {(c.name, joint) for c in offered if deflects(c) for joint in yielding}
+        simulated = self._simulated.setdefault(h.effects, {})
+        while len(self._simulated) > _REMEMBERED:
+            del self._simulated[next(iter(self._simulated))]
+        fit = self.trials.fit(h)
+        failures = self.trials.failures
+        common = self._common
+        return screen(self.trials.problem, fit, offered, taken, simulated, near, failures, common)
+
+    def _calm_joints(self, h: Hypothesis) -> list[str]:
+        """Return the joints at which a gear that yields is not sought: little is left there.
+
+        Every joint is a simulation of its link per trial; of many, those with most left are tried.
+        """
+        problem = self.trials.problem
+        joints = problem.robot.transmission.joints
+        judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
+        order = np.argsort(-h.outputs[: len(judged)])
+        return [joints[judged[k]] for k in order[_SIMULATED:]]
+
+
+def _drawn(search: BeamSearch, regressors: Sequence[Regressor]) -> list[Subset]:
+    """Return the best of every effect that is drawn to what is usual."""
+    best: dict[type[Effect], Subset] = {}
+    for k, regressor in enumerate(regressors):
+        if not regressor.usual.any():
+            continue
+        subset = Subset((k,), search.error((k,)))
+        known = best.get(regressor.effect)
+        if np.isfinite(subset.error) and (known is None or subset.error < known.error):
+            best[regressor.effect] = subset
+    return list(best.values())
+
+
+def _swinging_too(
+    robot: Robot, regressors: Sequence[Regressor], seen: set[tuple[Key, ...]]
+) -> list[Effect]:
+    """Return the best of every link that may swing, but those seen.
+
+    Two links that swing shake one another: no sum of columns says how both would move.
+    """
+    best = {
+        regressor.key: regressor for regressor in reversed(regressors) if deflects(regressor.effect)
+    }
+    effects = [
+        regressor.build(robot, np.ones(1)) for key, regressor in best.items() if (key,) not in seen
+    ]
+    return [effect for effect in effects if effect is not None]

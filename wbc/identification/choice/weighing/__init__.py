@@ -1,0 +1,1 @@
+"""Hypotheses, their fits, and how probable they are: evidence, prior, odds, certainty."""

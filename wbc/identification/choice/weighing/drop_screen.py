@@ -1,0 +1,135 @@
+"""Which causes a hypothesis may lose, by the derivatives of its fit: no model is fitted for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.choice.weighing.evidence import log_densities
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means, without
+from wbc.identification.choice.weighing.prior import asked
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.robot import Effect, Robot
+
+
+def losses(
+    problem: EstimationProblem, fit: Fit, h: Hypothesis, drops: Sequence[Sequence[Effect]]
+) -> list[tuple[float, float]]:
+    """Return what each drop loses of the log density, and gains of the log prior [nats].
+
+    The fit's own derivatives say to first order what is left without the causes once all others
+    have taken up what they can.
+
+    Args:
+        problem: the logs.
+        fit: of the hypothesis.
+        h: the hypothesis.
+        drops: causes that are dropped together.
+    """
+    stays, normal = _as_left(problem, h, fit.residual), _normal(fit)
+    return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
+
+
+def gains(
+    problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
+) -> list[FloatArray]:
+    """Return (outputs,) what each drop adds to the mean squares, to first order.
+
+    Args:
+        problem: the logs.
+        fit: of a hypothesis.
+        drops: causes that are dropped together.
+    """
+    normal, here = _normal(fit), np.mean(fit.residual**2, axis=0)
+    left = [_moved(problem, fit, dropped, normal) for dropped in drops]
+    return [np.asarray(np.mean(residual**2, axis=0) - here) for residual in left]
+
+
+def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations of a fit, (p, p) and (p,)."""
+    usual = fit.usual
+    moment = np.einsum("rop,ro->p", fit.jacobian, fit.residual / usual.noise)
+    moment += usual.jacobian.T @ usual.residual
+    return fit.information + usual.jacobian.T @ usual.jacobian, moment
+
+
+def _moved(
+    problem: EstimationProblem,
+    fit: Fit,
+    dropped: Sequence[Effect],
+    normal: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Return what is left (rows, outputs) without some causes."""
+    step = _without(*until_null(fit, dropped, problem.robot), normal)
+    return np.asarray(fit.residual + fit.jacobian @ step)
+
+
+def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:
+    """Return the parameters of some causes, and how far each is from not being there.
+
+    Args:
+        fit: with the causes.
+        own: the causes.
+        robot: that lacks them.
+
+    Returns:
+        Numbers of their parameters among those of the fit; steps in the scales of these.
+    """
+    keys = {effect.key for effect in own}
+    gone, steps = [], []
+    for row, (k, parameter) in enumerate(fit.parameters):
+        effect = fit.effects[k]
+        if effect.key not in keys:
+            continue
+        null = effect.null_values(robot, effect.where).get(parameter.name, parameter.null)
+        change = 0.0 if parameter.shape else (null - effect.values[parameter.name])
+        gone.append(row)
+        steps.append(change / parameter.scale)
+    return gone, np.array(steps)
+
+
+def _loss(
+    problem: EstimationProblem,
+    fit: Fit,
+    h: Hypothesis,
+    stays: Hypothesis,
+    dropped: Sequence[Effect],
+    normal: tuple[FloatArray, FloatArray],
+) -> tuple[float, float]:
+    keys = {effect.key for effect in dropped}
+    moved = _moved(problem, fit, dropped, normal)
+    left = replace(_as_left(problem, h, moved), effects=without(h.effects, *dropped))
+    here, there = log_densities(problem, [stays, left]).sum(axis=1)
+    cheaper = asked(h.effects) - asked(left.effects)
+    for effect, cost in zip(h.effects, h.implausible, strict=True):
+        cheaper += cost * (effect.key in keys)
+    return float(here - there), float(cheaper)
+
+
+def _without(
+    gone: Sequence[int], steps: FloatArray, normal: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Return the step (p,) after which some parameters say nothing, the others fitted again.
+
+    Args:
+        gone: numbers of the parameters.
+        steps: of these.
+        normal: equations of the fit, (p, p) and (p,).
+    """
+    gram, moment = normal
+    step = np.zeros(moment.size)
+    step[gone] = steps
+    kept = np.setdiff1d(np.arange(moment.size), gone)
+    if kept.size:
+        right = -(moment + gram @ step)[kept]
+        step[kept] = np.linalg.lstsq(gram[np.ix_(kept, kept)], right, rcond=1e-9)[0]
+    return step
+
+
+def _as_left(problem: EstimationProblem, h: Hypothesis, residual: FloatArray) -> Hypothesis:
+    """Return the hypothesis as if it left this residual (rows, outputs), nothing held out."""
+    return replace(h, folds=fold_means(problem.folds, residual**2))

@@ -1,0 +1,127 @@
+"""How plausible a set of causes is before the logs speak."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.identification.choice.gears.plays import plays
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import bootstrap_steps
+from wbc.identification.model.kept_columns import IMPOSSIBLE
+from wbc.identification.model.residual import drive_gains, drive_misses
+from wbc.identification.model.yielding import deflects, yielding_gears
+from wbc.robot import Effect
+
+_NAME, _PLACE, _NUMBER = 6.0, 3.0, 1.0  # [nats] for each name, place and number of a hypothesis
+_GAIN = 0.5  # standard deviation of the logarithm of delivered over reported torque
+_FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
+_LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
+_BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
+_AT_END = 3.0  # [nats] for one that lies there
+_NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
+
+
+def asked(effects: Sequence[Effect]) -> float:
+    """Return what the names, places and numbers of a set of causes cost [nats].
+
+    An effect that says several things at once counts as several names: a wrong drawing of a link,
+    its mass, its centre and its inertia.
+    """
+    names = {effect.name: effect.claims for effect in effects}
+    numbers = sum(effect.freedom for effect in effects)
+    return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
+
+
+def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
+    """Return what each effect's numbers cost that no machine is likely to have [nats].
+
+    Numbers at the end of what physics allows, effects that these motions cannot show, masses that
+    leave a link, drives that deliver something else than they report.
+
+    Args:
+        problem: the logs.
+        fit: of the causes.
+    """
+    costs = _ends(problem, fit)
+    motions = [record.motion for record in problem.records]
+    for k, effect in enumerate(fit.effects):
+        costs[k] += effect.implausibility
+        if not effect.recognisable(fit.robot, motions) or not _plays(problem, fit, effect):
+            costs[k] += _NOT_SHOWN
+        costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)
+    return tuple(costs)
+
+
+def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
+    """Return what numbers of each effect at the end of their range cost; shapes there do not.
+
+    An effect at the end of its shapes often turns into a simpler one.
+    """
+    ends = {}
+    for row, (k, parameter) in enumerate(fit.parameters):
+        effect = fit.effects[k]
+        value = effect.values[parameter.name]
+        nulls = effect.null_values(problem.robot, effect.where)
+        null = nulls.get(parameter.name, parameter.null)
+        if not parameter.shape and value in (parameter.low, parameter.high):
+            ends[row] = (1.0 if value == parameter.high else -1.0, value == null)
+    costs = [0.0] * len(fit.effects)
+    if not ends:
+        return costs
+    steps = bootstrap_steps(fit, problem.blocks)
+    for row, (side, harmless) in ends.items():
+        owner = fit.parameters[row][0]
+        if np.percentile(side * steps[:, row], 1.0) > 0.0:
+            costs[owner] += _BEYOND
+        elif not harmless:
+            costs[owner] += _AT_END
+    return costs
+
+
+def _plays(problem: EstimationProblem, fit: Fit, effect: Effect) -> bool:
+    """Whether a gear is no spring that is taken for play between soft flanks."""
+    gears = yielding_gears(fit.robot) if deflects(effect) else {}
+    gear = gears.get(effect.where)
+    if gear is None or gear.play == 0.0:
+        return True
+    row = problem.robot.velocity_index(effect.where)
+    loads = [record.load[:, row] for record in problem.records]
+    return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
+
+
+def _lost_mass(problem: EstimationProblem, effect: Effect) -> float:
+    """Return what masses that leave a link cost."""
+    if "change" not in effect.acts_by:
+        return 0.0
+    try:
+        robot = effect.change(problem.robot)
+    except IMPOSSIBLE:
+        return 0.0
+    if robot.model is problem.robot.model:
+        return 0.0
+    before, after = (
+        np.array([inertia.mass for inertia in one.model.inertias]) for one in (problem.robot, robot)
+    )
+    heavy = before > 0.0
+    left = np.log(np.maximum(after[heavy], 1e-300) / before[heavy])
+    return float(0.5 * np.sum((np.minimum(left, 0.0) / _LOST) ** 2))
+
+
+def _wrong_drive(problem: EstimationProblem, fit: Fit, effect: Effect) -> float:
+    """Return what a drive costs that delivers something else than it reports.
+
+    It would explain any report that holds no torque, unless what it delivers is what the motion
+    needs.
+    """
+    if "drive" not in effect.acts_by:
+        return 0.0
+    robot = replace(problem.robot, effects=(effect,))
+    off = 0.5 * (np.log(np.maximum(drive_gains(robot, problem.records), 1e-300)) / _GAIN) ** 2
+    if np.sum(off) < 1.0:
+        return float(np.sum(off))
+    missed = np.minimum(drive_misses(fit.robot, problem.records) / _FOLLOWED, 1.0)
+    return float(np.sum(off * missed))

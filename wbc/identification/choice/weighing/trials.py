@@ -1,0 +1,126 @@
+"""Fits of hypotheses: made once, kept light; a trial that is not finite is dropped and counted."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.errors import IdentificationError
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means
+from wbc.identification.choice.weighing.prior import asked, implausible
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.kept_columns import IMPOSSIBLE
+from wbc.robot import Effect
+
+_KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
+
+
+class OutOfTime(Exception):  # noqa: N818 - no error: the search ends with the best so far
+    """The time that a search was given is over."""
+
+
+@dataclass(eq=False)
+class Trials:
+    """Fits hypotheses on one problem.
+
+    Attributes:
+        problem: the logs.
+        until: time [s] of the monotonic clock at which no more hypotheses are fitted.
+        impossible: how many trials no robot can have.
+        failures: how many trials ended with each error, in words: numbers that are not finite,
+            or an error inside an effect.
+    """
+
+    problem: EstimationProblem
+    until: float = np.inf
+    impossible: int = 0
+    failures: Counter[str] = field(default_factory=Counter)
+    _known: dict[tuple[Effect, ...], Hypothesis | None] = field(default_factory=dict)
+    _fits: dict[tuple[Effect, ...], Fit] = field(default_factory=dict)
+
+    @property
+    def known(self) -> list[Hypothesis]:
+        """Every hypothesis fitted so far."""
+        return [h for h in self._known.values() if h is not None]
+
+    @property
+    def nothing(self) -> Hypothesis:
+        """The robot as given."""
+        if () not in self._known:
+            fit = self.problem.fit(())
+            self._known[()] = hypothesis_of(self.problem, fit)
+            self._keep((), fit)
+        found = self._known[()]
+        if found is None:
+            raise IdentificationError("the robot as given leaves what is not finite on these logs.")
+        return found
+
+    def of(self, effects: Sequence[Effect]) -> Hypothesis | None:
+        """Return the hypothesis fitted from these starts, None where that is impossible.
+
+        Raises:
+            OutOfTime: it is not known yet, and the time is over.
+        """
+        start = tuple(effects)
+        if start not in self._known:
+            if time.monotonic() > self.until:
+                raise OutOfTime
+            self._known[start] = self._fitted(start)
+        return self._known[start]
+
+    def _fitted(self, start: tuple[Effect, ...]) -> Hypothesis | None:
+        try:
+            fit = self.problem.fit(start)
+            if fit.failed:
+                self.failures[fit.failed] += 1
+                return None
+            found = hypothesis_of(self.problem, fit)
+        except IMPOSSIBLE:
+            self.impossible += 1
+            return None
+        except Exception as error:  # whatever one effect does, the others are still tried
+            self.failures[f"{type(error).__name__}: {error}"] += 1
+            return None
+        self._keep(fit.effects, fit)
+        return found
+
+    def all_of(self, offers: Iterable[Sequence[Effect]]) -> list[Hypothesis]:
+        """Return the hypotheses fitted from these starts, without the impossible ones."""
+        return [found for found in map(self.of, offers) if found is not None]
+
+    def fit(self, hypothesis: Hypothesis) -> Fit:
+        """Return the fit of a hypothesis, made again where it was let go."""
+        if hypothesis.effects not in self._fits:
+            self._keep(hypothesis.effects, self.problem.fit(hypothesis.effects))
+        return self._fits[hypothesis.effects]
+
+    def _keep(self, effects: tuple[Effect, ...], fit: Fit) -> None:
+        self._fits[effects] = fit
+        while len(self._fits) > _KEPT:
+            del self._fits[next(iter(self._fits))]
+
+
+def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
+    """Return what comparing a fit with others needs.
+
+    Raises:
+        FloatingPointError: what it leaves is not finite.
+    """
+    squares = problem.held_out(fit)
+    if not np.all(np.isfinite(squares)):
+        raise FloatingPointError("what is left is not finite.")
+    rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
+    return Hypothesis(
+        effects=fit.effects,
+        folds=fold_means(problem.folds, squares),
+        blocks=problem.block_means(squares.mean(axis=1)),
+        samples=problem.independent_samples(fit.residual),
+        rows=rows,
+        asked=asked(fit.effects),
+        implausible=implausible(problem, fit),
+    )

@@ -1,0 +1,1 @@
+"""Contacts whose force no sensor measured: which touch, and how they leave the rows."""

@@ -1,0 +1,1 @@
+"""How much of a residual is sensor noise."""

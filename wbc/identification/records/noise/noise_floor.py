@@ -1,0 +1,145 @@
+"""The noise floor: what the residual of a perfect model would still be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.records.noise.synthetic_noise import synthetic_noise
+from wbc.identification.records.record import Record
+
+_SHRINKAGE = 0.03
+_ROWS = 1500  # of drawn noise per log, by which its covariance is known to some 5 % ...
+_DRAWS = 16  # ... but no more draws than this
+_SAME_MOTION = 0.02  # of the range of motion: runs closer than this are repeats of one another
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFloor:
+    """The residual that noise alone leaves.
+
+    Attributes:
+        covariance: (m + b, m + b) of the outputs [N m, N].
+        sensors: the same from the white noise of the sensors alone, a lower bound.
+        repeats: pairs of record numbers that repeat one another; with none, `covariance` is the
+            lower bound.
+        aside: numbers of outputs that are not judged, because nothing can be learnt from them.
+    """
+
+    covariance: FloatArray
+    sensors: FloatArray
+    repeats: tuple[tuple[int, int], ...]
+    aside: tuple[int, ...] = ()
+
+    @property
+    def values(self) -> FloatArray:
+        """Root mean square (m + b,) per output [N m, N]."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def excess(self) -> float:
+        """How many times the floor exceeds what the sensors explain, at the worst output."""
+        return float(np.sqrt(np.max(np.diag(self.covariance) / np.diag(self.sensors))))
+
+    @property
+    def whitening(self) -> FloatArray:
+        """W (m + b, k): residual @ W has unit covariance where there is only noise.
+
+        k counts the outputs that are not set aside. Outputs that share their noise (a joint and the
+        base it pushes against, through the same contact force) are judged by their differences,
+        too; correlations are shrunk a little, since no model is so good that noise cancels
+        altogether.
+        """
+        kept = [k for k in range(len(self.covariance)) if k not in self.aside]
+        size = self.values[kept]
+        correlation = self.covariance[np.ix_(kept, kept)] / np.outer(size, size)
+        shrunk = (1.0 - _SHRINKAGE) * correlation + _SHRINKAGE * np.eye(size.size)
+        lower = np.linalg.cholesky(shrunk)
+        weights = np.zeros((len(self.covariance), len(kept)))
+        weights[kept] = np.linalg.inv(lower).T / size[:, None]
+        return weights
+
+    @property
+    def source(self) -> str:
+        """`repeats` or `lower bound`."""
+        return "repeats" if self.repeats else "lower bound"
+
+
+def drawn_noise(records: Sequence[Record]) -> list[FloatArray]:
+    """Return what the sensors' white noise does to the residual of each record, (rows, m + b).
+
+    A short log in a narrow band has few independent samples: noise drawn once would be as much
+    off as the noise of the log itself, and the inverse of its covariance far more. There it is
+    drawn several times, one below the other.
+    """
+    found = []
+    for record in records:
+        times = int(np.clip(np.ceil(_ROWS / record.rows), 1, _DRAWS))
+        draws = [record.condense(np.add(*synthetic_noise(record, k))) for k in range(times)]
+        found.append(np.concatenate(draws))
+    return found
+
+
+def with_even_noise(
+    records: Sequence[Record], drawn: Sequence[FloatArray]
+) -> tuple[tuple[Record, ...], list[FloatArray]]:
+    """Return records and drawn noise with rows scaled so that the noise is equal in all of them.
+
+    The weight around reversals carries noise of higher frequencies into the residual's band: a
+    log that reverses often is noisier than a calm one with the same sensors. Where runs repeat
+    one another the floor is theirs. Quieter logs are not counted for more: what a model lacks
+    there may be no smaller.
+    """
+    levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
+    repeated = sorted({k for pair in find_repeats(records) for k in pair})
+    reference = np.mean(levels[repeated or slice(None)], axis=0)
+    certainty = np.minimum(np.sqrt(reference / levels), 1.0)
+    even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
+    return even, [noise * share for noise, share in zip(drawn, certainty, strict=True)]
+
+
+def noise_floor(
+    records: Sequence[Record], residuals: Sequence[FloatArray], drawn: Sequence[FloatArray]
+) -> NoiseFloor:
+    """Return the floor from repeated runs where there are any, else from the sensors' noise.
+
+    Args:
+        records: the logs.
+        residuals: (rows, m + b) condensed residual of each.
+        drawn: (rows, m + b) noise of the sensors in each.
+    """
+    sensors = _covariance(np.concatenate(drawn))
+    pairs = find_repeats(records)
+    if not pairs:
+        return NoiseFloor(sensors, sensors, ())
+    differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in pairs]
+    return NoiseFloor(_covariance(np.concatenate(differences)), sensors, pairs)
+
+
+def _covariance(values: FloatArray) -> FloatArray:
+    """Return the second moments (k, k) of `values` (rows, k) about zero."""
+    moments = values.T @ values / len(values)
+    # An output without any noise (a constant channel) must not get infinite weight.
+    least = 1e-12 * float(np.trace(moments)) + 1e-300
+    return np.asarray(moments + least * np.eye(len(moments)))
+
+
+def find_repeats(records: Sequence[Record]) -> tuple[tuple[int, int], ...]:
+    """Return the pairs of records that went through the same motion (and are not copies)."""
+    pairs = []
+    for i, first in enumerate(records):
+        for j in range(i + 1, len(records)):
+            second = records[j]
+            if first.motion.position.shape != second.motion.position.shape:
+                continue
+            spread = np.ptp(first.motion.velocity, axis=0)
+            moving = spread > 0.0
+            distance = first.motion.velocity - second.motion.velocity
+            apart = np.sqrt(np.mean(distance**2, axis=0))[moving] / spread[moving]
+            copies = np.array_equal(first.torque, second.torque)
+            if apart.size and apart.max() < _SAME_MOTION and not copies:
+                pairs.append((i, j))
+    return tuple(pairs)

@@ -1,0 +1,237 @@
+"""Reading `robot.toml`: the model file, the gears, the contacts, each number with its source."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import checked
+from wbc.errors import RobotError
+from wbc.robot.contact import ContactPoint
+from wbc.robot.loading.library import find_description, find_model, robot_names
+from wbc.robot.loading.model_file import read_model
+from wbc.robot.loading.poses import named_poses
+from wbc.robot.loading.table import check_keys, number_in, numbers_in, table_in
+from wbc.robot.robot import Robot, RobotSource
+from wbc.transmission import Transmission, wedge_backward_efficiency
+
+_GEAR_UNITS = {
+    "gear_ratio": "1",
+    "rotor_inertia": "kg m^2",
+    "forward_efficiency": "1",
+    "backward_efficiency": "1",
+    "rotor_coulomb_friction": "N m",
+    "rotor_viscous_friction": "N m s/rad",
+    "torque_limit": "N m",
+    "speed_limit": "rad/s",
+    "torque_constant": "N m/A",
+    "resistance": "ohm",
+    "kp": "N m/rad",
+    "kd": "N m s/rad",
+    "duty_gain": "1/rad",
+    "supply_voltage": "V",
+    "stiffness": "N m/rad",
+    "damping": "N m s/rad",
+    "backlash": "rad",
+}
+_FIELDS = {"kp": "position_gain", "kd": "velocity_gain"}
+_TOP_LEVEL = (
+    "name",
+    "model",
+    "base",
+    "lock",
+    "gravity",
+    "transmission",
+    "gears",
+    "contacts",
+    "poses",
+)
+_LEFT_OUT = {
+    "gear_ratio": 1.0,
+    "forward_efficiency": 1.0,
+    "torque_limit": np.inf,
+    "speed_limit": np.inf,
+    "stiffness": np.inf,
+    "torque_constant": np.nan,
+    "resistance": np.nan,
+    "kp": np.nan,
+    "duty_gain": np.nan,
+    "supply_voltage": np.nan,
+}
+_SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
+_TRANSMISSION_KEYS = ("topology", "rotor_coupling")
+_CONTACT_KEYS = ("name", "frame", "offset", "friction", "radius")
+
+
+@dataclass(frozen=True)
+class RobotDescription:
+    """A parsed `robot.toml`, or a file that adds effects to one.
+
+    Attributes:
+        path: the file.
+        table: its content.
+    """
+
+    path: Path
+    table: Mapping[str, Any]
+
+    @property
+    def base_robot(self) -> str | None:
+        """Name or path of the robot that this file adds effects to; None if it is one itself."""
+        reference = self.table.get("robot")
+        return None if reference is None else str(reference)
+
+
+def read_description(name: str | Path) -> RobotDescription:
+    """Find and parse the description of a robot.
+
+    Raises:
+        RobotError: no such robot, or a file that is not TOML (with the place of the mistake).
+    """
+    path = find_description(name)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
+        raise RobotError(f"cannot read the robot description '{path}': {cause}.") from cause
+    return RobotDescription(path, table)
+
+
+def build_robot(description: RobotDescription) -> Robot:
+    """Return the robot that a description describes, without effects.
+
+    Raises:
+        RobotError: a key, unit, joint or file that does not exist; the message names the place.
+        TransmissionError: a number outside its range.
+    """
+    table, path = description.table, description.path
+    check_keys(table, _TOP_LEVEL, f"{path}")
+    if "model" not in table:
+        raise RobotError(f"{path}: the key 'model' is missing (the URDF or MJCF file).")
+    lock = table.get("lock", [])
+    if not isinstance(lock, list):
+        raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
+    model, notes = read_model(
+        find_model(str(table["model"]), path.parent),
+        base=str(table.get("base", "fixed")),
+        lock=[str(name) for name in lock],
+    )
+    if "gravity" in table:
+        gravity = numbers_in(table["gravity"], "m/s^2", f"{path}: gravity")
+        model.gravity.linear = checked(gravity, (3,), f"{path}: gravity", RobotError)
+    settings = table_in(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
+    coupling = settings.get("rotor_coupling", False)
+    if not isinstance(coupling, bool):
+        raise RobotError(f"{path}: rotor_coupling: true or false expected, got {coupling!r}.")
+    robot = Robot(
+        name=str(table.get("name", path.parent.name)),
+        model=model,
+        transmission=_transmission(table.get("gears", {}), settings.get("topology"), path),
+        contacts=_contacts(table.get("contacts", []), path),
+        rotors_turn_with_links=coupling,
+        source=RobotSource(_source_name(path)),
+        notes=notes,
+        sensor_only=_sensor_only(table.get("gears", {})),
+    )
+    return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
+
+
+def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
+    """Return a robot with some numbers of its gears replaced, as [gears.JOINT] of a file says.
+
+    Raises:
+        RobotError: a joint, number or unit that does not exist; the message names the place.
+        TransmissionError: a number outside its range.
+    """
+    if not isinstance(gears, Mapping):
+        raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
+    changed = robot.transmission
+    for joint, gear in gears.items():
+        place = f"{path}: gear of '{joint}'"
+        for key in table_in(gear, tuple(_GEAR_UNITS), place):
+            value = _gear_number(gear, key, place)
+            changed = changed.with_value(_FIELDS.get(key, key), joint, value)
+    return robot.with_transmission(changed)
+
+
+def _source_name(path: Path) -> str:
+    """Return a shipped robot's bare name, or the full path of any other description."""
+    shipped = path.parent.name
+    if shipped in robot_names() and path.resolve() == find_description(shipped).resolve():
+        return shipped
+    return str(path.resolve())
+
+
+def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
+    if not isinstance(gears, Mapping):
+        raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
+    only = _sensor_only(gears)
+    for joint, gear in gears.items():
+        place = f"{path}: gear of '{joint}'"
+        table_in(gear, (*_GEAR_UNITS, "housing", _SENSOR), place)
+        if not isinstance(gear.get(_SENSOR, False), bool):
+            raise RobotError(f"{place}: {_SENSOR}: true or false expected, got {gear[_SENSOR]!r}.")
+        for key in ("gear_ratio", "rotor_inertia"):
+            if key not in gear and joint not in only:
+                raise RobotError(
+                    f"{place}: the key '{key}' is missing. Where logs hold nothing but a torque "
+                    f"sensor behind the gear, {_SENSOR} = true stands in place of both."
+                )
+    arrays: dict[str, Any] = {
+        _FIELDS.get(key, key): [
+            _gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()
+        ]
+        for key in _GEAR_UNITS
+    }
+    if topology is not None:
+        arrays["topology"] = numbers_in(topology, "1", f"{path}: topology")
+    housings = tuple(str(gear.get("housing", "")) for gear in gears.values())
+    return Transmission(joints=tuple(gears), housings=housings, **arrays)
+
+
+def _sensor_only(gears: Any) -> tuple[str, ...]:
+    """Return the joints of whose drives nothing but a torque sensor behind the gear is known."""
+    if not isinstance(gears, Mapping):
+        return ()
+    return tuple(
+        joint
+        for joint, gear in gears.items()
+        if isinstance(gear, Mapping) and gear.get(_SENSOR) is True and "gear_ratio" not in gear
+    )
+
+
+def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:
+    """Return a gear's number in SI, or what stands for a key that is left out."""
+    if key in gear:
+        return number_in(gear[key], _GEAR_UNITS[key], f"{place}: {key}")
+    if key == "backward_efficiency":
+        return float(wedge_backward_efficiency(_gear_number(gear, "forward_efficiency", place)))
+    return _LEFT_OUT.get(key, 0.0)
+
+
+def _contacts(entries: Any, path: Path) -> tuple[ContactPoint, ...]:
+    if not isinstance(entries, list):
+        raise RobotError(f"{path}: contacts: a list of tables expected, [[contacts]].")
+    return tuple(_contact(entry, path) for entry in entries)
+
+
+def _contact(entry: Any, path: Path) -> ContactPoint:
+    table_in(entry, _CONTACT_KEYS, f"{path}: contact")
+    for key in ("name", "frame"):
+        if key not in entry:
+            raise RobotError(f"{path}: a contact lacks the key '{key}'.")
+    place = f"{path}: contact '{entry['name']}'"
+    offset = numbers_in(entry.get("offset", {"value": [0.0, 0.0, 0.0], "unit": "m"}), "m", place)
+    friction = number_in(entry.get("friction", {"value": 0.7, "unit": "1"}), "1", place)
+    radius = number_in(entry.get("radius", {"value": 0.0, "unit": "m"}), "m", place)
+    return ContactPoint(str(entry["name"]), str(entry["frame"]), offset, friction, radius)
+
+
+def bare_robot(model: pin.Model, name: str = "robot") -> Robot:
+    """Return a robot without gears around a pinocchio model (for tests and kinematics)."""
+    return Robot(name, model, Transmission((), np.zeros(0), np.zeros(0)))

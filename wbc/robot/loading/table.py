@@ -1,0 +1,71 @@
+"""Tables and numbers of a `robot.toml`, each number with value, unit and source."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import RobotError, unknown_name
+from wbc.robot.loading.units import to_si
+
+_NUMBER_KEYS = ("value", "unit", "source", "note")
+
+
+def check_keys(table: Mapping[str, Any], known: Iterable[str], place: str) -> None:
+    """Raise RobotError at the first key of `table` that is not among those `known`."""
+    for key in table:
+        if key not in known:
+            raise RobotError(f"{place}: " + unknown_name("key", key, known))
+
+
+def table_in(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
+    """Return `entry` after checking that it is a table with known keys only."""
+    if not isinstance(entry, Mapping):
+        raise RobotError(f"{place}: a table expected, got {entry!r}.")
+    check_keys(entry, known, place)
+    return entry
+
+
+def number_in(entry: Any, unit: str, place: str) -> float:
+    """Return the SI value of one number; arguments and errors as for `numbers_in`."""
+    value = numbers_in(entry, unit, place)
+    if value.ndim != 0:
+        raise RobotError(f"{place}: one number expected, got {value.tolist()}.")
+    return float(value)
+
+
+def numbers_in(entry: Any, unit: str, place: str) -> FloatArray:
+    """Return the SI value of a number, or of a table {value, unit, source}.
+
+    Args:
+        entry: what the TOML file holds.
+        unit: SI unit expected, and meant where none is stated.
+        place: file and key, for the message.
+
+    Raises:
+        RobotError: no number, an unknown key or unit, or a unit of another quantity.
+    """
+    if isinstance(entry, Mapping):
+        check_keys(entry, _NUMBER_KEYS, place)
+        if "value" not in entry:
+            raise RobotError(f"{place}: the key 'value' is missing.")
+        given, stated = entry["value"], str(entry.get("unit", unit))
+    else:
+        given, stated = entry, unit
+    if not _holds_numbers(given):
+        raise RobotError(f"{place}: {given!r} is not a number.")
+    try:
+        array = np.asarray(given, dtype=np.float64)
+    except ValueError as cause:
+        raise RobotError(f"{place}: the rows of {given!r} differ in length.") from cause
+    return np.asarray(array * to_si(1.0, stated, unit, place))
+
+
+def _holds_numbers(given: Any) -> bool:
+    """Whether `given` is a number or nested lists of numbers; TOML's true and "3" are none."""
+    if isinstance(given, list):
+        return all(_holds_numbers(item) for item in given)
+    return isinstance(given, (int, float)) and not isinstance(given, bool)

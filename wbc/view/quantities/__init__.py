@@ -1,0 +1,1 @@
+"""What is drawn, computed from recordings: flows of power, impacts, averages, residuals."""

@@ -1,0 +1,1 @@
+"""The bodies of a scene: links, ground, terrain, and their shapes."""
