@@ -21,8 +21,8 @@ def _both(plant: Plant, state, torque, dt: float, external):
     """Return the part by loops and the plain one, None for the first where Newton fails."""
     setup = plant._setup
     kept = np.zeros(setup.barriers.size, dtype=bool)
-    arguments = setup, state, torque, dt, external, kept
-    return flowing._compiled(setup, setup.inner, *arguments[1:]), flowing._plain(*arguments)
+    given = flowing.PartInput(setup, state, torque, dt, external, kept)
+    return flowing._compiled(given, setup.inner), flowing._plain(given)
 
 
 def _compare(fast, plain, scale: float) -> None:
