@@ -239,7 +239,7 @@ class Plant:
     ) -> Flow | None:
         """Return the flow that ends where the first barrier is reached (regula falsi).
 
-        None where the gap jumps, so that there is no such place.
+        The whole part where none is; None where the gap jumps, so that there is no such place.
         """
         space, barriers = self._setup.space, self._setup.barriers
         pin.forwardKinematics(space.model, space.data, state.position)
@@ -248,6 +248,8 @@ class Plant:
         gap_early = barriers.clearance(state.position, state.time).gap[ahead]
         level = np.minimum(gap_early, 0.0)
         gap_early, gap_late = gap_early - level, part.gap[ahead] - level
+        if not np.any(gap_late < 0.0):
+            return part  # What is inside was inside, and is on its way out.
         for i in range(_TRIES):
             # Every third try halves, lest one end of the interval never move.
             share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
