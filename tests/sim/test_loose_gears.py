@@ -136,3 +136,18 @@ def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) 
     bent = np.array([0.0, 0.02])
     before, after = (plant.mechanical_energy(state.replace(deflection=d)) for d in (0 * bent, bent))
     assert after - before == pytest.approx(float(law.energy(0.02)), abs=1e-12)
+
+
+def test_a_gear_that_hangs_in_its_play_loses_and_makes_nothing() -> None:
+    """Its rotor's friction, taken at the end of the step, was an event of energy in every step."""
+    robot = _arm(backlash=0.5)
+    gears = robot.transmission
+    rubbing = gears.replace(rotor_viscous_friction=np.full(2, 1e-4))
+    plant = Plant(robot.with_transmission(rubbing))
+    state = plant.state([0.3, 0.4], [0.5, -1.0])
+    for _ in range(20):
+        result = plant.step(state, [0.0, 0.0], 1e-3)
+        state = result.state
+        assert result.energy.gear_damping == result.energy.mesh == 0.0
+        assert not result.events
+    assert result.energy.rotor_friction > 0.0
