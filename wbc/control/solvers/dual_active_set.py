@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -65,6 +65,8 @@ class DualActiveSet:
         self._triangle, self._moves = np.zeros((room, room)), np.zeros((room, n))
         self._vectors = np.zeros((10, max(n + size, inequalities)))
         self._memory_of_rows = *self._rows, *self._diagonal
+        taking: tuple[Any, ...] = self._force, self._values, self._active, self._taken
+        self._memory_of_settling = taking + self._memory
         self.steps, self.blocking = 0, -1
 
     def forget(self) -> None:
@@ -113,11 +115,7 @@ class DualActiveSet:
             *(self._tolerance, self._allowed, _ROUNDS),
             *self._memory_of_rows,
             x,
-            self._force,
-            self._values,
-            self._active,
-            self._taken,
-            *self._memory,
+            *self._memory_of_settling,
         )
         self.steps += _SYSTEM * rounds
         if size >= 0:
