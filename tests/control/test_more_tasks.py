@@ -23,7 +23,7 @@ from wbc.control import (
 )
 from wbc.control.checking import check_task
 from wbc.control.kinematics import Kinematics
-from wbc.control.tasks.balance.point_foot_feedback import pitch_of, place_rows, placed
+from wbc.control.tasks.balance import point_foot_feedback as feedback
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
@@ -258,13 +258,13 @@ def test_the_balance_feedback_agrees_with_pinocchio_s_frames():
     for _ in range(10):
         step = generator.normal(size=robot.model.nv)
         kinematics.update(pin.integrate(robot.model, robot.neutral(), step), step)
-        place = placed(kinematics.joint_places, foot.joint, foot.offset)
+        place = feedback.placed(kinematics.joint_places, foot.joint, foot.offset)
         np.testing.assert_allclose(place, kinematics.placement(number[0]).translation, atol=1e-12)
         rotation = kinematics.placement(number[1]).rotation
-        pitch = pitch_of(kinematics.joint_places, base.joint, base.offset)
+        pitch = feedback.pitch_of(kinematics.joint_places, base.joint, base.offset)
         assert abs(pitch - np.arctan2(rotation[0, 2], rotation[2, 2])) < 1e-12
         rows = np.empty((6, robot.model.nv))
-        place_rows(
+        feedback.place_rows(
             *(foot.columns, base.columns, kinematics.joint_jacobian, kinematics.momentum_matrix()),
             *(place[0], place[2], kinematics.mass, rows),
         )
