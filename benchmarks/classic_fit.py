@@ -19,7 +19,7 @@ from rich.table import Table
 from benchmarks.recorded import run_on_machines
 from wbc.identification import diagnose
 from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -34,7 +34,7 @@ def measure(
 ) -> tuple[dict[str, Any], Table]:
     """Return what both leave per joint [N m] and their CPU seconds, and the table."""
     start = time.process_time()
-    problem = Problem.from_logs(robot, logs)
+    problem = EstimationProblem.from_logs(robot, logs)
     prepared = time.process_time() - start
     classic = classic_fit(problem)
     classic_seconds = time.process_time() - start

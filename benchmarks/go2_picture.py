@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.recorded import MACHINES, ROBOTS
 from wbc.effects import CoulombFriction, RotorInertia, TorqueOffset, ViscousFriction, load_robot
 from wbc.identification.answer.series import series_of
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import load_logs
 
 JOINT = "RL_calf_joint"
@@ -25,7 +25,7 @@ def main(data: Path, target: Path) -> None:
     """Fit four effects in every joint, print them and what is left, draw the worst joint."""
     robot = load_robot("go2")
     logs = load_logs([str(data / MACHINES["go2"])], ROBOTS / "go2" / "columns.toml")
-    problem = Problem.from_logs(robot, logs)
+    problem = EstimationProblem.from_logs(robot, logs)
     joints = robot.transmission.joints
     fit = problem.fit([kind.at(joint, {}) for kind in KINDS for joint in joints])
     for effect in fit.effects:

@@ -43,7 +43,7 @@ from wbc.files import write_text
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.odds import TIED
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Robot
 
@@ -177,7 +177,7 @@ def _resized(effect: Effect, robot: Robot, ratio: float) -> Effect:
 
 def tied(effects: Sequence[Effect], robot: Robot, logs: Sequence[Log]) -> list[Cause]:
     """Return the first effect as fitted and those that the logs do not tell from it, if any."""
-    trials = Trials(Problem.from_logs(robot, logs))
+    trials = Trials(EstimationProblem.from_logs(robot, logs))
     true = trials.of(effects[:1])
     if true is None or not true.believable:
         return []
@@ -194,7 +194,7 @@ def margins(robot: Robot, logs: Sequence[Log], causes: Sequence[Cause]) -> list[
 
     1e9 where a rival, -1e9 where the first one is impossible or not believable.
     """
-    trials = Trials(Problem.from_logs(robot, logs))
+    trials = Trials(EstimationProblem.from_logs(robot, logs))
     tried = [h if h is not None and h.believable else None for h in map(trials.of, causes)]
     if tried[0] is None:
         return [-1e9] * (len(causes) - 1)

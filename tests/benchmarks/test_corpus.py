@@ -21,7 +21,7 @@ from benchmarks.corpus.trial import logs_of, robot_of, try_cases
 from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.verdicts import first_right, invented, judge_result
 from wbc.effects import effect_class
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
 # A tilted arm, a sound one, a body in flight with a torque offset, friction and an offset that a
@@ -132,7 +132,7 @@ def test_what_is_hidden_in_a_short_log_leaves_noise(number: int) -> None:
     """Logs of 3 to 6 s; in the last two a body flies, of whose motion only the pose is known."""
     case = draw_case(number, seed=21)
     logs = logs_of(record_cases([(case, case.excitations)])[0])
-    problem = Problem.from_logs(robot_of(case), logs)
+    problem = EstimationProblem.from_logs(robot_of(case), logs)
     truth = [effect_class(flaw.effect)(flaw.where, **flaw.values) for flaw in case.flaws]
     assert problem.held_out(problem.fit(truth)).mean() < 1.6
 

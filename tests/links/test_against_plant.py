@@ -7,7 +7,7 @@ import pytest
 from wbc import load_robot
 from wbc.effects import Backlash, JointCompliance
 from wbc.identification.model.derivatives import evaluate
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
 
@@ -23,7 +23,7 @@ from wbc.sim.excitation import record_with
 def test_the_plants_own_numbers_leave_little(gears: tuple[Effect, ...]) -> None:
     """Measured over 3 s: 0.5 and 1.6 of 3500 and 3800 floors^2 that stiff gears leave."""
     robot = load_robot("planar_leg_fixed").lossless()
-    problem = Problem.from_logs(robot, record_with(robot, list(gears), duration=3.0))
+    problem = EstimationProblem.from_logs(robot, record_with(robot, list(gears), duration=3.0))
     stiff, true = (
         evaluate(robot, effects, problem.records, problem.whitening).cost for effects in ((), gears)
     )

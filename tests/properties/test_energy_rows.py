@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.sim.random_grounds import GROUNDS, made_by_rows, random_scene
+from tests.sim.ground.random_grounds import GROUNDS, made_by_rows, random_scene
 from tests.sim.random_robots import BASES
 from wbc.errors import SimulationError
 

@@ -18,7 +18,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification import diagnose
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Effect
 
@@ -148,7 +148,7 @@ def test_two_soft_gears_are_told_apart(
 ) -> None:
     stiffness, damping = np.array(springs).T
     logs = [_log(stiffness, damping, foot, seed) for seed in (3, 4)]
-    problem = Problem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
+    problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
     fit = problem.fit(begun)
     assert fit.error < 1.3
     for effect, (k, c) in zip(fit.effects, springs, strict=False):
@@ -163,7 +163,7 @@ def test_noise_is_not_taken_for_a_damped_swing() -> None:
     stiffness, damping = np.array([2e6, 1500.0]), np.array([2e3, 1.0])
     recorded = {"noise": (1e-4, 2e-2, 2e-3), "wound": (0.0, 0.001)}
     logs = [_log(stiffness, damping, 0.0, seed, **recorded) for seed in (1, 2, 3)]
-    problem = Problem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
+    problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
     fit = problem.fit([JointCompliance("knee", 1500.0, 1.0)])
     assert fit.error < 1.5
     assert fit.effects[0].values["stiffness"] == pytest.approx(1500.0, rel=0.03)
@@ -209,7 +209,7 @@ def test_a_fit_does_not_depend_on_what_was_fitted_before() -> None:
     logs = [_log(*SOFT_KNEE, 0.0, seed, Rubbing(dry=(0.0, 0.6))) for seed in (3, 4)]
     robot = load_robot("planar_leg_fixed").lossless()
     start = JointCompliance("knee", 430.0, 1.3), CoulombFriction("knee", 0.5)
-    fresh, used = (Problem.from_logs(robot, logs) for _ in range(2))
+    fresh, used = (EstimationProblem.from_logs(robot, logs) for _ in range(2))
     used.fit((JointCompliance("knee", 3000.0, 30.0), CoulombFriction("knee", 3.0)))
     one, other = fresh.fit(start), used.fit(start)
     assert one.effects == other.effects
@@ -227,7 +227,7 @@ def test_a_fit_does_not_depend_on_what_was_fitted_before() -> None:
 )
 def test_friction_of_a_soft_link_follows_the_links_speed(rubs: Rubbing, begun: Effect) -> None:
     logs = [_log(*SOFT_KNEE, 0.0, seed, rubs) for seed in (3, 4)]
-    problem = Problem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
+    problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
     fit = problem.fit((JointCompliance("knee", 430.0, 1.3), begun))
     assert fit.error < 1.3
     gear, friction = fit.effects
@@ -240,7 +240,7 @@ def test_friction_of_two_soft_links_follows_both() -> None:
     stiffness, damping = np.array([800.0, 300.0]), np.array([5.0, 1.5])
     rubs = Rubbing(dry=(0.8, 0.4))
     logs = [_log(stiffness, damping, 0.0, seed, rubs) for seed in (3, 4)]
-    problem = Problem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
+    problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
     soft = JointCompliance("hip", 740.0, 4.0), JointCompliance("knee", 320.0, 2.0)
     fit = problem.fit((*soft, CoulombFriction("hip", 0.6), CoulombFriction("knee", 0.5)))
     assert fit.error < 1.5
@@ -268,7 +268,7 @@ def test_links_that_strike_together_are_followed(
     springs: tuple[tuple[float, float], ...], play: tuple[float, float], within: float
 ) -> None:
     """Links that strike throw one another: in turn they left more than stiff gears (1.8 times)."""
-    problem = Problem.from_logs(
+    problem = EstimationProblem.from_logs(
         load_robot("planar_leg_fixed").lossless(), _struck_logs(springs, play)
     )
     begun: list[Effect] = [

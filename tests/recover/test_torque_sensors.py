@@ -18,7 +18,7 @@ from wbc.effects import (
 )
 from wbc.errors import LogError
 from wbc.identification import diagnose
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
 from wbc.measurement import Log
 from wbc.sim import Sensor
@@ -81,7 +81,7 @@ def test_a_wrong_mass_and_a_lossy_gear_are_named_each_on_its_side(sensed: list[L
 
 
 def test_neither_row_knows_what_is_wrong_on_the_other_side(sensed: list[Log]) -> None:
-    problem = Problem.from_logs(LEG, sensed)
+    problem = EstimationProblem.from_logs(LEG, sensed)
     record, robot = problem.records[0], problem.robot
     before = raw_residual(robot, record)
     links = raw_residual(robot.with_effects(HEAVY), record) - before

@@ -24,7 +24,7 @@ from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import CollisionLimit, CollisionRows, JointLimit, RotorTorqueLimit
 from wbc.control.outcome import Outcome
-from wbc.control.plant import Plant
+from wbc.control.output_torques import OutputTorques
 from wbc.control.program.level import Answer, GearState, Level, Refusal
 from wbc.control.program.library import ProgramLibrary, Recipe
 from wbc.control.reference import Reference
@@ -41,7 +41,7 @@ from wbc.control.solvers import QPProblem, check_solver
 from wbc.control.state import State
 from wbc.control.tasks import Task
 from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
-from wbc.control.torque.direction_search import Found
+from wbc.control.torque.direction_search import DirectedSolution
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.motors import Motors
 from wbc.control.torque.speed import SpeedBlend
@@ -104,7 +104,7 @@ class Controller:
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
         self._stacks = stacks_by_level(robot, self.tasks, self._kinematics.model)
-        self._plant = Plant(robot)
+        self._plant = OutputTorques(robot)
         self._law = GearLaw(
             robot.transmission, self.settings.rest_policy, self.settings.rest_margin
         )
@@ -360,7 +360,7 @@ class Controller:
         complaint: Complaint,
         dt: float,
         start: float,
-        found: Found | None = None,
+        found: DirectedSolution | None = None,
         refused: Refused | None = None,
     ) -> Command:
         self._disturbance.interrupt()

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.record import Record
@@ -20,7 +20,7 @@ _FAULT = 0.01  # [rad] by which sensors are tried
 _PLAUSIBLE = 0.1  # [rad] beyond which a sensor would have been noticed
 
 
-def force_sensor_doubts(problem: Problem, fit: Fit) -> list[list[str]]:
+def force_sensor_doubts(problem: EstimationProblem, fit: Fit) -> list[list[str]]:
     """Return for every effect a sentence per contact whose force sensor could be wrong instead.
 
     A sensor that is turned adds a torque that follows the force. On a robot that stands, that may
@@ -70,7 +70,7 @@ _CHANGES: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 
 def _column(
-    problem: Problem, fit: Fit, name: str, change: Callable[[FloatArray], FloatArray]
+    problem: EstimationProblem, fit: Fit, name: str, change: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
     """Return (rows outputs,) what a sensor that is turned adds per radian."""
     wrong = [_with_force(record, name, change) for record in problem.records]

@@ -1,7 +1,7 @@
 """Logs: schema, checks, readers and writers, differentiation, repeats."""
 
 from wbc.measurement.checks.check import check_log, check_logs
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.log_quality import LogQuality
 from wbc.measurement.columns.column_map import ColumnMap, parse_column_map, read_column_map
 from wbc.measurement.columns.column_rule import ColumnRule
@@ -38,8 +38,8 @@ __all__ = [
     "ColumnMap",
     "ColumnRule",
     "Derivatives",
-    "Finding",
     "Log",
+    "LogFinding",
     "LogQuality",
     "LogSource",
     "Machine",

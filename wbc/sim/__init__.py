@@ -11,6 +11,7 @@ from wbc.sim.energy.audit import EnergyAudit
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.ground.box import Box
 from wbc.sim.ground.height_field import HeightField
+from wbc.sim.ground.moving import Moving
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.sphere import Sphere
 from wbc.sim.ground.stairs import Stairs
@@ -39,6 +40,7 @@ __all__ = [
     "HeightField",
     "Impact",
     "LoopTick",
+    "Moving",
     "Plane",
     "Plant",
     "Recorder",

@@ -202,7 +202,7 @@ class Plant:
         """Return the distance (k,) of the contact points from the ground [m]."""
         space, barriers = self._setup.space, self._setup.barriers
         pin.forwardKinematics(space.model, space.data, state.position)
-        gap = barriers.clearance(state.position).gap[barriers.limits :]
+        gap = barriers.clearance(state.position, state.time).gap[barriers.limits :]
         return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
 
     def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
@@ -245,7 +245,7 @@ class Plant:
         pin.forwardKinematics(space.model, space.data, state.position)
         ahead = ~state.closed & ~kept
         early, late = 0.0, step
-        gap_early = barriers.clearance(state.position).gap[ahead]
+        gap_early = barriers.clearance(state.position, state.time).gap[ahead]
         level = np.minimum(gap_early, 0.0)
         gap_early, gap_late = gap_early - level, part.gap[ahead] - level
         for i in range(_TRIES):

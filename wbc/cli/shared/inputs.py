@@ -19,7 +19,7 @@ from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis
 from wbc.identification.formulas import Discovery
-from wbc.measurement import Finding, Log, load_logs, with_machine
+from wbc.measurement import Log, LogFinding, load_logs, with_machine
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
 from wbc.progress import Watch, progress_bar
 from wbc.robot import Robot
@@ -102,7 +102,9 @@ def gear_ratios(robot: Robot) -> dict[str, float]:
     return dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
 
 
-def write_fix(options: argparse.Namespace, findings: Sequence[Finding], console: Console) -> None:
+def write_fix(
+    options: argparse.Namespace, findings: Sequence[LogFinding], console: Console
+) -> None:
     """Write the column map that mends what was found, on top of the one in use, if asked to."""
     if getattr(options, "fix", None) is None:
         return

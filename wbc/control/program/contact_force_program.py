@@ -10,7 +10,7 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
-from wbc.control.plant import Plant
+from wbc.control.output_torques import OutputTorques
 from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
@@ -54,7 +54,7 @@ class ContactForceProgram:
 
     def __init__(
         self,
-        plant: Plant,
+        plant: OutputTorques,
         contacts: ContactSet,
         limited: BoolArray,
         joint_limit: JointLimit | None,

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.efforts import Effort
-from wbc.control.plant import Plant
+from wbc.control.output_torques import OutputTorques
 
 
 class EffortCost:
@@ -20,7 +20,7 @@ class EffortCost:
     """
 
     def __init__(
-        self, efforts: Sequence[Effort], plant: Plant, rows: FloatArray, right: FloatArray
+        self, efforts: Sequence[Effort], plant: OutputTorques, rows: FloatArray, right: FloatArray
     ) -> None:
         """Take the efforts and the memory for their rows (k, n), (k,)."""
         self._efforts, self._plant, self.rows, self.right = tuple(efforts), plant, rows, right

@@ -17,7 +17,7 @@ from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
 from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution
-from wbc.control.torque.direction_search import GUESSES, SMALL, DirectionSearch, Found
+from wbc.control.torque.direction_search import GUESSES, SMALL, DirectedSolution, DirectionSearch
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
 from wbc.robot import Motion
@@ -45,7 +45,7 @@ class GearState(NamedTuple):
 class Answer(NamedTuple):
     """A usable solution, the rotor torques that bring it about, and how usable they are."""
 
-    found: Found
+    found: DirectedSolution
     realised: Realised
     verdict: Complaint
 
@@ -59,7 +59,7 @@ class Refusal(NamedTuple):
     """Why there is no usable solution; no complaint where the program's numbers are too large."""
 
     complaint: Complaint | None
-    found: Found | None
+    found: DirectedSolution | None
     level: Level
 
 
@@ -157,7 +157,9 @@ class Level:
         program.assemble_efforts(slope, gears.speed, gears.last_output)
         return program.blocks.dense().copied()
 
-    def _guessed(self, guess: DualActiveSet, gears: GearState, first: FloatArray) -> Found | None:
+    def _guessed(
+        self, guess: DualActiveSet, gears: GearState, first: FloatArray
+    ) -> DirectedSolution | None:
         """Return the solution if no torque limit binds, None where the guess fails."""
         if self.program.efforts:
             return self._guessed_with_efforts(guess, gears, first)
@@ -169,7 +171,7 @@ class Level:
 
     def _guessed_with_efforts(
         self, guess: DualActiveSet, gears: GearState, first: FloatArray
-    ) -> Found | None:
+    ) -> DirectedSolution | None:
         """Return the same where what efforts cost depends on the directions of the gears."""
         program, slopes, spent = self.program, self._law.slopes(gears.sigma), 0.0
         program.assemble_torque_map()
@@ -191,12 +193,12 @@ class Level:
             positive ^= turned
         return None
 
-    def _found(self, solution: QPSolution, rounds: int, spent: float) -> Found:
+    def _found(self, solution: QPSolution, rounds: int, spent: float) -> DirectedSolution:
         """Return a solution with its torques."""
         output, share = self.program.torques(solution.x)
         self._output = output
         acceleration = solution.x[: self.program.nv]
-        return Found(
+        return DirectedSolution(
             *(solution, output, share, rounds, spent, True),
             *(acceleration, solution.iterations),
         )
@@ -221,7 +223,7 @@ class Level:
             self._guess.learn(found.solution.z[program.rows.torque.stop :])
         return Answer(found, self._realise(found, gears), verdict)
 
-    def _realise(self, found: Found, gears: GearState) -> Realised:
+    def _realise(self, found: DirectedSolution, gears: GearState) -> Realised:
         return self._stage.solve(found.output, found.share, gears.sigma, gears.limits)
 
     def _assemble_whole(self) -> None:

@@ -15,7 +15,7 @@ from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import CollisionRows, JointLimit
-from wbc.control.plant import Plant
+from wbc.control.output_torques import OutputTorques
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level import Level
 from wbc.control.program.level_lock import LevelLock, greatest_lock
@@ -52,7 +52,7 @@ class Recipe:
         stage: what finds the rotor torques.
     """
 
-    plant: Plant
+    plant: OutputTorques
     kinematics: Kinematics
     contacts: Mapping[str, BoundContact]
     limited: BoolArray

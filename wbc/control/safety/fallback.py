@@ -9,11 +9,11 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Refused
 from wbc.control.contacts import BoundContact
-from wbc.control.plant import Plant
+from wbc.control.output_torques import OutputTorques
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.policies import LastGood, SafetyPolicy, Situation, Statics
 from wbc.control.safety.standing import Standing
-from wbc.control.torque.direction_search import Found
+from wbc.control.torque.direction_search import DirectedSolution
 from wbc.control.torque.motors import Motors
 from wbc.robot import Motion, Robot
 
@@ -24,7 +24,7 @@ class Fallback:
     def __init__(
         self,
         robot: Robot,
-        plant: Plant,
+        plant: OutputTorques,
         motors: Motors,
         standing: Standing,
         policy: SafetyPolicy,
@@ -64,7 +64,7 @@ class Fallback:
         complaint: Complaint,
         dt: float,
         start: float,
-        found: Found | None = None,
+        found: DirectedSolution | None = None,
         refused: Refused | None = None,
     ) -> Command:
         """Return the safe command; never raises.
@@ -92,7 +92,7 @@ class Fallback:
         motion: Motion | None,
         complaint: Complaint,
         start: float,
-        found: Found | None,
+        found: DirectedSolution | None,
         refused: Refused | None,
     ) -> Command:
         m, nv = self._robot.transmission.size, self._robot.model.nv

@@ -6,12 +6,12 @@ from wbc.control.command import Status
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.safety.inputs import Complaint, all_finite
 from wbc.control.solvers import QPStatus
-from wbc.control.torque.direction_search import Found
+from wbc.control.torque.direction_search import DirectedSolution
 
 _ACCURATE = 1e-4
 
 
-def judged(found: Found, program: ContactForceProgram) -> Complaint:
+def judged(found: DirectedSolution, program: ContactForceProgram) -> Complaint:
     """Return how usable a solution is, and what is in its way."""
     solution = found.solution
     if solution.status is QPStatus.SOLVED:

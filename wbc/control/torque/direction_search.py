@@ -22,7 +22,7 @@ GUESSES = 3
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
 
 
-class Found(NamedTuple):
+class DirectedSolution(NamedTuple):
     """A solution whose directions are right.
 
     Attributes:
@@ -88,7 +88,7 @@ class DirectionSearch:
         limits: Limits,
         speed: FloatArray,
         last_output: FloatArray,
-    ) -> Found:
+    ) -> DirectedSolution:
         """Return the solution of the assembled program with directions that agree with it.
 
         Args:
@@ -127,13 +127,13 @@ class DirectionSearch:
             return self._found(solution, False)
         return self._branch(slopes, limits, None, _NONE, positive, solution)
 
-    def _found(self, solution: QPSolution, proven: bool) -> Found:
+    def _found(self, solution: QPSolution, proven: bool) -> DirectedSolution:
         output, share = self.program.torques(solution.x)
         acceleration = solution.x[: self.program.nv].copy()
         plain, branching = self._plain, self._branching.solver
         rounds, spent = plain.count + branching.count, plain.spent + branching.spent
         steps = max(plain.iterations, branching.iterations)  # the latter goes on from the former
-        return Found(
+        return DirectedSolution(
             solution, output, share, rounds, spent, proven, acceleration, steps, self._blocking()
         )
 
@@ -181,7 +181,7 @@ class DirectionSearch:
         contested: IntArray,
         positive: BoolArray,
         unsolved: QPSolution,
-    ) -> Found:
+    ) -> DirectedSolution:
         """Return the best solution over all directions, or the best within the rounds left."""
         self._branching.solver.start_tick(self._plain.iterations)
         left = self._rounds - self._plain.count

@@ -17,8 +17,8 @@ from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
 from wbc.effects.friction.viscous_friction import ViscousFriction
 from wbc.identification.classic.base_parameters import base_columns, combination, link_names
 from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.inertial_columns import inertial_columns
-from wbc.identification.model.problem import Problem
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
@@ -105,10 +105,12 @@ def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    return classic_fit(Problem.from_logs(robot.lossless(), without_torque_sensors(robot, logs)))
+    return classic_fit(
+        EstimationProblem.from_logs(robot.lossless(), without_torque_sensors(robot, logs))
+    )
 
 
-def classic_fit(problem: Problem) -> ClassicFit:
+def classic_fit(problem: EstimationProblem) -> ClassicFit:
     """Return the classic fit of a problem whose robot has perfect gears; see `identify`."""
     robot = problem.robot
     table = _Columns.of(problem)
@@ -139,7 +141,7 @@ def classic_fit(problem: Problem) -> ClassicFit:
 
 
 def held_out_residual(
-    problem: Problem, predicted: Callable[[np.ndarray], FloatArray]
+    problem: EstimationProblem, predicted: Callable[[np.ndarray], FloatArray]
 ) -> FloatArray:
     """Return (rows, judged outputs) what is left in the outputs' units, each fold held out.
 
@@ -170,7 +172,7 @@ class _Columns:
     combinations: tuple[str, ...]
 
     @classmethod
-    def of(cls, problem: Problem) -> _Columns:
+    def of(cls, problem: EstimationProblem) -> _Columns:
         robot, records = problem.robot, problem.records
         effects = [_small(kind, robot, where) for kind in KINDS for where in kind.places(robot)]
         slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
@@ -212,7 +214,7 @@ def _undriven(robot: Robot) -> list[str]:
     return [f"coordinate {row}" for row in robot.unactuated]
 
 
-def _weights(problem: Problem, target: FloatArray, values: FloatArray) -> FloatArray:
+def _weights(problem: EstimationProblem, target: FloatArray, values: FloatArray) -> FloatArray:
     """Return (outputs,) one over what a first fit leaves, in floors and never below one."""
     a = values.reshape(-1, values.shape[-1])
     left = (target.ravel() + a @ _solve(a, -target.ravel())).reshape(target.shape)

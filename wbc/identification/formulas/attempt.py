@@ -12,8 +12,8 @@ from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import hypothesis_of
 from wbc.identification.formulas.formula import Formula
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 
 
@@ -33,7 +33,7 @@ class Attempt:
 
     @classmethod
     def of(
-        cls, problem: Problem, effects: Sequence[Effect], formulas: Mapping[str, Formula]
+        cls, problem: EstimationProblem, effects: Sequence[Effect], formulas: Mapping[str, Formula]
     ) -> Attempt:
         """Fit `effects`, which hold the `formulas`, to all records of `problem`."""
         fit = problem.fit(effects)
@@ -55,7 +55,7 @@ class Attempt:
         return sum(effect.freedom for effect in self.fit.effects)
 
 
-def better_somewhere(problem: Problem, worse: Attempt, better: Attempt) -> bool:
+def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt) -> bool:
     """Whether the evidence at one output outweighs what more is asked to be believed.
 
     A bad joint hides no other.

@@ -16,8 +16,8 @@ from wbc.identification.formulas.formula import Formula, find_formula
 from wbc.identification.formulas.library import torque_terms
 from wbc.identification.formulas.proposals import estimated, proposals_of
 from wbc.identification.formulas.term_table import term_table
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
@@ -51,7 +51,7 @@ def discover(
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    problem = Problem.from_logs(robot, without_torque_sensors(robot, logs))
+    problem = EstimationProblem.from_logs(robot, without_torque_sensors(robot, logs))
     start = Attempt.of(problem, known, {})
     found = _search(problem, start, progress)
     if known:
@@ -76,7 +76,7 @@ def discover(
     )
 
 
-def _search(problem: Problem, start: Attempt, progress: Report) -> Attempt:
+def _search(problem: EstimationProblem, start: Attempt, progress: Report) -> Attempt:
     """Return `start` with the formulas that pay, the one that explains most of its joint first."""
     current = start
     waiting = list(problem.robot.transmission.joints)
@@ -97,7 +97,7 @@ def _search(problem: Problem, start: Attempt, progress: Report) -> Attempt:
 
 
 def _offers(
-    problem: Problem, fit: Fit, joints: Sequence[str], progress: Report
+    problem: EstimationProblem, fit: Fit, joints: Sequence[str], progress: Report
 ) -> dict[str, Formula]:
     """Return the formula of every joint that has one."""
     band = problem.records[0].bandwidth.residual
@@ -114,7 +114,7 @@ def _offers(
     return found
 
 
-def _moves(problem: Problem, joint: str) -> bool:
+def _moves(problem: EstimationProblem, joint: str) -> bool:
     """Whether a joint moves at all; one that stands still shows no law."""
     column = problem.robot.position_index(joint)
     ranges = [np.ptp(record.motion.position[:, column]) for record in problem.records]
@@ -128,7 +128,7 @@ def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
     return [other for other in others if (reaches[joint] & reaches[other]).any()]
 
 
-def _pruned(problem: Problem, attempt: Attempt) -> Attempt:
+def _pruned(problem: EstimationProblem, attempt: Attempt) -> Attempt:
     """Return the attempt without named effects that the formulas have made idle."""
     current = attempt
     for effect in attempt.known if attempt.formulas else ():
@@ -139,7 +139,7 @@ def _pruned(problem: Problem, attempt: Attempt) -> Attempt:
     return current
 
 
-def _preferred(problem: Problem, fresh: Attempt, beside: Attempt) -> Attempt:
+def _preferred(problem: EstimationProblem, fresh: Attempt, beside: Attempt) -> Attempt:
     """Return formulas instead of the named effects where they do no worse, else beside them."""
     if not fresh.formulas or better_somewhere(problem, fresh, beside):
         return beside

@@ -12,7 +12,7 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.effects import TorqueTerm
 from wbc.identification.formulas.sparse_regression import (
     SparseRegression,
-    Support,
+    TermSet,
     block_errors,
     cell_losses,
     fold_regressions,
@@ -120,13 +120,13 @@ def _formula(table: TermTable) -> Formula | None:
     return None
 
 
-def _everything(table: TermTable, folds: _Folds, count: int) -> Support | None:
+def _everything(table: TermTable, folds: _Folds, count: int) -> TermSet | None:
     """Return the support of `count` terms that all cells ask for."""
     path = SparseRegression(table, np.ones(len(table.folds), dtype=bool)).path(count)
     return _simplified(table, folds, path[count]) if len(path) > count else None
 
 
-def _nested(table: TermTable, folds: _Folds) -> tuple[list[list[Support]], list[FloatArray]]:
+def _nested(table: TermTable, folds: _Folds) -> tuple[list[list[TermSet]], list[FloatArray]]:
     """Return each fold's supports, and the cell losses (cells,) for every number of terms."""
     paths = [others.path(MOST_TERMS) for _, others in folds]
     most = min(len(path) for path in paths)
@@ -166,7 +166,7 @@ def _standard_error(values: FloatArray) -> float:
     return float(np.std(values, ddof=1) / np.sqrt(values.size))
 
 
-def _simplified(table: TermTable, folds: _Folds, support: Support) -> Support:
+def _simplified(table: TermTable, folds: _Folds, support: TermSet) -> TermSet:
     """Return the support with every term replaced by the simplest that does as well."""
     everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
     chosen = list(support.chosen)
@@ -182,7 +182,7 @@ def _simplified(table: TermTable, folds: _Folds, support: Support) -> Support:
     return everything.fitted(chosen)
 
 
-def _ties(table: TermTable, folds: _Folds, support: Support) -> list[list[int]]:
+def _ties(table: TermTable, folds: _Folds, support: TermSet) -> list[list[int]]:
     """Return, for each term, those that do as well in its place on held-out folds, best first."""
     present = block_errors(table, held_out(table, support.chosen, folds))
     result = []
@@ -217,7 +217,7 @@ def _cosines(table: TermTable, own: int, rest: Sequence[int]) -> FloatArray:
     return np.asarray(left[own] / (size[own] * size))
 
 
-def _stability(table: TermTable, support: Support, others: Sequence[Support]) -> tuple[float, ...]:
+def _stability(table: TermTable, support: TermSet, others: Sequence[TermSet]) -> tuple[float, ...]:
     result = []
     for own in support.chosen:
         alike = np.abs(_cosines(table, own, [k for k in support.chosen if k != own])) > _SAME

@@ -8,12 +8,12 @@ from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.formulas.attempt import Attempt
 from wbc.identification.formulas.discovery import Proposal
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import interval_bounds
-from wbc.identification.model.problem import Problem
 
 
-def estimated(problem: Problem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
+def estimated(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
     """Return every parameter with its interval, by effect, place and name."""
     model = problem.robot.model
     slides = {

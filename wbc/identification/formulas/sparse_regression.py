@@ -19,7 +19,7 @@ _CANCELLING = 10.0  # squares of the single terms over the square of their sum
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class TermSet:
     """Some terms of a table with least-squares coefficients.
 
     Attributes:
@@ -53,14 +53,14 @@ class SparseRegression:
         self._moment = table.moment[cells].sum(axis=0) / self._scale
         self._energy = float(table.energy[cells].sum())
 
-    def path(self, most: int) -> list[Support]:
+    def path(self, most: int) -> list[TermSet]:
         """Return the best supports found with 0, 1, ..., `most` terms that brake where dry.
 
         A beam of supports grows by one term at a time, joined by what orthogonal matching pursuit
         picks and by the best of all pairs, since two terms may do together what neither does alone.
         The best of each size is improved by exchanges.
         """
-        best = [Support((), np.zeros(0), self._energy)]
+        best = [TermSet((), np.zeros(0), self._energy)]
         beam: list[tuple[int, ...]] = [()]
         for size in range(1, most + 1):
             offers = [chosen for rest in beam for chosen in self._extensions(rest)]
@@ -75,12 +75,12 @@ class SparseRegression:
             beam = list(dict.fromkeys(s.chosen for s in (best[-1], *found)))[:_BEAM]
         return best
 
-    def fitted(self, chosen: Sequence[int]) -> Support:
+    def fitted(self, chosen: Sequence[int]) -> TermSet:
         """Return these terms with their coefficients."""
         index = list(chosen)
         solution = np.linalg.solve(self._gram[np.ix_(index, index)], self._moment[index])
         loss = self._energy - float(solution @ self._moment[index])
-        return Support(tuple(index), solution / self._scale[index], loss)
+        return TermSet(tuple(index), solution / self._scale[index], loss)
 
     def _pursuit(self, size: int) -> tuple[int, ...]:
         """Return the terms that orthogonal matching pursuit picks (Pati et al. 1993)."""
@@ -103,7 +103,7 @@ class SparseRegression:
             left = moment - gram[:, chosen] @ weights
         return tuple(sorted(int(k) for k in usable[chosen]))
 
-    def _exchanged(self, support: Support) -> Support:
+    def _exchanged(self, support: TermSet) -> TermSet:
         """Return the support after exchanges of single terms, as long as they help."""
         current = support
         for _ in range(_ROUNDS):
@@ -149,7 +149,7 @@ class SparseRegression:
         usable[index] = False
         return np.where(usable, base - pull**2 / np.where(usable, free, 1.0), np.inf)
 
-    def _allowed(self, support: Support) -> Support | None:
+    def _allowed(self, support: TermSet) -> TermSet | None:
         """Return the support unless its friction drives or its terms mostly cancel one another."""
         index = list(support.chosen)
         sizes = support.coefficients * self._scale[index]
@@ -159,7 +159,7 @@ class SparseRegression:
         return support if fine and self._table.possible(index, support.coefficients) else None
 
 
-def cell_losses(table: TermTable, support: Support, cells: BoolArray) -> FloatArray:
+def cell_losses(table: TermTable, support: TermSet, cells: BoolArray) -> FloatArray:
     """Return the sum of squares that a support leaves in each of `cells`."""
     index, c = np.asarray(support.chosen, dtype=np.int_), support.coefficients
     explained = 2.0 * table.moment[cells][:, index] @ c

@@ -10,8 +10,8 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
 from wbc.robot import Motion, Robot
@@ -71,7 +71,9 @@ class TermTable:
         return driving <= 0.01 * float(np.sum(np.abs(level)))
 
 
-def term_table(problem: Problem, fit: Fit, joint: str, terms: Sequence[TorqueTerm]) -> TermTable:
+def term_table(
+    problem: EstimationProblem, fit: Fit, joint: str, terms: Sequence[TorqueTerm]
+) -> TermTable:
     """Return the normal equations of `terms` at `joint` against the residual of `fit`.
 
     Args:
@@ -101,7 +103,7 @@ def term_table(problem: Problem, fit: Fit, joint: str, terms: Sequence[TorqueTer
     return totals.table(joint, terms, folds, blocks, together[::every])
 
 
-def _cells(problem: Problem) -> tuple[IntArray, IntArray, IntArray]:
+def _cells(problem: EstimationProblem) -> tuple[IntArray, IntArray, IntArray]:
     """Return the cell of every row, and the fold and block of every cell."""
     merged = problem.blocks // (1 + int(problem.blocks.max()) // _MOST_BLOCKS)
     pairs, cells = np.unique(np.stack([problem.folds, merged], axis=1), axis=0, return_inverse=True)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
 from wbc.identification.records.channels import Channels, read_channels
-from wbc.identification.records.filters.bandwidth import Bandwidth, SensorNoise, choose_bandwidth
+from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity, choose_bandwidth
 from wbc.identification.records.filters.smoothing import (
     derivative,
     differentiate,
@@ -64,7 +64,7 @@ def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tu
     )
 
 
-def _noise(robot: Robot, channels: Channels) -> SensorNoise:
+def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     model = robot.model
     positions = np.full((len(channels.time), model.nv), np.nan)
     for name in robot.single_joints:
@@ -77,7 +77,7 @@ def _noise(robot: Robot, channels: Channels) -> SensorNoise:
     level, sensed = white_level(torque, rate), white_level(channels.sensed, rate)
     unknown = robot.sensed[~channels.reported[robot.sensed]]
     level[unknown] = sensed[np.isin(robot.sensed, unknown)]
-    return SensorNoise(
+    return NoiseDensity(
         # NaN, where no position was measured, stays NaN.
         position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
         velocity=white_level(velocities, rate),
@@ -107,7 +107,7 @@ def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:
 
 
 def _record(
-    robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth, reversal: float
+    robot: Robot, channels: Channels, noise: NoiseDensity, band: Bandwidth, reversal: float
 ) -> Record:
     rate, cutoff = channels.rate, band.kinematics
     motion = _smooth_motion(robot, channels, noise, band)
@@ -171,7 +171,9 @@ def _with_noise_shared(record: Record) -> Record:
     return replace(record, weight=frozen(weight), reported_share=frozen(np.clip(share, 0.0, 1.0)))
 
 
-def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: Bandwidth) -> Motion:
+def _smooth_motion(
+    robot: Robot, channels: Channels, noise: NoiseDensity, band: Bandwidth
+) -> Motion:
     """Return smoothed q, v, a; each joint from the sensor that gives the quieter acceleration."""
     rate, cutoff = channels.rate, band.kinematics
     position = low_pass(channels.position, cutoff, rate)
@@ -185,7 +187,9 @@ def _smooth_motion(robot: Robot, channels: Channels, noise: SensorNoise, band: B
     return Motion(position, _at_rest(robot, velocity, noise, band), acceleration)
 
 
-def _at_rest(robot: Robot, velocity: FloatArray, noise: SensorNoise, band: Bandwidth) -> FloatArray:
+def _at_rest(
+    robot: Robot, velocity: FloatArray, noise: NoiseDensity, band: Bandwidth
+) -> FloatArray:
     """Return velocities that are zero where a driven joint moves by no more than noise.
 
     A joint that holds still would seem to change direction all the time, and its dry friction,
@@ -197,7 +201,7 @@ def _at_rest(robot: Robot, velocity: FloatArray, noise: SensorNoise, band: Bandw
 
 
 def _weight(
-    robot: Robot, motion: Motion, noise: SensorNoise, band: Bandwidth, reversal: float
+    robot: Robot, motion: Motion, noise: NoiseDensity, band: Bandwidth, reversal: float
 ) -> FloatArray:
     """Return (N, m + b + s): how far the direction of motion behind each output can be trusted.
 

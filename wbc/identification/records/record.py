@@ -19,7 +19,7 @@ from wbc.dynamics import (
     link_torque,
 )
 from wbc.identification.records.contacts.contact_balance import ContactBalance
-from wbc.identification.records.filters.bandwidth import Bandwidth, SensorNoise
+from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity
 from wbc.identification.records.filters.smoothing import low_pass
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.links import LinkResponse
@@ -68,7 +68,7 @@ class Record:
     weight: FloatArray
     rate: float
     bandwidth: Bandwidth
-    noise: SensorNoise
+    noise: NoiseDensity
     reported_share: FloatArray
     certainty: FloatArray
     load_band: FloatArray

@@ -15,7 +15,7 @@ _TRIES = (0.1, 1.0, 10.0)  # dampings tried at once, times the present one
 _ENOUGH = 1e-4  # relative fall of the cost below which an iteration has gained nothing
 
 
-class Task(NamedTuple):
+class FitStart(NamedTuple):
     """Where one fit starts, (n,), and the rows (R,) of the residual that it sees."""
 
     first: FloatArray
@@ -32,7 +32,7 @@ class _Point(NamedTuple):
 
 def lockstep_fit(
     residuals: Callable[[FloatArray, Sequence[int]], FloatArray],
-    tasks: Sequence[Task],
+    tasks: Sequence[FitStart],
     bounds: tuple[FloatArray, FloatArray],
     scale: FloatArray,
     pull: tuple[FloatArray, FloatArray],

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError, unknown_name
-from wbc.identification.servo.lockstep_fit import Task, lockstep_fit
+from wbc.identification.servo.lockstep_fit import FitStart, lockstep_fit
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
@@ -125,7 +125,7 @@ def fit_servos(
         ]
         return np.concatenate(parts).T
 
-    tasks = [Task(first, np.isin(row_of, subset)) for subset in subsets for first in firsts]
+    tasks = [FitStart(first, np.isin(row_of, subset)) for subset in subsets for first in firsts]
     pull = np.array([hold.get(name, 0.0) for name in names]) / scale
     found = lockstep_fit(residuals, tasks, (low, high), scale, (pull, centre), _SOFT, iterations)
     best = []

@@ -11,8 +11,8 @@ from scipy.stats import norm
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import interval_bounds
-from wbc.identification.model.problem import Problem
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
@@ -87,10 +87,10 @@ def measure_session(session: Session) -> SessionResult:
 def _measured(
     robot: Robot, logs: tuple[Log, ...]
 ) -> tuple[dict[Quantity, Estimate], tuple[str, ...]]:
-    problem = Problem.from_logs(robot, logs)
+    problem = EstimationProblem.from_logs(robot, logs)
     values = _errors(problem)
     if robot.effects:
-        bare = Problem.from_logs(robot.without_effects(), logs)
+        bare = EstimationProblem.from_logs(robot.without_effects(), logs)
         fit = bare.fit(robot.effects)
         bounds = interval_bounds(fit, bare.blocks, bare.distortion(fit), LEVEL)
         for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
@@ -104,7 +104,7 @@ def _measured(
     return values, problem.warnings
 
 
-def _errors(problem: Problem) -> dict[Quantity, Estimate]:
+def _errors(problem: EstimationProblem) -> dict[Quantity, Estimate]:
     """Return the rms of every output with its interval, blocks of the logs being samples."""
     units, found = output_units(problem.robot), {}
     for column, name in enumerate(output_names(problem.robot)):

@@ -7,7 +7,7 @@ from math import log2, pi
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.value_runs import jumps, plateau, resolution
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.gaps import gaps
@@ -21,9 +21,9 @@ _ACTUATION = ("rotor_torque", "motor_torque", "current", "duty")
 _MEASURED = ("position", "velocity", "rotor_position", *_ACTUATION, "joint_torque")
 
 
-def check_channels(log: Log) -> list[Finding]:
+def check_channels(log: Log) -> list[LogFinding]:
     """Return findings about every measured channel of the joints."""
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     holes = gaps(log.time)
     for name, values in log.columns.items():
         parts = split_column(name)
@@ -40,9 +40,9 @@ def check_channels(log: Log) -> list[Finding]:
     return findings
 
 
-def _constant(name: str, value: float, quantity: str) -> Finding:
+def _constant(name: str, value: float, quantity: str) -> LogFinding:
     if quantity == "position":
-        return Finding(
+        return LogFinding(
             "warning",
             "constant_joint",
             name,
@@ -53,10 +53,10 @@ def _constant(name: str, value: float, quantity: str) -> Finding:
     severity = "info" if quantity in _ACTUATION and value == 0.0 else "warning"
     text = "zero throughout." if value == 0.0 else f"{value:g} throughout."
     way_out = "Fine for an unpowered joint; otherwise the channel is not connected."
-    return Finding(severity, "constant_channel", name, text, way_out)
+    return LogFinding(severity, "constant_channel", name, text, way_out)
 
 
-def _saturation(log: Log, joint: str, name: str) -> list[Finding]:
+def _saturation(log: Log, joint: str, name: str) -> list[LogFinding]:
     values = log.column(name)
     name_of_position = f"{joint}.position"
     # A duty of one is the limit by definition, whether the joint moves or not.
@@ -67,7 +67,7 @@ def _saturation(log: Log, joint: str, name: str) -> list[Finding]:
     if share < _SATURATED_SHARE or (runs < 3 and not full):
         return []
     return [
-        Finding(
+        LogFinding(
             "warning",
             "saturation",
             name,
@@ -78,7 +78,7 @@ def _saturation(log: Log, joint: str, name: str) -> list[Finding]:
     ]
 
 
-def _wraps(name: str, values: FloatArray, holes: IntArray) -> list[Finding]:
+def _wraps(name: str, values: FloatArray, holes: IntArray) -> list[LogFinding]:
     rows, sizes = jumps(values)
     # Where samples are missing a joint that moves on jumps without any wrap.
     sampled = ~np.isin(rows, holes)
@@ -89,7 +89,7 @@ def _wraps(name: str, values: FloatArray, holes: IntArray) -> list[Finding]:
     period, text = _known_period(size)
     mend: Mend = {"columns": {name: {"unwrap": period}}}
     return [
-        Finding(
+        LogFinding(
             "error",
             "wrap",
             name,
@@ -112,13 +112,13 @@ def _known_period(size: float) -> tuple[float, str]:
     return size, "an unsigned encoder, or a counter that was reset"
 
 
-def _coarse(name: str, values: FloatArray) -> list[Finding]:
+def _coarse(name: str, values: FloatArray) -> list[LogFinding]:
     step = resolution(values)
     spread = float(np.std(values))
     if step <= _COARSE_SHARE * spread:
         return []
     return [
-        Finding(
+        LogFinding(
             "warning",
             "coarse",
             name,

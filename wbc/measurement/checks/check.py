@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.measurement.checks.channel_check import check_channels
 from wbc.measurement.checks.clock_check import check_clock
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.log_quality import LogQuality, by_severity
 from wbc.measurement.checks.log_set_check import check_set
 from wbc.measurement.checks.motion_check import (
@@ -54,7 +54,7 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
     return tuple(each)
 
 
-def _quality(log: Log, robot: Robot | None, suspected: Sequence[Finding]) -> LogQuality:
+def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> LogQuality:
     fits = velocity_fits(log)
     ratios = single_ratios(robot) if robot is not None else {}
     named = {finding.column for finding in suspected}
@@ -87,15 +87,15 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[Finding]) -> Log
     )
 
 
-def _reading(log: Log) -> list[Finding]:
+def _reading(log: Log) -> list[LogFinding]:
     """Return what reading the file found."""
-    found = [Finding("info", "read", "", note, "") for note in log.source.notes]
+    found = [LogFinding("info", "read", "", note, "") for note in log.source.notes]
     for column, text in log.source.unusable.items():
-        found.append(Finding("warning", "missing", column, text, ""))
+        found.append(LogFinding("warning", "missing", column, text, ""))
     if log.source.ignored:
         text = f"columns that were not read: {', '.join(log.source.ignored)}."
         way_out = "Map them if they matter (--columns MAP.toml)."
-        found.append(Finding("info", "unread", "", text, way_out))
+        found.append(LogFinding("info", "unread", "", text, way_out))
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.gaps import CUT_FROM, GAP_STEPS, gaps
 from wbc.measurement.log import Log
 
@@ -12,16 +12,16 @@ _JITTER = 0.5
 _FEW_ROWS = 100
 
 
-def check_clock(log: Log) -> list[Finding]:
+def check_clock(log: Log) -> list[LogFinding]:
     """Return findings about gaps, jitter, length and decimation."""
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     steps = np.diff(log.time)
     median = float(np.median(steps))
     holes = gaps(log.time)
     if holes.size:
         first = int(holes[0])
         findings.append(
-            Finding(
+            LogFinding(
                 "warning",
                 "gap",
                 "time",
@@ -34,7 +34,7 @@ def check_clock(log: Log) -> list[Finding]:
     jitter = float(np.std(steps[steps <= GAP_STEPS * median]) / median)
     if jitter > _JITTER:
         findings.append(
-            Finding(
+            LogFinding(
                 "warning",
                 "jitter",
                 "time",
@@ -44,7 +44,7 @@ def check_clock(log: Log) -> list[Finding]:
         )
     if len(log) < _FEW_ROWS:
         findings.append(
-            Finding(
+            LogFinding(
                 "warning",
                 "short",
                 "",
@@ -54,7 +54,7 @@ def check_clock(log: Log) -> list[Finding]:
         )
     if log.source.decimation > 1:
         findings.append(
-            Finding(
+            LogFinding(
                 "info",
                 "decimated",
                 "",

@@ -10,7 +10,7 @@ SEVERITIES = ("info", "warning", "error")
 
 
 @dataclass(frozen=True)
-class Finding:
+class LogFinding:
     """What is odd about a channel, and what to do about it.
 
     Attributes:

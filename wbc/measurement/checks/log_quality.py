@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wbc.measurement.checks.finding import SEVERITIES, Finding
+from wbc.measurement.checks.finding import SEVERITIES, LogFinding
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class LogQuality:
     velocity_delay: Mapping[str, float]
     velocity_scale: Mapping[str, float]
     resolution: Mapping[str, float]
-    findings: tuple[Finding, ...]
+    findings: tuple[LogFinding, ...]
 
     @property
     def usable(self) -> bool:
         """Whether nothing was found that makes results wrong."""
         return all(finding.severity != "error" for finding in self.findings)
 
-    def of_kind(self, kind: str) -> tuple[Finding, ...]:
+    def of_kind(self, kind: str) -> tuple[LogFinding, ...]:
         """Return the findings of one kind."""
         return tuple(finding for finding in self.findings if finding.kind == kind)
 
@@ -54,6 +54,6 @@ class LogQuality:
         return "\n".join([head, *(f"  {finding}" for finding in self.findings)])
 
 
-def by_severity(findings: list[Finding]) -> tuple[Finding, ...]:
+def by_severity(findings: list[LogFinding]) -> tuple[LogFinding, ...]:
     """Return findings with the gravest first, otherwise in the order given."""
     return tuple(sorted(findings, key=lambda finding: -SEVERITIES.index(finding.severity)))

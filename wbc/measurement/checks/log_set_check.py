@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.log import Log
 from wbc.measurement.repeats import find_duplicates
 
@@ -15,16 +15,16 @@ _RATE_RATIO = 1.5
 _DEGREES = 180.0 / pi
 
 
-def check_set(logs: Sequence[Log]) -> list[Finding]:
+def check_set(logs: Sequence[Log]) -> list[LogFinding]:
     """Return findings about duplicates, different joints, channels, rates and scales."""
     if len(logs) < 2:
         return []
     return [*_duplicates(logs), *_joints(logs), *_rates(logs), *_scales(logs)]
 
 
-def _duplicates(logs: Sequence[Log]) -> list[Finding]:
+def _duplicates(logs: Sequence[Log]) -> list[LogFinding]:
     return [
-        Finding(
+        LogFinding(
             "error",
             "duplicate",
             "",
@@ -35,13 +35,13 @@ def _duplicates(logs: Sequence[Log]) -> list[Finding]:
     ]
 
 
-def _joints(logs: Sequence[Log]) -> list[Finding]:
+def _joints(logs: Sequence[Log]) -> list[LogFinding]:
     first = set(logs[0].names)
     findings = []
     for log in logs[1:]:
         if set(log.joints) != set(logs[0].joints):
             findings.append(
-                Finding(
+                LogFinding(
                     "error",
                     "joints_differ",
                     "",
@@ -54,11 +54,11 @@ def _joints(logs: Sequence[Log]) -> list[Finding]:
             odd = ", ".join(sorted(first ^ set(log.names)))
             text = f"{log.source.label} and {logs[0].source.label} differ in the channels {odd}."
             way_out = "Only channels that all logs have are used together."
-            findings.append(Finding("warning", "channels_differ", "", text, way_out))
+            findings.append(LogFinding("warning", "channels_differ", "", text, way_out))
     return findings
 
 
-def _rates(logs: Sequence[Log]) -> list[Finding]:
+def _rates(logs: Sequence[Log]) -> list[LogFinding]:
     steps = [log.sample_time for log in logs]
     slow, fast = int(np.argmax(steps)), int(np.argmin(steps))
     if steps[slow] < _RATE_RATIO * steps[fast]:
@@ -68,10 +68,10 @@ def _rates(logs: Sequence[Log]) -> list[Finding]:
         f"{1.0 / steps[fast]:.4g} Hz."
     )
     way_out = "Fine if they were recorded so; otherwise one clock is in another unit."
-    return [Finding("warning", "rates_differ", "time", text, way_out)]
+    return [LogFinding("warning", "rates_differ", "time", text, way_out)]
 
 
-def _scales(logs: Sequence[Log]) -> list[Finding]:
+def _scales(logs: Sequence[Log]) -> list[LogFinding]:
     """Return findings where one log moves about 57 times as far as the others (degrees)."""
     findings = []
     for joint in logs[0].joints:
@@ -86,5 +86,5 @@ def _scales(logs: Sequence[Log]) -> list[Finding]:
         if ratio > 0.5 * _DEGREES and max(moving) > 2.0 * pi:
             text = f"one log spans {max(moving):.4g}, another {min(moving):.4g}."
             way_out = "If some logs are in degrees, map their unit."
-            findings.append(Finding("warning", "scales_differ", name, text, way_out))
+            findings.append(LogFinding("warning", "scales_differ", name, text, way_out))
     return findings

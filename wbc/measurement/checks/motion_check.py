@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.value_runs import jumps
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
@@ -35,19 +35,19 @@ def velocity_fits(log: Log) -> dict[str, VelocityFit]:
     return fits
 
 
-def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[Finding]:
+def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFinding]:
     """Return findings about velocities that are late, mis-scaled or of something else.
 
     Args:
         log: the log.
         fits: from `velocity_fits`.
     """
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     for joint, fit in fits.items():
         name = f"{joint}.velocity"
         if abs(fit.correlation) < _WELL_CORRELATED:
             findings.append(
-                Finding(
+                LogFinding(
                     "warning",
                     "velocity_unrelated",
                     name,
@@ -63,21 +63,21 @@ def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[Finding]
     return findings
 
 
-def _delay_finding(name: str, fit: VelocityFit, sample_time: float) -> Finding:
+def _delay_finding(name: str, fit: VelocityFit, sample_time: float) -> LogFinding:
     aligned: Mend = {"time": {"align_velocity": True}}
     left_out: Mend = {"columns": {name: False}}
     way_out = f"To take it out, {say_so(aligned)}; to use the position instead, {say_so(left_out)}"
     if fit.filtered:
         text = f"it has gone through a low-pass with a time constant of {1e3 * fit.delay:.1f} ms."
-        return Finding("warning", "velocity_filtered", name, text, way_out, aligned)
+        return LogFinding("warning", "velocity_filtered", name, text, way_out, aligned)
     samples = abs(fit.delay) / sample_time
     side = "behind" if fit.delay > 0.0 else "ahead of"
     text = f"{abs(1e3 * fit.delay):.2f} ms ({samples:.1f} samples) {side} the position."
-    return Finding("warning", "clock_lag", name, text, way_out, aligned)
+    return LogFinding("warning", "clock_lag", name, text, way_out, aligned)
 
 
-def _scale_finding(name: str, scale: float) -> Finding:
-    return Finding(
+def _scale_finding(name: str, scale: float) -> LogFinding:
+    return LogFinding(
         "warning",
         "velocity_scale",
         name,
@@ -86,14 +86,14 @@ def _scale_finding(name: str, scale: float) -> Finding:
     )
 
 
-def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[Finding]:
+def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
     """Return findings about rotor positions whose ratio to the joint is not the gear's.
 
     Args:
         log: the log.
         ratios: gear ratio N of joints whose motor drives that joint alone.
     """
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     for joint in log.with_quantity("rotor_position"):
         if not log.has(f"{joint}.position") or joint not in ratios:
             continue
@@ -104,7 +104,7 @@ def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[Finding
         seen = float(position @ (rotor - rotor.mean()) / (position @ position))
         if abs(seen / ratios[joint] - 1.0) > _SCALE_ERROR:
             findings.append(
-                Finding(
+                LogFinding(
                     "error",
                     "gear_side",
                     f"{joint}.rotor_position",
@@ -116,14 +116,14 @@ def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[Finding
     return findings
 
 
-def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Finding]:
+def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[LogFinding]:
     """Return findings about positions that a joint cannot have.
 
     Args:
         log: the log.
         limits: joint -> (lower, upper) position [rad or m]; joints without are judged by eye.
     """
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     for joint in log.with_quantity("position"):
         position = log.column(f"{joint}.position")
         low, high = float(position.min()), float(position.max())
@@ -135,7 +135,7 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Fi
             mend: Mend = {"columns": _in_degrees(log, joint)} if fits else {}
             way = "If so, " + say_so(mend) if fits else "State unit, side and offset in a map."
             findings.append(
-                Finding(
+                LogFinding(
                     "error" if fits else "warning",
                     "range",
                     f"{joint}.position",
@@ -147,7 +147,7 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Fi
             )
         elif high - low > _MANY_TURNS and not np.isfinite(upper - lower):
             findings.append(
-                Finding(
+                LogFinding(
                     "warning",
                     "range",
                     f"{joint}.position",

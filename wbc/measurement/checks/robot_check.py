@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.matching import match_joints
@@ -15,7 +15,7 @@ _TORQUES = (*REPORTED, "joint_torque")
 _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
 
 
-def check_robot(log: Log, robot: Robot) -> list[Finding]:
+def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     """Return findings about joints without position, drives without torque, and no motion."""
     missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
     if missing:
@@ -28,7 +28,7 @@ def check_robot(log: Log, robot: Robot) -> list[Finding]:
     ]
     if positions and all(np.ptp(values) == 0.0 for values in positions):
         found.append(
-            Finding(
+            LogFinding(
                 "error",
                 "constant_log",
                 "",
@@ -43,7 +43,7 @@ def _known(log: Log, name: str) -> bool:
     return log.has(name) or name in log.source.unusable
 
 
-def _unknown(log: Log, robot: Robot, missing: list[str]) -> Finding:
+def _unknown(log: Log, robot: Robot, missing: list[str]) -> LogFinding:
     strange = [name for name in log.with_quantity("position") if name not in robot.joints]
     seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
@@ -62,10 +62,10 @@ def _unknown(log: Log, robot: Robot, missing: list[str]) -> Finding:
         }
         why = "as their motion and torques tell" if sure else "if their order is the same"
         way = f"If they are the same joints ({why}), " + say_so(mend)
-    return Finding("error", "joints_unknown", "", text, way, mend)
+    return LogFinding("error", "joints_unknown", "", text, way, mend)
 
 
-def _without_torque(log: Log, robot: Robot) -> list[Finding]:
+def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
     lacking = [
         joint
         for joint in robot.transmission.joints
@@ -80,7 +80,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
     found = []
     if lacking and set(lacking) <= set(targets):
         found.append(
-            Finding(
+            LogFinding(
                 "error",
                 "no_drive_gains",
                 "",
@@ -92,7 +92,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
         )
     elif lacking:
         found.append(
-            Finding(
+            LogFinding(
                 "error",
                 "no_torque",
                 "",
@@ -112,7 +112,7 @@ def _without_torque(log: Log, robot: Robot) -> list[Finding]:
     ]
     if silent:
         found.append(
-            Finding(
+            LogFinding(
                 "error",
                 "no_torque_constant",
                 "",

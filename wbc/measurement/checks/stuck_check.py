@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from wbc.arrays import FloatArray
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.value_runs import longest_true_run
 from wbc.measurement.log import Log
 
@@ -15,14 +15,14 @@ _SAMPLES = 5
 _END_SHARE = 0.2
 
 
-def check_stuck(log: Log) -> list[Finding]:
+def check_stuck(log: Log) -> list[LogFinding]:
     """Return findings about positions and velocities that are held for a while.
 
     A value that is held and then jumps by what the other sensor saw meanwhile was lost; a joint
     that rests, or a coarse sensor, does not jump. At the end of a log there is no jump to see:
     there the other sensor must show a fifth of the whole motion.
     """
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     for joint in log.with_quantity("position"):
         if not log.has(f"{joint}.velocity"):
             continue
@@ -61,8 +61,8 @@ def _usual_step(values: FloatArray) -> float:
     return float(np.median(steps[steps > 0.0]))
 
 
-def _finding(name: str, start: float, seconds: float) -> Finding:
-    return Finding(
+def _finding(name: str, start: float, seconds: float) -> LogFinding:
+    return LogFinding(
         "error",
         "stuck",
         name,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import LogError
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.column_map import parse_column_map
 from wbc.measurement.columns.mend import merged
 from wbc.measurement.formats.open_table import open_table
@@ -137,7 +137,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
     return MapGuess(table, tuple(reasons), start.driven, start.targets, start.unseen)
 
 
-def _denied(finding: Finding, table: Mapping[str, Any]) -> bool:
+def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
     """Whether the names say what a finding doubts: angles in rad."""
     entries = [table.get("columns", {}).get(name, {}) for name in finding.mend.get("columns", {})]
     return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.errors import LogError
-from wbc.measurement.checks.finding import Finding
+from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.apply import mended
 from wbc.measurement.columns.mend import Mend, say_so, together
 from wbc.measurement.log import Log
@@ -26,13 +26,13 @@ class SuspiciousLogError(LogError):
         findings: the suspicions, those that are certain first.
     """
 
-    def __init__(self, message: str, findings: Sequence[Finding]) -> None:
+    def __init__(self, message: str, findings: Sequence[LogFinding]) -> None:
         """Keep the findings beside the message."""
         super().__init__(message)
         self.findings = tuple(findings)
 
 
-def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[list[Finding]]:
+def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[list[LogFinding]]:
     """Return for every log what is suspected of its columns, gravest first.
 
     Args:
@@ -44,7 +44,7 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
         the column map says that the columns are trusted, and of `warning` where it is likely.
     """
     ratios = single_ratios(robot) if robot is not None else {}
-    found: list[list[Finding]] = [_of_motion(log, ratios) for log in logs]
+    found: list[list[LogFinding]] = [_of_motion(log, ratios) for log in logs]
     if robot is not None:
         clean = [
             mended(log, together(f.mend for f in own if _certain(f)))
@@ -68,7 +68,7 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
             what a column map must say; that the columns are trusted, if they are right.
     """
     each = find_suspicions(logs, robot)
-    found: dict[str, Finding] = {}
+    found: dict[str, LogFinding] = {}
     where: dict[str, list[str]] = {}
     for log, own in zip(logs, each, strict=True):
         for finding in own:
@@ -114,14 +114,14 @@ def single_ratios(robot: Robot) -> dict[str, float]:
     }
 
 
-def _certain(finding: Finding) -> bool:
+def _certain(finding: LogFinding) -> bool:
     return finding.probability >= CERTAIN and bool(finding.mend)
 
 
-def _trusted(finding: Finding, log: Log) -> Finding:
+def _trusted(finding: LogFinding, log: Log) -> LogFinding:
     if not log.source.trusted or finding.severity != "error":
         return finding
-    return Finding(
+    return LogFinding(
         "warning",
         finding.kind,
         finding.column,
@@ -136,11 +136,11 @@ def _severity(probability: float) -> str:
     return "error" if probability >= CERTAIN else "warning"
 
 
-def _sentence(finding: Finding, labels: Sequence[str]) -> str:
+def _sentence(finding: LogFinding, labels: Sequence[str]) -> str:
     return f"{', '.join(labels)}: {finding.text}" if labels else finding.text
 
 
-def _of_motion(log: Log, ratios: Mapping[str, float]) -> list[Finding]:
+def _of_motion(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
     """Return what position, velocity and clock of a log say about each other."""
     mistakes = motion_mistakes(log, ratios)
     groups: dict[str, list[MotionMistake]] = {}
@@ -156,11 +156,11 @@ def _of_motion(log: Log, ratios: Mapping[str, float]) -> list[Finding]:
         mend: Mend = {"time": {"unit": "ms"}}
         way = "If so, " + say_so(mend)
         severity = _severity(probability)
-        found.append(Finding(severity, "time_unit", "time", text, way, mend, probability))
+        found.append(LogFinding(severity, "time_unit", "time", text, way, mend, probability))
     return found
 
 
-def _of_group(group: Sequence[MotionMistake]) -> Finding:
+def _of_group(group: Sequence[MotionMistake]) -> LogFinding:
     first = group[0]
     columns = listed([f"'{one.joint}.velocity'" for one in group])
     scales = listed([f"{one.scale:.4g}" for one in group])
@@ -171,7 +171,7 @@ def _of_group(group: Sequence[MotionMistake]) -> Finding:
     mend = together(one.mend for one in group)
     probability = min(one.probability for one in group)
     column = next(iter(mend.get("columns", {"time": None})))
-    return Finding(
+    return LogFinding(
         _severity(probability),
         first.ratio.kind,
         column,
@@ -182,7 +182,7 @@ def _of_group(group: Sequence[MotionMistake]) -> Finding:
     )
 
 
-def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> Finding:
+def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
     others = [text for text in mistake.others if text]
     instead = f" It may as well be that {' or '.join(others)}." if others else ""
     if mistake.scale != 1.0:
@@ -198,7 +198,7 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> Finding:
         way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
     elif len(mistake.logs) < len(logs):
         way = "Read these logs with a map of their own. " + way
-    return Finding(
+    return LogFinding(
         _severity(mistake.probability),
         mistake.kind,
         mistake.columns[0] if mistake.columns else "",

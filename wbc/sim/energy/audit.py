@@ -30,6 +30,7 @@ class EnergyAudit:
             ("motor work", self.flow.motor),
             ("external work", self.flow.external),
             ("work of effects", self.flow.effects),
+            *([("work of the ground", self.flow.ground)] if self.flow.ground else []),
             ("stored", self.stored),
             *_bristles(self.flow),
             *((f"lost: {name.replace('_', ' ')}", v) for name, v in self.flow.losses.items()),

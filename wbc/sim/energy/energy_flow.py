@@ -18,6 +18,7 @@ class EnergyFlow:
         motor: work of the rotor torques.
         external: work of external forces given to the step.
         effects: work of the robot's effects that are no friction (springs, drag, ripple).
+        ground: work of ground that moves, impacts included.
         reloaded: what bent bristles gained because the load on them changed.
         bent: change of what bristles hold (presliding).
         mesh: lost in the meshes.
@@ -33,6 +34,7 @@ class EnergyFlow:
     motor: float = 0.0
     external: float = 0.0
     effects: float = 0.0
+    ground: float = 0.0
     reloaded: float = 0.0
     bent: float = 0.0
     mesh: float = 0.0
@@ -52,12 +54,13 @@ class EnergyFlow:
     @property
     def work(self) -> float:
         """All work done on the robot, and on what is bent in it."""
-        return self.motor + self.external + self.effects + self.reloaded
+        return self.motor + self.external + self.effects + self.ground + self.reloaded
 
     @property
     def losses(self) -> dict[str, float]:
         """Every loss by its cause."""
-        names = [f.name for f in fields(self)][5:]
+        names = [f.name for f in fields(self)]
+        names = names[names.index("mesh") :]
         return {name: float(getattr(self, name)) for name in names}
 
     @property

@@ -32,6 +32,7 @@ class Transit:
         forces: of the effects.
         external: joint-space force given by the user (nv,), None for none.
         step: h [s].
+        ground: speed (k + k d,) of the ground along the contacts in the middle, None for none.
     """
 
     robot: Robot
@@ -45,6 +46,7 @@ class Transit:
     forces: EffectForces
     external: FloatArray | None
     step: float
+    ground: FloatArray | None = None
 
 
 def flow_energy(part: Transit) -> EnergyFlow:
@@ -72,6 +74,7 @@ def flow_energy(part: Transit) -> EnergyFlow:
         motor=float(own_rotor.sum()),
         external=0.0 if part.external is None else float(step * (part.external @ mean)),
         effects=float(step * (own_joint @ mean)),
+        ground=ground_work(solution, part.ground),
         reloaded=stores.reloaded,
         bent=stores.bent,
         mesh=float(lost.sum()),
@@ -81,6 +84,14 @@ def flow_energy(part: Transit) -> EnergyFlow:
         bristles=stores.bristles,
         contact=_contact_loss(part) - float(solution.impulse[tangent] @ solution.speed[tangent]),
     )
+
+
+def ground_work(solution: StepSolution, speed: FloatArray | None) -> float:
+    """Return the work [J] of ground that moves at speeds (k + k d,) along normals and tangents."""
+    if speed is None:
+        return 0.0
+    reduced = solution.reduced
+    return float(solution.impulse[reduced.elements + reduced.limits :] @ speed)
 
 
 def _stores(part: Transit) -> EnergyFlow:
@@ -104,7 +115,10 @@ def _contact_loss(part: Transit) -> float:
     if normal.start == normal.stop:
         return 0.0
     rows = part.solution.reduced.program.rows()[normal]
-    mean = 0.5 * (rows @ part.velocity + part.solution.speed[normal])
+    mean = 0.5 * rows @ (part.velocity + part.solution.velocity)
+    if part.ground is not None:
+        reduced = part.solution.reduced
+        mean[reduced.limits :] -= part.ground[: reduced.contacts]
     return float(np.maximum(-part.solution.impulse[normal] * mean, 0.0).sum())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ _NOWHERE = (np.zeros(0), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Clearance:
+class BarrierDistances:
     """Distances at one configuration; c = k s contact barriers, k points times s solids.
 
     Attributes:
@@ -44,17 +44,26 @@ class ClosedRows:
         limits: (l,) indices of the joint limits.
         which: (c,) indices of the contact barriers.
         contacts: their rows.
+        places: (c, 3) where they touch [m], world; empty where no ground moves.
     """
 
     unilateral: Unilateral
     limits: IntArray
     which: IntArray
     contacts: ContactRows
+    places: FloatArray
+
+    def turning(self, velocity: FloatArray) -> FloatArray:
+        """Return the speed (l + c,) of the robot along these rows at v (nv,)."""
+        rows = self.unilateral
+        return np.concatenate((rows.limits @ velocity, rows.normals @ velocity))
 
     def approach(self, velocity: FloatArray) -> FloatArray:
         """Return how fast each of these barriers opens (l + c,) at v (nv,)."""
-        rows = self.unilateral
-        return np.concatenate((rows.limits @ velocity, rows.normals @ velocity))
+        speed, ground = self.turning(velocity), self.unilateral.ground
+        if ground is not None:
+            speed[len(self.limits) :] -= ground[: len(self.which)]
+        return speed
 
 
 class Barriers:
@@ -72,6 +81,9 @@ class Barriers:
             and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
         ]
         self._solids, self._space = terrain.solids, space
+        self.moving = any(
+            solid.velocity(np.zeros((1, 3)), 0.0, 0.0) is not None for solid in self._solids
+        )
         self._position = np.array([joint.idx_q for _, joint in single], dtype=np.int_)
         self._velocity = np.array([joint.idx_v for _, joint in single], dtype=np.int_)
         self._lower, self._upper = low[self._position], high[self._position]
@@ -119,30 +131,39 @@ class Barriers:
         q[self._position] = np.clip(q[self._position], self._lower, self._upper)
         return q
 
-    def clearance(self, position: FloatArray) -> Clearance:
-        """Return all gaps at q (nq,), for the placements held in the workspace."""
-        gap, normal = self._ground() if self.contacts else _NOWHERE
+    def clearance(self, position: FloatArray, time: float) -> BarrierDistances:
+        """Return all gaps at q (nq,) and a time [s], for the placements held in the workspace."""
+        gap, normal = self._ground(time) if self.contacts else _NOWHERE
         if self.limits:
             here = position[self._position]
             gap = np.concatenate((here - self._lower, self._upper - here, gap))
-        return Clearance(gap, normal)
+        return BarrierDistances(gap, normal)
 
-    def _ground(self) -> tuple[FloatArray, FloatArray]:
+    def _ground(self, time: float) -> tuple[FloatArray, FloatArray]:
         points = contact_points(self._space)
         if len(self._solids) == 1:
-            gap, normal = self._solids[0].gap(points)
+            gap, normal = self._solids[0].at(time).gap(points)
             return gap - self._radius, normal
-        found = [solid.gap(points) for solid in self._solids]
+        found = [solid.at(time).gap(points) for solid in self._solids]
         gaps = np.concatenate([gap - self._radius for gap, _ in found])
         return gaps, np.concatenate([normal for _, normal in found])
 
-    def rows(self, closed: BoolArray, clearance: Clearance, target: FloatArray) -> ClosedRows:
+    def rows(
+        self,
+        closed: BoolArray,
+        clearance: BarrierDistances,
+        target: FloatArray,
+        time: float = 0.0,
+        later: float = 0.0,
+    ) -> ClosedRows:
         """Return the rows of some barriers, for the Jacobians held in the workspace.
 
         Args:
             closed: (2 j + c,) which.
             clearance: where they are.
             target: (2 j + c,) lowest speed at which each gap may open.
+            time: [s] of `clearance`.
+            later: [s] at which ground that moves has the speed that speeds are counted from.
         """
         limits, turning = _NONE, self._turning
         which = closed[self.limits :].nonzero()[0]
@@ -160,7 +181,26 @@ class Barriers:
         unilateral = Unilateral(
             turning, rows[:, 0], tangents, self._friction[which], target[closed]
         )
-        return ClosedRows(unilateral, limits, which, contacts)
+        if not self.moving:
+            return ClosedRows(unilateral, limits, which, contacts, _NOWHERE[1])
+        places = contact_points(self._space)[contacts.points]
+        places -= self._radius[contacts.points, None] * clearance.normal[which]
+        held = ClosedRows(unilateral, limits, which, contacts, places)
+        along = self.ground_speed(held, time, later)
+        return replace(held, unilateral=replace(unilateral, ground=along))
+
+    def ground_speed(self, held: ClosedRows, time: float, later: float) -> FloatArray | None:
+        """Return `Unilateral.ground` for ground as it moves `later`, None where no ground moves."""
+        if not self.moving:
+            return None
+        speed = np.zeros(held.places.shape)
+        for number, solid in enumerate(self._solids):
+            own = held.which // self.points == number if self.points else held.which == 0
+            found = solid.velocity(held.places[own], time, later)
+            if found is not None:
+                speed[own] = found
+        along = np.einsum("cax,cx->ca", held.contacts.axes, speed)
+        return np.concatenate((along[:, 0], along[:, 1:].ravel()))
 
 
 def _finite(limits: FloatArray) -> FloatArray:

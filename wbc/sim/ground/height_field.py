@@ -12,14 +12,19 @@ from wbc.arrays import FloatArray, checked
 from wbc.errors import SimulationError
 from wbc.sim.ground.terrain import Terrain
 
+_ROUNDS = 12  # of Newton's iteration, which settles in 1 to 4 where a place is near
+_SETTLED = 1e-7  # [m]; the next step would be about this, squared, over the radius of curvature
+_DERIVATIVES = (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)
+
 
 @final
 @dataclass(frozen=True, eq=False)
 class HeightField(Terrain):
     """A smooth surface z(x, y) through heights on a grid (cubic spline); level beyond its border.
 
-    The gap is the height above the surface times the normal's z: exact on slopes, to first order
-    in the curvature elsewhere. The slope is continuous, so that no point can catch on the grid.
+    The gap is the distance from the nearest place of the surface, so that a ball whose centre is
+    above the surface rolls without making energy. The slope is continuous, so that no point can
+    catch on the grid.
 
     Attributes:
         x: (a,) [m] of the grid, increasing, a >= 4.
@@ -48,10 +53,47 @@ class HeightField(Terrain):
 
     def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Terrain.gap`."""
-        x = np.clip(points[:, 0], self.x[0], self.x[-1])
-        y = np.clip(points[:, 1], self.y[0], self.y[-1])
-        slope_x = np.where(x == points[:, 0], self._surface(x, y, dx=1, grid=False), 0.0)
-        slope_y = np.where(y == points[:, 1], self._surface(x, y, dy=1, grid=False), 0.0)
-        normals = np.stack((-slope_x, -slope_y, np.ones(len(points))), axis=1)
+        foot = self._nearest(points)
+        height, slope, _ = self._local(foot)
+        normals = np.concatenate((-slope, np.ones((len(points), 1))), axis=1)
         normals /= np.linalg.norm(normals, axis=1)[:, None]
-        return (points[:, 2] - self._surface(x, y, grid=False)) * normals[:, 2], normals
+        way = points - np.column_stack((foot, height))
+        return (way * normals).sum(axis=1), normals
+
+    def _nearest(self, points: FloatArray) -> FloatArray:
+        """Return where (k, 2) the surface is nearest to points (k, 3), by Newton's iteration.
+
+        The way from the surface to a point is at right angles to the surface there,
+        (x, y) - p_xy + (z - p_z) grad z = 0. Where the iteration does not settle at a least
+        distance (a point above a hollow is as near to two sides), or finds a place that is farther
+        away, it is straight below the point.
+        """
+        below, foot = points[:, :2], points[:, :2]
+        first = deep = self._local(below)[0] - points[:, 2]
+        lost = settled = np.zeros(len(points), dtype=bool)
+        for _ in range(_ROUNDS):
+            height, slope, bend = self._local(foot)
+            deep = height - points[:, 2]
+            missing = foot - below + deep[:, None] * slope
+            turning = np.eye(2) + slope[:, :, None] * slope[:, None] + deep[:, None, None] * bend
+            (a, b), (_, d) = turning.transpose(1, 2, 0)
+            whole = a * d - b * b
+            lost = lost | ~((whole > 0.0) & (a > 0.0))
+            x, y = (missing / np.where(lost, 1.0, whole)[:, None]).T
+            step = np.column_stack((d * x - b * y, a * y - b * x))
+            foot = np.where(lost[:, None], below, foot - step)
+            settled = np.abs(step).max(axis=1) <= _SETTLED
+            if np.all(settled | lost):
+                break
+        nearer = (deep * first >= 0.0) & (((foot - below) ** 2).sum(axis=1) + deep**2 <= first**2)
+        return np.where((settled & ~lost & nearer)[:, None], foot, below)
+
+    def _local(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return z (k,), slope (k, 2) and second derivatives (k, 2, 2) at (x, y) (k, 2)."""
+        x = np.clip(at[:, 0], self.x[0], self.x[-1])
+        y = np.clip(at[:, 1], self.y[0], self.y[-1])
+        found = [self._surface(x, y, dx=a, dy=b, grid=False) for a, b in _DERIVATIVES]
+        inside = np.column_stack((x, y)) == at
+        slope, bend = np.column_stack(found[1:3]), np.column_stack((*found[3:5], *found[4:]))
+        both = inside[:, :, None] & inside[:, None]
+        return np.asarray(found[0]), slope * inside, bend.reshape(-1, 2, 2) * both

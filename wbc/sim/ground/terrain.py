@@ -13,7 +13,7 @@ from wbc.errors import SimulationError
 
 
 class Terrain(ABC):
-    """A rigid, fixed ground.
+    """A rigid ground.
 
     A ground is made of solids. Each solid is a barrier of its own for every contact point, so that
     a point in a corner touches two of them, and one that slides from one solid to the next lands
@@ -35,6 +35,22 @@ class Terrain(ABC):
     def solids(self) -> tuple[Terrain, ...]:
         """What the ground is made of; one solid unless a ground says more."""
         return (self,)
+
+    def at(self, time: float) -> Terrain:
+        """Return the ground as it lies at a time [s]; itself unless it moves."""
+        return self
+
+    def velocity(self, points: FloatArray, time: float, later: float) -> FloatArray | None:
+        """Return how fast ground moves that lies at points (k, 3) at a time: (k, 3) [m/s], world.
+
+        None for ground that never moves.
+
+        Args:
+            points: (k, 3) [m], world.
+            time: [s] at which the ground lies there.
+            later: [s] of the velocity.
+        """
+        return None
 
 
 @final

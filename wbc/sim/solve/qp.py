@@ -111,10 +111,13 @@ def _solve(
     u, n = reduced.program.unilateral, len(reduced.program.free_velocity)
     nl, d, count = reduced.limits, reduced.tangents, len(costs.pieces)
     rows, floors = [u.limits], [u.target[:nl]]
+    ground = np.zeros(len(directions) * (1 + d)) if u.ground is None else u.ground
     for i, along in enumerate(directions):
         tangents = u.tangents[i * d : (i + 1) * d]
         rows.append(u.normals[i] - u.friction[i] * (along @ tangents))
-        floors.append(np.full(len(along), u.target[nl + i] - u.friction[i] * slip[i]))
+        first = len(directions) + i * d
+        carried = ground[i] - u.friction[i] * (along @ ground[first : first + d])
+        floors.append(u.target[nl + i] - u.friction[i] * slip[i] + carried)
     push = np.vstack(rows)
     inequality = np.zeros((count + len(push), len(costs.linear)))
     inequality[np.arange(count), n + np.arange(count)] = 1.0

@@ -131,6 +131,8 @@ def reduce_program(program: StepProgram) -> Reduced:
     if m:
         delassus.ravel()[: m * (len(free) + 1) : len(free) + 1] += elements.compliance
         free[:m] += elements.offset
+    if unilateral.ground is not None:
+        free[m + len(unilateral.limits) :] -= unilateral.ground
     own = delassus.diagonal().tolist()
     floor = max(1e-9 * max(own, default=0.0), 1e-21)
     own = [max(value, floor) for value in own]

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
+from wbc.sim.energy.flow_energy import ground_work
 from wbc.sim.energy.kinetic_energy import kinetic_energy
 from wbc.sim.ground.barriers import TOUCH, ClosedRows
 from wbc.sim.ground.contact_rows import world_impulse
@@ -55,14 +56,14 @@ def settle(
     unknown = len(state.closed) != barriers.size
     closed = np.zeros(barriers.size, dtype=bool) if unknown else state.closed
     pin.crba(space.model, space.data, state.position, pin.Convention.WORLD)
-    clearance = barriers.clearance(state.position)
+    clearance = barriers.clearance(state.position, state.time)
     if unknown:
         check_outside(setup, clearance.gap)
     fresh = ~closed & (clearance.gap <= TOUCH)
     if not fresh.any():
         return (state.replace(closed=closed) if unknown else state), None, fresh
     together = closed | fresh
-    hit = barriers.rows(together, clearance, np.zeros(barriers.size))
+    hit = barriers.rows(together, clearance, np.zeros(barriers.size), state.time, state.time)
     approach = hit.approach(state.velocity)
     if not np.any(fresh[together] & (approach < -_SLOW)):
         return state.replace(closed=together), None, fresh
@@ -155,11 +156,13 @@ def _bounce(
     mesh = impact_mesh_loss(drive, motor[rigid], following[rigid], net)
     given = kinetic_energy(setup, state.position, state.velocity, motor)
     given -= kinetic_energy(setup, state.position, after, following)
+    work = ground_work(solution, unilateral.ground)
     impulse = world_impulse(hit.contacts, setup.barriers.points, solution)
     restitution = share * setup.restitution if opening.any() else 0.0
     return Impact(
-        state.time, state.velocity, after, impulse, mesh, given - mesh, restitution, solution
-    )
+        state.time, state.velocity, after, impulse, mesh, given + work - mesh, restitution,
+        solution, work,
+    )  # fmt: skip
 
 
 def _solve(

@@ -35,7 +35,7 @@ from wbc.sim.step.flight import (
 )
 from wbc.sim.step.forces import EffectForces, effect_forces
 from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
-from wbc.sim.step.problem import problem_of, program_of, solve_released
+from wbc.sim.step.part_program import problem_of, program_of, solve_released
 
 _NO_SHIFT = np.zeros(0)
 _MESH_ROUNDS = 40
@@ -276,7 +276,7 @@ def _plain(
         raise blown_up(setup.space.data.M, state.velocity)
     mesh, speed = gears.passed(solution)
     motor_after = motor.after(setup.drive, solution.velocity, speed, step)
-    end = _arrive(setup, middle, solution, closed, held, step)
+    end = _arrive(setup, middle, solution, closed, held, step, state.time + step)
     deflection = motor_after.deflection
     if setup.drive.any_loose and len(end.shift):
         deflection = deflection - np.where(setup.drive.loose, setup.drive.rows @ end.shift, 0.0)
@@ -302,6 +302,7 @@ def _plain(
         forces,
         external,
         step,
+        setup.barriers.ground_speed(held, state.time + half, state.time + half),
     )
     landed = bool(np.any(~closed & (end.gap < -TOUCH)))
     push = world_impulse(held.contacts, setup.barriers.points, solution)
@@ -327,12 +328,13 @@ def _arrive(
     closed: BoolArray,
     held: ClosedRows,
     step: float,
+    time: float,
 ) -> _End:
     """Move on to the end of the part, out of what it overran."""
     space, bases, after = setup.space, setup.bases, solution.velocity
     inertia = solution.reduced.program.inertia
     position, carried = from_middle(bases, space, middle, inertia, after, 0.5 * step)
-    gap = _gap_at(setup, position)
+    gap = _gap_at(setup, position, time)
     shift, overlap = _NO_SHIFT, _NO_SHIFT
     drift, pressed = gap[closed], solution.normal_impulse > 0.0
     if np.any(np.where(pressed, np.abs(drift), -drift) > DRIFT):
@@ -342,30 +344,31 @@ def _arrive(
         position = pin.integrate(space.model, position, shift)
         if drift.min() < -furthest - TOUCH:
             overlap = np.maximum(-gap - furthest, 0.0) * closed
-        gap = _gap_at(setup, position)
+        gap = _gap_at(setup, position, time)
     velocity = arrived_velocity(bases, space, carried, after)
     return _End(position, velocity, gap, overlap, shift)
 
 
-def _gap_at(setup: Setup, position: FloatArray) -> FloatArray:
-    """Return all gaps at q (nq,); the workspace then stands there."""
+def _gap_at(setup: Setup, position: FloatArray, time: float) -> FloatArray:
+    """Return all gaps at q (nq,) and a time [s]; the workspace then stands there."""
     model, data = setup.space.model, setup.space.data
     if setup.bases:
         pin.crba(model, data, position, pin.Convention.WORLD)
     else:
         pin.forwardKinematics(model, data, position)
-    return setup.barriers.clearance(position).gap
+    return setup.barriers.clearance(position, time).gap
 
 
 def _rate_at_start(setup: Setup, state: SimState) -> FloatArray:
-    """Return how fast closed contacts open at the start (2 j + c,), zero for all other barriers."""
+    """Return the robot's speed along closed contacts at the start (2 j + c,), zero for all else."""
     barriers, rate = setup.barriers, np.zeros(setup.barriers.size)
     touching = state.closed.copy()
     touching[: barriers.limits] = False
     if touching.any():
         pin.crba(setup.space.model, setup.space.data, state.position, pin.Convention.WORLD)
-        clearance = barriers.clearance(state.position)
-        rate[touching] = barriers.rows(touching, clearance, rate).approach(state.velocity)
+        clearance = barriers.clearance(state.position, state.time)
+        held = barriers.rows(touching, clearance, rate)
+        rate[touching] = held.turning(state.velocity)
     return rate
 
 

@@ -28,6 +28,7 @@ class Impact:
         restitution: normal speed after over before; the plant's, or as much less as friction
             would otherwise have made energy.
         solution: of the impact's program.
+        ground_work: energy that a moving ground gave [J].
     """
 
     time: float
@@ -38,6 +39,7 @@ class Impact:
     contact_loss: float
     restitution: float
     solution: StepSolution
+    ground_work: float = 0.0
 
 
 def impact_elements(drive: Drivetrain, before: FloatArray, coupled: FloatArray) -> Elements:

@@ -107,7 +107,7 @@ def inertia_with_rotors(drive: Drivetrain, inertia: FloatArray) -> FloatArray:
 
 
 def lifted_out(space: Workspace, barriers: Barriers, position: FloatArray) -> FloatArray:
-    """Return q (nq,) moved out of the ground and back to the joint limits.
+    """Return q (nq,) moved out of the ground (as it lies at time zero) and to the joint limits.
 
     Driven joints keep their angles where a free base can do it.
 
@@ -125,7 +125,7 @@ def lifted_out(space: Workspace, barriers: Barriers, position: FloatArray) -> Fl
     gap = worst = np.zeros(0)
     for _ in range(_TRIES):
         pin.crba(space.model, space.data, q, pin.Convention.WORLD)
-        clearance = barriers.clearance(q)
+        clearance = barriers.clearance(q, 0.0)
         gap = clearance.gap
         if gap.min(initial=0.0) >= -0.5 * TOUCH:
             return q

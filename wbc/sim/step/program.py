@@ -24,6 +24,8 @@ class Unilateral:
         tangents: rows of contact tangents (k d, n), d per contact (0, 1 planar, or 2).
         friction: mu (k,).
         target: lowest normal speeds (l + k,) [rad/s, m/s], limits first.
+        ground: speed (k + k d,) [m/s] of the ground along normals and tangents, from which u_n and
+            u_t are counted; None where no ground moves.
     """
 
     limits: FloatArray
@@ -31,6 +33,7 @@ class Unilateral:
     tangents: FloatArray
     friction: FloatArray
     target: FloatArray
+    ground: FloatArray | None = None
 
     @property
     def tangent_size(self) -> int:

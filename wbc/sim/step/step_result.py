@@ -71,7 +71,8 @@ class StepResult:
         for part in self.parts:
             total = total + part.energy
         for impact in self.impacts:
-            total = total + EnergyFlow(impact_mesh=impact.mesh_loss, impact=impact.contact_loss)
+            lost = {"impact_mesh": impact.mesh_loss, "impact": impact.contact_loss}
+            total = total + EnergyFlow(ground=impact.ground_work, **lost)
         return total
 
     @cached_property

@@ -13,7 +13,7 @@ from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.quantities.channels import configuration, contact_forces
 from wbc.view.quantities.gear_flow import gear_flow
-from wbc.view.quantities.impacts import Impact, find_impacts, robot_weight
+from wbc.view.quantities.impacts import RecordedImpact, find_impacts, robot_weight
 
 _FRAME_RATE = 60.0
 _MAX_FRAMES = 3600
@@ -74,7 +74,7 @@ class Track:
     center_of_mass: FloatArray
     contacts: tuple[ContactTrack, ...]
     gears: tuple[GearTrack, ...]
-    impacts: tuple[Impact, ...]
+    impacts: tuple[RecordedImpact, ...]
     weight: float
 
 

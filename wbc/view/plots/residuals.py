@@ -14,12 +14,12 @@ from wbc.arrays import FloatArray
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.plots.style import drawing, new_figure
 from wbc.view.quantities.explained import explained_curves
-from wbc.view.quantities.residuals import Residuals
+from wbc.view.quantities.residuals import LogResiduals
 
 _POINTS = 1500
 
 
-def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
+def residual_figure(residuals: LogResiduals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
     """Return the residual of every driven joint over time, speed, position and load.
 
     Points are measured minus modelled torque of the robot that was given and of the robot with
@@ -64,7 +64,7 @@ def residual_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGH
     return figure
 
 
-def unexplained_figure(residuals: Residuals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
+def unexplained_figure(residuals: LogResiduals, fitted_label: str, theme: Theme = LIGHT) -> Figure:
     """Return the torque of every driven joint that the model leaves unexplained, over time.
 
     The title of a panel gives its root mean square before and after, over all logs.

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from wbc.arrays import FloatArray
 from wbc.transmission import Direction
 from wbc.view.palette import DIRECTION_COLOURS
-from wbc.view.quantities.impacts import Impact
+from wbc.view.quantities.impacts import RecordedImpact
 
 DIRECTION_LABELS = {
     Direction.FORWARD: "forward (motor drives)",
@@ -55,7 +55,7 @@ def direction_patches() -> list[Patch]:
     return [Patch(color=DIRECTION_COLOURS[m], alpha=0.75, label=DIRECTION_LABELS[m]) for m in modes]
 
 
-def mark_impacts(axes: Axes, impacts: Sequence[Impact], colour: str) -> None:
+def mark_impacts(axes: Axes, impacts: Sequence[RecordedImpact], colour: str) -> None:
     """Draw a thin line at every impact."""
     for impact in impacts:
         axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))

@@ -18,7 +18,7 @@ _MOMENT = 0.02
 
 
 @dataclass(frozen=True)
-class Impact:
+class RecordedImpact:
     """A contact that closes on a moving robot.
 
     Attributes:
@@ -34,7 +34,7 @@ class Impact:
 
 def find_impacts(
     time: FloatArray, forces: Mapping[str, FloatArray], weight: float
-) -> tuple[Impact, ...]:
+) -> tuple[RecordedImpact, ...]:
     """Return the instants at which a contact force rises out of the air.
 
     A contact that was in the air for 20 ms (force below a fiftieth of the weight) has hit the
@@ -56,11 +56,11 @@ def find_impacts(
                 continue
             soon = size[row : int(np.searchsorted(time, time[row] + _MOMENT)) + 1]
             if soon.max() >= weight / len(forces):
-                impacts.append(Impact(float(time[row]), name, float(soon.max())))
+                impacts.append(RecordedImpact(float(time[row]), name, float(soon.max())))
     return tuple(sorted(impacts, key=lambda impact: impact.time))
 
 
-def log_impacts(robot: Robot, log: Log) -> tuple[Impact, ...]:
+def log_impacts(robot: Robot, log: Log) -> tuple[RecordedImpact, ...]:
     """Return the impacts that the contact forces of a log show."""
     return find_impacts(log.time, contact_forces(robot, log), robot_weight(robot))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
@@ -40,7 +40,7 @@ class ResidualRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class LogResiduals:
     """Residuals of several logs of one robot.
 
     Attributes:
@@ -60,21 +60,21 @@ class Residuals:
     runs: tuple[ResidualRun, ...]
 
 
-def residuals_of(robot: Robot, fitted: Robot, logs: Sequence[Log]) -> Residuals:
+def residuals_of(robot: Robot, fitted: Robot, logs: Sequence[Log]) -> LogResiduals:
     """Return the residuals of `robot` and of `fitted`, the same robot with effects, on logs.
 
     Raises:
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    return residuals_in(Problem.from_logs(robot, logs), fitted)
+    return residuals_in(EstimationProblem.from_logs(robot, logs), fitted)
 
 
-def residuals_in(problem: Problem, fitted: Robot) -> Residuals:
+def residuals_in(problem: EstimationProblem, fitted: Robot) -> LogResiduals:
     """Return the residuals of a prepared problem's robot and of `fitted`."""
     robot = problem.robot
     names, units = output_names(robot)
-    return Residuals(
+    return LogResiduals(
         outputs=names,
         units=units,
         driven=robot.transmission.size,

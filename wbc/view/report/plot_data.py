@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification import Series
 from wbc.view.quantities.explained import explained_curves
-from wbc.view.quantities.residuals import ResidualRun, Residuals
+from wbc.view.quantities.residuals import LogResiduals, ResidualRun
 from wbc.view.report.content import log_name
 
 _ROWS = 700  # of one line: about as many as a screen has points across
@@ -19,7 +19,7 @@ _POINTS = 450
 
 
 def residual_plots(
-    residuals: Residuals, before: Sequence[Series], after: Sequence[Series]
+    residuals: LogResiduals, before: Sequence[Series], after: Sequence[Series]
 ) -> dict[str, Any]:
     """Return per output: torques and residuals over time, residuals over speed, position and load.
 

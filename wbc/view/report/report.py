@@ -16,7 +16,7 @@ from wbc.identification import Comparison, Diagnosis
 from wbc.identification.answer.comparison.compare import compare_problem
 from wbc.identification.answer.series import series_of
 from wbc.identification.formulas import Discovery
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log, check_logs
 from wbc.robot import Robot
 from wbc.view.playback.ghost import model_ghost
@@ -88,7 +88,7 @@ def report_page(
     saved: str | None = None,
 ) -> str:
     """Return the HTML text of `write_report`."""
-    problem = Problem.from_logs(robot, logs)
+    problem = EstimationProblem.from_logs(robot, logs)
     comparison = compare_problem(problem)
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",

@@ -11,7 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.identification.answer.comparison.breakdown import breakdowns
 from wbc.identification.answer.comparison.comparison import HORIZON, Comparison, OutputError
 from wbc.identification.answer.series import Series, series_of
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, LogSource
@@ -25,11 +25,11 @@ def compare(robot: Robot, logs: Sequence[Log]) -> Comparison:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    problem = Problem.from_logs(robot, logs)
+    problem = EstimationProblem.from_logs(robot, logs)
     return compare_problem(problem, tuple(log.source for log in logs))
 
 
-def compare_problem(problem: Problem, sources: tuple[LogSource, ...] = ()) -> Comparison:
+def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] = ()) -> Comparison:
     """Return the comparison of the robot and logs of a prepared problem.
 
     Args:
@@ -55,7 +55,7 @@ def compare_problem(problem: Problem, sources: tuple[LogSource, ...] = ()) -> Co
 
 
 def _outputs(
-    problem: Problem,
+    problem: EstimationProblem,
     residuals: Sequence[FloatArray],
     accelerations: Sequence[FloatArray],
     series: Sequence[Series],

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import block_means
 from wbc.measurement import Log
@@ -80,7 +80,7 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
                 f"'{name}' and '{first[0]}' have different joints and cannot be compared: "
                 f"{', '.join(robot.model.names)} and {', '.join(first[1].model.names)}."
             )
-    problem = Problem.from_logs(first[1], logs)
+    problem = EstimationProblem.from_logs(first[1], logs)
     squares = {name: _squares(problem, robot) for name, robot in robots.items()}
     order = sorted(squares, key=lambda name: float(squares[name].mean()))
     return tuple(
@@ -89,13 +89,13 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
     )
 
 
-def _squares(problem: Problem, robot: Robot) -> FloatArray:
+def _squares(problem: EstimationProblem, robot: Robot) -> FloatArray:
     records = [record.believing(robot) for record in problem.records]
     return np.asarray((condensed_residual(robot, records) @ problem.whitening) ** 2)
 
 
 def _beside(
-    problem: Problem,
+    problem: EstimationProblem,
     name: str,
     robot: Robot,
     rank: int,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps
-from wbc.identification.model.problem import Problem
 
 _BLOCKS_PER_PARAMETER = 4  # fewer resampled blocks are correlated by chance
 
@@ -28,7 +28,7 @@ class Correlation:
     matrix: FloatArray
 
 
-def correlation_of(problem: Problem, fit: Fit) -> Correlation:
+def correlation_of(problem: EstimationProblem, fit: Fit) -> Correlation:
     """Return how the parameters of a fit move together."""
     names = tuple((*fit.effects[k].key, parameter.name) for k, parameter in fit.parameters)
     count = len(names)

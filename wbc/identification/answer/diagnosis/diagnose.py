@@ -22,7 +22,7 @@ from wbc.identification.answer.diagnosis.verdict import (
 from wbc.identification.answer.remainder.attainable import Attainable, attainable
 from wbc.identification.answer.remainder.remainder import describe, remainders
 from wbc.identification.answer.series import series_of
-from wbc.identification.choice.search.find_causes import Found, find_causes
+from wbc.identification.choice.search.find_causes import SearchResult, find_causes
 from wbc.identification.choice.search.near_rest import look_closer
 from wbc.identification.choice.weighing.certainty import (
     BELIEVED,
@@ -35,8 +35,8 @@ from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.odds import Odds, odds_of
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.log_warnings import still_joints, without_copies
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log
@@ -79,7 +79,7 @@ def diagnose(
     """
     until = time.monotonic() + budget
     different, warnings = without_copies(logs)
-    problem = Problem.from_logs(robot, different)
+    problem = EstimationProblem.from_logs(robot, different)
     still = still_joints(problem.records)
     nothing_moves = len(still) == robot.transmission.size
     warnings += [
@@ -129,7 +129,7 @@ def diagnose(
     )
 
 
-def _about_the_search(found: Found) -> list[str]:
+def _about_the_search(found: SearchResult) -> list[str]:
     """Return what a reader must know of a search that ended early or left effects out."""
     texts = []
     if found.stopped:
@@ -143,7 +143,7 @@ def _about_the_search(found: Found) -> list[str]:
 
 
 def _believed(
-    found: Found,
+    found: SearchResult,
 ) -> tuple[Hypothesis, Odds, Attainable, dict[Key, Support], bool]:
     """Return the hypothesis with those causes only that are more probable than not.
 
@@ -173,7 +173,7 @@ def _believed(
         final = fewer
 
 
-def _outputs(problem: Problem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
+def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
     names, units = output_names(problem.robot), output_units(problem.robot)
     left = condensed_residual(fit.robot, problem.records)
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]

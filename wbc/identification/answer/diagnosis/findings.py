@@ -14,10 +14,10 @@ from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.force_sensors import force_sensor_doubts
 from wbc.identification.log_warnings import disagreements
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.link_friction import rubbing_effects
-from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 from wbc.robot.coordinates import unit_at
 
@@ -30,7 +30,7 @@ _MOTOR_SIDE = (
 
 
 def describe_findings(
-    problem: Problem,
+    problem: EstimationProblem,
     fit: Fit,
     support: Mapping[Key, Support],
     alternatives: Sequence[Sequence[Key]],
@@ -77,7 +77,7 @@ def describe_findings(
     return tuple(findings)
 
 
-def _motor_side(effect: Effect, problem: Problem, fit: Fit) -> list[str]:
+def _motor_side(effect: Effect, problem: EstimationProblem, fit: Fit) -> list[str]:
     """Return a sentence beside a gear that yields and whose friction rubs at the motor."""
     if not isinstance(effect, YieldingGear) or effect.friction_side != "motor":
         return []

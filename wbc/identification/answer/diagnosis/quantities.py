@@ -8,9 +8,9 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import WIDER, bootstrap_steps
-from wbc.identification.model.problem import Problem
 from wbc.robot import Effect, Quantity
 
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
@@ -20,7 +20,7 @@ _RIDGE = 1e-9
 
 
 def quantities_of(
-    problem: Problem, fit: Fit, k: int, distortion: FloatArray
+    problem: EstimationProblem, fit: Fit, k: int, distortion: FloatArray
 ) -> tuple[dict[str, Estimate], list[str]]:
     """Return the quantities of effect `k` that differ from the drawing, and sentences on the rest.
 
@@ -31,7 +31,7 @@ def quantities_of(
         problem: the logs.
         fit: of the hypothesis chosen.
         k: number of an effect.
-        distortion: (p,) by how much parameters are off, see `Problem.distortion`.
+        distortion: (p,) by how much parameters are off, see `EstimationProblem.distortion`.
     """
     effect = fit.effects[k]
     found = effect.quantities(problem.robot)
@@ -107,7 +107,11 @@ def _spread(information: FloatArray, slopes: FloatArray) -> FloatArray:
 
 
 def _slopes(
-    problem: Problem, fit: Fit, effect: Effect, rows: list[int], found: Mapping[str, Quantity]
+    problem: EstimationProblem,
+    fit: Fit,
+    effect: Effect,
+    rows: list[int],
+    found: Mapping[str, Quantity],
 ) -> FloatArray:
     """Return (n, p) the change of the quantities per scale of each parameter."""
     before = np.array([quantity.value for quantity in found.values()])

@@ -12,7 +12,7 @@ from wbc.identification.answer.diagnosis.sentence import CERTAIN, spoken
 from wbc.identification.answer.remainder.remainder import Remainder
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.noise.noise_floor import NoiseFloor
 from wbc.robot import Effect
 
@@ -22,7 +22,11 @@ _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors'
 
 
 def verdict_of(
-    problem: Problem, first: Hypothesis, final: Hypothesis, support: Sequence[Support], more: bool
+    problem: EstimationProblem,
+    first: Hypothesis,
+    final: Hypothesis,
+    support: Sequence[Support],
+    more: bool,
 ) -> Verdict:
     """Return the verdict.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.weighing.certainty import WHITE
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.records.outputs import output_gear, output_row
 from wbc.identification.records.record import Record
 
@@ -56,7 +56,7 @@ class Attainable:
         return np.asarray(share * np.maximum(self.left - 1.0, 0.0))
 
 
-def attainable(problem: Problem, fit: Fit) -> Attainable:
+def attainable(problem: EstimationProblem, fit: Fit) -> Attainable:
     """Return what a robot leaves on its logs beside what any model would.
 
     Args:
@@ -74,7 +74,7 @@ def attainable(problem: Problem, fit: Fit) -> Attainable:
     return Attainable(left, np.minimum(reached, left), samples * count, whiteness, numbers)
 
 
-def _reached(problem: Problem, fit: Fit) -> tuple[FloatArray, int]:
+def _reached(problem: EstimationProblem, fit: Fit) -> tuple[FloatArray, int]:
     """Return what regressions leave at each output, and how many numbers one has."""
     folds = _interleaved(problem.blocks)
     kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]

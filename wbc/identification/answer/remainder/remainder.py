@@ -10,8 +10,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.comparison.breakdown import Breakdown, binned, breakdowns
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.outputs import (
     output_gear,
@@ -90,7 +90,7 @@ class Remainder:
         return known[0].format(name) if known else ""
 
 
-def remainders(problem: Problem, fit: Fit) -> tuple[Remainder, ...]:
+def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
     """Return what is left at every output with an unexplained residual.
 
     Args:

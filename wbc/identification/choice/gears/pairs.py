@@ -11,8 +11,8 @@ import numpy as np
 
 from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.identification.model.derivatives import evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.kept_columns import IMPOSSIBLE
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.yielding import loose
 from wbc.identification.records.record import Record
 from wbc.robot import Effect
@@ -37,7 +37,7 @@ class Pair(NamedTuple):
     share: float
 
 
-def best_pairs(problem: Problem, classes: Sequence[type[Effect]]) -> list[Pair]:
+def best_pairs(problem: EstimationProblem, classes: Sequence[type[Effect]]) -> list[Pair]:
     """Return two gears of a coarse grid, at least one of them loose, that leave least.
 
     One pair for every way in which two links may yield (loose or soft), best first.
@@ -68,7 +68,7 @@ def best_pairs(problem: Problem, classes: Sequence[type[Effect]]) -> list[Pair]:
 
 
 def loose_beside(
-    problem: Problem, effects: Sequence[Effect], classes: Sequence[type[Effect]]
+    problem: EstimationProblem, effects: Sequence[Effect], classes: Sequence[type[Effect]]
 ) -> list[tuple[Effect, ...]]:
     """Return effects with springs, each with one loose gear more at another joint.
 
@@ -93,14 +93,14 @@ def loose_beside(
     ]
 
 
-def loudest(problem: Problem) -> list[Record]:
+def loudest(problem: EstimationProblem) -> list[Record]:
     """Return the log with the largest residual, on which much can be tried in little time."""
     ends = np.cumsum([record.rows for record in problem.records])
     squares = np.split((problem.residual @ problem.whitening) ** 2, ends[:-1])
     return [problem.records[int(np.argmax([part.sum() for part in squares]))]]
 
 
-def _joints(problem: Problem) -> list[str]:
+def _joints(problem: EstimationProblem) -> list[str]:
     """Return the joints with the largest residuals, in their order."""
     squares = (problem.residual @ problem.whitening) ** 2
     transmission = problem.robot.transmission

@@ -8,8 +8,8 @@ import numpy as np
 
 from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.identification.model.derivatives import evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.kept_columns import IMPOSSIBLE
-from wbc.identification.model.problem import Problem
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter
 
@@ -23,7 +23,10 @@ _LEAST = 0.1  # of its scale, that a number moves from
 
 
 def pattern_search(
-    problem: Problem, effects: Sequence[Effect], widths: Sequence[float], records: Sequence[Record]
+    problem: EstimationProblem,
+    effects: Sequence[Effect],
+    widths: Sequence[float],
+    records: Sequence[Record],
 ) -> tuple[tuple[Effect, ...], float]:
     """Return the effects with the numbers of their gears moved to where less is left, and that.
 

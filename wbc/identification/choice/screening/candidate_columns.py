@@ -32,7 +32,7 @@ Shelf = MutableMapping[ShelfKey, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Atom:
+class Regressor:
     """One effect at one place in one of its linear shapes.
 
     Attributes:
@@ -81,7 +81,7 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
     )
 
 
-def make_atoms(
+def make_regressors(
     robot: Robot,
     records: Sequence[Record],
     candidates: Sequence[type[Effect]],
@@ -90,7 +90,7 @@ def make_atoms(
     failures: Counter[str] | None = None,
     places: Collection[str] | None = None,
     common: Shelf | None = None,
-) -> list[Atom]:
+) -> list[Regressor]:
     """Return every candidate at every place in every shape, with its columns.
 
     Args:
@@ -122,7 +122,7 @@ def make_atoms(
     for offer, *columns in zip(new, *parts, strict=True):
         target = common if common is not None and offer[0] in alone else own
         target[shelf_key(*offer)] = np.concatenate(columns)
-    atoms = []
+    regressors = []
     for effect, where, screen in offers:
         stacked = shelf.get(shelf_key(effect, where, screen))
         if stacked is None or not np.isfinite(stacked).all():
@@ -132,8 +132,8 @@ def make_atoms(
         if used.any():
             kept = _only(screen, used)
             usual = _usual(robot, effect, where, kept)
-            atoms.append(Atom(effect, where, kept, stacked[:, :, used], usual))
-    return atoms
+            regressors.append(Regressor(effect, where, kept, stacked[:, :, used], usual))
+    return regressors
 
 
 def adds(robot: Robot, effect: type[Effect]) -> bool:

@@ -17,7 +17,7 @@ _ALIKE = 1e-6  # of squares, that two columns must differ by to be two
 
 @dataclass(frozen=True, eq=False)
 class DesignMatrix:
-    """Whitened columns of all atoms and the whitened residual, summed up per fold.
+    """Whitened columns of all regressors and the whitened residual, summed up per fold.
 
     Attributes:
         gram: (K, c, c) A_k' A_k.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.choice.screening.candidate_columns import Atom
+from wbc.identification.choice.screening.candidate_columns import Regressor
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
 from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.model.fit import Fit
@@ -20,14 +20,14 @@ _COLUMNS = 4  # pairs of columns per pair of causes, at most
 
 @dataclass(frozen=True)
 class Subset:
-    """A set of atoms with its held-out error.
+    """A set of regressors with its held-out error.
 
     Attributes:
-        atoms: numbers of the atoms, in the order added.
+        regressors: numbers of the regressors, in the order added.
         error: held-out mean square of the whitened residual.
     """
 
-    atoms: tuple[int, ...]
+    regressors: tuple[int, ...]
     error: float
 
 
@@ -37,17 +37,17 @@ class BeamSearch:
     def __init__(
         self,
         fit: Fit,
-        atoms: Sequence[Atom],
+        regressors: Sequence[Regressor],
         whitening: FloatArray,
         folds: IntArray,
         width: int = 8,
         noise: float = 1.0,
     ) -> None:
-        """Sum up the columns of all atoms.
+        """Sum up the columns of all regressors.
 
         Args:
             fit: the model that causes are added to; its own parameters stay free to move.
-            atoms: candidates with columns (rows, outputs, r).
+            regressors: candidates with columns (rows, outputs, r).
             whitening: (outputs, judged outputs) of the fit.
             folds: (rows,) numbers of the folds.
             width: sets kept per size.
@@ -55,21 +55,21 @@ class BeamSearch:
                 what is usual is weighed.
         """
         self.robot = fit.robot
-        self.atoms = list(atoms)
+        self.regressors = list(regressors)
         self.width = width
-        ends = np.cumsum([atom.columns.shape[-1] for atom in self.atoms])
+        ends = np.cumsum([regressor.columns.shape[-1] for regressor in self.regressors])
         self._slices = [
-            list(range(end - atom.columns.shape[-1], end))
-            for atom, end in zip(self.atoms, ends, strict=True)
+            list(range(end - regressor.columns.shape[-1], end))
+            for regressor, end in zip(self.regressors, ends, strict=True)
         ]
-        first = int(ends[-1]) if self.atoms else 0
+        first = int(ends[-1]) if self.regressors else 0
         self._nuisance = list(range(first, first + fit.jacobian.shape[-1]))
         expected = np.zeros(first + fit.jacobian.shape[-1])
-        for atom, places in zip(self.atoms, self._slices, strict=True):
-            expected[places] = atom.screen.expected
+        for regressor, places in zip(self.regressors, self._slices, strict=True):
+            expected[places] = regressor.screen.expected
         usual = np.zeros((expected.size, expected.size)), np.zeros(expected.size)
-        for atom, places in zip(self.atoms, self._slices, strict=True):
-            usual[0][np.ix_(places, places)] = noise * atom.usual
+        for regressor, places in zip(self.regressors, self._slices, strict=True):
+            usual[0][np.ix_(places, places)] = noise * regressor.usual
         own = fit.usual.jacobian
         usual[0][np.ix_(self._nuisance, self._nuisance)] = noise * own.T @ own
         usual[1][self._nuisance] = -noise * own.T @ fit.usual.residual
@@ -85,8 +85,10 @@ class BeamSearch:
         for fold in np.unique(folds):
             rows = folds == fold
             columns = -fit.jacobian[rows]
-            if self.atoms:
-                raw = np.concatenate([atom.columns[rows] for atom in self.atoms], axis=-1)
+            if self.regressors:
+                raw = np.concatenate(
+                    [regressor.columns[rows] for regressor in self.regressors], axis=-1
+                )
                 columns = np.concatenate([whitening.T @ raw, columns], axis=-1)
             yield columns, fit.residual[rows]
 
@@ -111,7 +113,7 @@ class BeamSearch:
         return other
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
-        """Return the column numbers of these atoms."""
+        """Return the column numbers of these regressors."""
         return [column for k in chosen for column in self._slices[k]] + self._nuisance
 
     def error(self, chosen: Sequence[int]) -> float:
@@ -123,7 +125,7 @@ class BeamSearch:
         return self._errors[key]
 
     def coefficients(self, chosen: Sequence[int]) -> list[FloatArray]:
-        """Return the coefficients of each atom of a set."""
+        """Return the coefficients of each regressor of a set."""
         all_of_them = self.matrix.fit(self.columns(chosen))
         result, start = [], 0
         for k in chosen:
@@ -134,13 +136,13 @@ class BeamSearch:
 
     def effects(self, subset: Subset) -> tuple[Effect, ...]:
         """Return the effects of a set, with the numbers that the screen gives them."""
-        pairs = zip(subset.atoms, self.coefficients(subset.atoms), strict=True)
-        built = [self.atoms[k].build(self.robot, c) for k, c in pairs]
+        pairs = zip(subset.regressors, self.coefficients(subset.regressors), strict=True)
+        built = [self.regressors[k].build(self.robot, c) for k, c in pairs]
         return tuple(effect for effect in built if effect is not None)
 
     def _possible(self, chosen: Sequence[int]) -> bool:
         pairs = zip(chosen, self.coefficients(chosen), strict=True)
-        return all(self.atoms[k].build(self.robot, c) is not None for k, c in pairs)
+        return all(self.regressors[k].build(self.robot, c) is not None for k, c in pairs)
 
     def grow(self, starts: Sequence[Subset]) -> list[Subset]:
         """Return the best sets that have one cause more than one of `starts`.
@@ -149,8 +151,8 @@ class BeamSearch:
         """
         found: dict[tuple[int, ...], Subset] = {}
         for start in starts:
-            for addition in self._additions(start.atoms):
-                chosen = (*start.atoms, *addition)
+            for addition in self._additions(start.regressors):
+                chosen = (*start.regressors, *addition)
                 key = tuple(sorted(chosen))
                 if key not in found:
                     error = self.error(key)
@@ -163,19 +165,19 @@ class BeamSearch:
 
         Alone such causes may explain nothing, or be impossible: damping hides a delay.
         """
-        owner = np.repeat(np.arange(len(self.atoms)), [len(own) for own in self._slices])
+        owner = np.repeat(np.arange(len(self.regressors)), [len(own) for own in self._slices])
         gains = np.triu(self.matrix.gains_of_two(self._nuisance), 1)
         tried: dict[tuple[int, ...], None] = {}
         for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
             one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))
-            if self.atoms[one].key != self.atoms[other].key:
+            if self.regressors[one].key != self.regressors[other].key:
                 tried[one, other] = None
         found = [Subset(chosen, self.error(chosen)) for chosen in list(tried)[:among]]
         return sorted(found, key=lambda s: s.error)[: self.width]
 
     def _additions(self, chosen: Sequence[int]) -> list[tuple[int, ...]]:
-        taken = {self.atoms[k].key for k in chosen} | self._taken
-        single = [k for k, atom in enumerate(self.atoms) if atom.key not in taken]
+        taken = {self.regressors[k].key for k in chosen} | self._taken
+        single = [k for k, regressor in enumerate(self.regressors) if regressor.key not in taken]
         return [*((k,) for k in single), *self._shared(single)]
 
     def _shared(self, free: Sequence[int]) -> list[tuple[int, ...]]:
@@ -186,13 +188,13 @@ class BeamSearch:
         joints = self.robot.transmission.joints
         best: dict[tuple[str, int], dict[str, int]] = {}
         for k in free:
-            atom = self.atoms[k]
-            if atom.where not in joints or not np.isfinite(self.error((k,))):
+            regressor = self.regressors[k]
+            if regressor.where not in joints or not np.isfinite(self.error((k,))):
                 continue
-            places = best.setdefault((atom.effect.name, atom.columns.shape[-1]), {})
-            known = places.get(atom.where)
+            places = best.setdefault((regressor.effect.name, regressor.columns.shape[-1]), {})
+            known = places.get(regressor.where)
             if known is None or self.error((k,)) < self.error((known,)):
-                places[atom.where] = k
+                places[regressor.where] = k
         groups = [
             sorted(places.values(), key=lambda k: self.error((k,))) for places in best.values()
         ]
@@ -203,7 +205,7 @@ class BeamSearch:
         """Return the members that are possible together: friction may not push."""
         while len(group) > 1 and not np.isfinite(self.error(group)):
             pairs = zip(group, self.coefficients(group), strict=True)
-            kept = [k for k, c in pairs if self.atoms[k].build(self.robot, c) is not None]
+            kept = [k for k, c in pairs if self.regressors[k].build(self.robot, c) is not None]
             if len(kept) == len(group):
                 break
             group = kept

@@ -8,24 +8,24 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from wbc.identification.choice.screening.candidate_columns import (
-    Atom,
+    Regressor,
     Shelf,
     ShelfKey,
     alone_on,
     evidence,
-    make_atoms,
+    make_regressors,
     shelf_key,
 )
 from wbc.identification.choice.screening.linear_screen import BeamSearch
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect, Robot
 
 Nearby = tuple[Robot, Shelf]
 """A robot close to those whose causes are sought, and the columns made of it so far."""
 
-Swinging = dict[type[Effect], list[Atom]]
+Swinging = dict[type[Effect], list[Regressor]]
 """What was simulated beside one model."""
 
 _WHOLE = "robot"  # where effects sit that have no place
@@ -33,7 +33,7 @@ _WIDTH = 40  # sets kept
 
 
 def screen(
-    problem: Problem,
+    problem: EstimationProblem,
     fit: Fit,
     offered: Sequence[type[Effect]],
     taken: Collection[tuple[str, str]],
@@ -41,7 +41,7 @@ def screen(
     near: Nearby | None = None,
     failures: Counter[str] | None = None,
     common: Shelf | None = None,
-) -> tuple[BeamSearch, list[Atom]]:
+) -> tuple[BeamSearch, list[Regressor]]:
     """Return the search over single additions, with the present parameters free to move.
 
     Args:
@@ -56,28 +56,34 @@ def screen(
     """
     known = evidence(fit.robot, problem.records)
     new = [c for c in offered if deflects(c) and c not in simulated]
-    swings = make_atoms(fit.robot, problem.records, new, known, None, failures)
-    simulated |= {c: [atom for atom in swings if atom.effect is c] for c in new}
+    swings = make_regressors(fit.robot, problem.records, new, known, None, failures)
+    simulated |= {c: [regressor for regressor in swings if regressor.effect is c] for c in new}
     robot, columns = near or (fit.robot, {})
     direct = [c for c in offered if not deflects(c)]
     shared = common if alone_on(robot, problem.robot) else None
-    atoms = make_atoms(robot, problem.records, direct, known, columns, failures, common=shared)
-    atoms += [atom for c in offered if deflects(c) for atom in simulated[c]]
+    regressors = make_regressors(
+        robot, problem.records, direct, known, columns, failures, common=shared
+    )
+    regressors += [regressor for c in offered if deflects(c) for regressor in simulated[c]]
     order = {c: rank for rank, c in enumerate(offered)}
-    free = [atom for atom in atoms if atom.key not in taken and not _drawn_twice(fit, atom)]
-    free = [atom for atom in free if _felt(problem, atom)]
+    free = [
+        regressor
+        for regressor in regressors
+        if regressor.key not in taken and not _drawn_twice(fit, regressor)
+    ]
+    free = [regressor for regressor in free if _felt(problem, regressor)]
     kept = sorted(free, key=lambda a: order[a.effect])
     noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
 
 
 def screen_instead(
-    problem: Problem,
+    problem: EstimationProblem,
     fit: Fit,
     offered: Sequence[type[Effect]],
     failures: Counter[str] | None = None,
     common: Shelf | None = None,
-) -> tuple[BeamSearch, list[Atom]]:
+) -> tuple[BeamSearch, list[Regressor]]:
     """Return the search over what could stand in the place of causes of a model.
 
     One set of columns serves for all of them: what a small effect adds hardly depends on one cause
@@ -94,34 +100,40 @@ def screen_instead(
     columns: Shelf = {}
     shared = common if alone_on(fit.robot, problem.robot) else None
     taken = {effect.key for effect in fit.effects}
-    found: dict[ShelfKey, Atom] = {}
+    found: dict[ShelfKey, Regressor] = {}
 
     def make(robot: Robot, places: Sequence[str] | None) -> None:
         known = evidence(robot, problem.records)
-        atoms = make_atoms(
+        regressors = make_regressors(
             fit.robot, problem.records, offered, known, columns, failures, places, shared
         )
-        for atom in atoms:
-            if atom.key not in taken:
-                found.setdefault(shelf_key(atom.effect, atom.where, atom.screen), atom)
+        for regressor in regressors:
+            if regressor.key not in taken:
+                found.setdefault(
+                    shelf_key(regressor.effect, regressor.where, regressor.screen), regressor
+                )
 
     make(fit.robot, None)
     for gone in fit.effects:
         rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
         make(rest, [gone.where])
     order = {c: rank for rank, c in enumerate(offered)}
-    kept = sorted(found.values(), key=lambda atom: order[atom.effect])
-    kept = [atom for atom in kept if not _drawn_twice(fit, atom) and _felt(problem, atom)]
+    kept = sorted(found.values(), key=lambda regressor: order[regressor.effect])
+    kept = [
+        regressor
+        for regressor in kept
+        if not _drawn_twice(fit, regressor) and _felt(problem, regressor)
+    ]
     noise = float(np.min(problem.row_noise(fit.residual)))
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
 
 
-def _felt(problem: Problem, atom: Atom) -> bool:
+def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:
     """Whether an output that is judged feels a cause; those of drives set aside do not count."""
-    return bool(np.any(atom.columns[:, problem.whitening.any(axis=1)]))
+    return bool(np.any(regressor.columns[:, problem.whitening.any(axis=1)]))
 
 
-def _drawn_twice(fit: Fit, atom: Atom) -> bool:
+def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:
     """Whether a drawing would be wrong once as a whole and once in one of its links."""
     places = {effect.where for effect in fit.effects if effect.departures.size}
-    return bool(places and atom.usual.any()) and _WHOLE in {*places, atom.where}
+    return bool(places and regressor.usual.any()) and _WHOLE in {*places, regressor.where}

@@ -12,7 +12,7 @@ from wbc.identification.choice.search.search import Search, best_of
 from wbc.identification.choice.search.yielding_search import YieldingSearch
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials
-from wbc.identification.model.problem import ONLY_NOISE, Problem
+from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.robot import Effect
 
 _FILTERED = 0.01  # share of the first error that filters and derivatives distort
@@ -21,7 +21,7 @@ _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """The end of a search.
 
     Attributes:
@@ -38,11 +38,11 @@ class Found:
 
 
 def find_causes(
-    problem: Problem,
+    problem: EstimationProblem,
     classes: Sequence[type[Effect]],
     report: Callable[[str], None],
     until: float = inf,
-) -> Found:
+) -> SearchResult:
     """Return the hypothesis that the logs speak for, or the best so far where it must stop.
 
     Args:
@@ -55,7 +55,7 @@ def find_causes(
     everything = Search(Proposer(trials, tuple(classes)), report)
     everything.path.append(trials.nothing)
     if not classes:
-        return Found(trials, tuple(everything.path), trials.nothing)
+        return SearchResult(trials, tuple(everything.path), trials.nothing)
     stopped = ""
     try:
         final = _best_end(everything)
@@ -66,7 +66,7 @@ def find_causes(
     if stopped:
         trials.until = inf  # what the answer still needs is fitted
         final = best_of(everything, everything.path)
-    return Found(trials, tuple(everything.path), final, stopped)
+    return SearchResult(trials, tuple(everything.path), final, stopped)
 
 
 def _best_end(everything: Search) -> Hypothesis:

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 
-from wbc.identification.choice.search.find_causes import Found
+from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials
-from wbc.identification.model.problem import ONLY_NOISE, Problem
+from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.identification.records.preparation import REVERSAL
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
@@ -19,12 +19,12 @@ _CLOSER = 0.5  # of the usual distance to reversals
 
 
 def look_closer(
-    found: Found,
+    found: SearchResult,
     robot: Robot,
     logs: Sequence[Log],
     classes: Sequence[type[Effect]],
     report: Callable[[str], None],
-) -> Found:
+) -> SearchResult:
     """Return the end of a search with what acts near rest only, or `found` where nothing does.
 
     Around reversals smoothing hides when a joint turned round, and the search looks away: so far
@@ -44,7 +44,9 @@ def look_closer(
     if not slow or not explained or found.final.swings or found.stopped:
         return found
     try:
-        return _closer(found, Problem.from_logs(robot, logs, _CLOSER * REVERSAL), classes, report)
+        return _closer(
+            found, EstimationProblem.from_logs(robot, logs, _CLOSER * REVERSAL), classes, report
+        )
     except OutOfTime:
         return replace(found, stopped="its time was over")
     except KeyboardInterrupt:
@@ -52,11 +54,11 @@ def look_closer(
 
 
 def _closer(
-    found: Found,
-    problem: Problem,
+    found: SearchResult,
+    problem: EstimationProblem,
     classes: Sequence[type[Effect]],
     report: Callable[[str], None],
-) -> Found:
+) -> SearchResult:
     slow = tuple(c for c in classes if c.near_rest)
     near = Trials(problem, found.trials.until)
     start = near.of(found.final.effects)
@@ -73,4 +75,4 @@ def _closer(
     if not slowly or not known <= seen:
         return found
     near.until = inf
-    return Found(near, (near.nothing, *first.path, *whole.path), final)
+    return SearchResult(near, (near.nothing, *first.path, *whole.path), final)

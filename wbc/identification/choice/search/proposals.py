@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from wbc.identification.choice.screening.candidate_columns import Atom, Shelf
+from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
 from wbc.identification.choice.screening.linear_screen import BeamSearch, Subset
 from wbc.identification.choice.screening.screening import Nearby, Swinging, screen, screen_instead
 from wbc.identification.choice.weighing.drop_screen import until_null
@@ -44,8 +44,8 @@ class Proposer:
     candidates: tuple[type[Effect], ...]
     _simulated: dict[Offer, Swinging] = field(default_factory=dict)
     _common: Shelf = field(default_factory=dict)
-    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[BeamSearch, list[Atom]]] = field(
-        default_factory=dict
+    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[BeamSearch, list[Regressor]]] = (
+        field(default_factory=dict)
     )
 
     @property
@@ -77,8 +77,8 @@ class Proposer:
         """
         if not self.candidates:
             return []
-        search, atoms = self._screened(h, self.candidates, exclude, near)
-        return self._chosen(h, search, atoms, count, enough)
+        search, regressors = self._screened(h, self.candidates, exclude, near)
+        return self._chosen(h, search, regressors, count, enough)
 
     def instead(
         self,
@@ -107,16 +107,16 @@ class Proposer:
         some = any(deflects(c) for c in self.candidates) or any(e.departures.size for e in own)
         if some or h.swings or not self.candidates:
             return None
-        search, atoms = self._around(h)
+        search, regressors = self._around(h)
         robot = self.trials.problem.robot
         gone, steps = until_null(self.trials.fit(h), own, robot)
         taken = {*h.keys, *exclude}
         moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
         if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
             return None
-        return self._chosen(rest, moved, atoms, count, h.error, search)
+        return self._chosen(rest, moved, regressors, count, h.error, search)
 
-    def _around(self, h: Hypothesis) -> tuple[BeamSearch, list[Atom]]:
+    def _around(self, h: Hypothesis) -> tuple[BeamSearch, list[Regressor]]:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         key = self.candidates, h.effects
         if key not in self._instead:
@@ -132,7 +132,7 @@ class Proposer:
         self,
         h: Hypothesis,
         search: BeamSearch,
-        atoms: list[Atom],
+        regressors: list[Regressor],
         count: int,
         enough: float,
         around: BeamSearch | None = None,
@@ -149,18 +149,18 @@ class Proposer:
         # a cause more.
         replaced = 0.0 if around is None else _REPLACED * (start.error - around.error(()))
         # Beside the best group of places stands the best single one.
-        single = next((s for s in found if len(s.atoms) == 1), None)
+        single = next((s for s in found if len(s.regressors) == 1), None)
         seen: set[tuple[Key, ...]] = set()
         for subset in found:
-            added = [atoms[k] for k in subset.atoms]
-            key = tuple(sorted(atom.key for atom in added))
+            added = [regressors[k] for k in subset.regressors]
+            key = tuple(sorted(regressor.key for regressor in added))
             # How a link swings is screened roughly: the fit gains much over it.
-            swings = any(deflects(atom.effect) for atom in added)
+            swings = any(deflects(regressor.effect) for regressor in added)
             rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
             rough = max(rough, worst) if enough else rough
             enters = subset.error <= rough if swings else subset is single or subset.error <= worst
-            if around is not None and search.error(subset.atoms) > replaced + around.error(
-                subset.atoms
+            if around is not None and search.error(subset.regressors) > replaced + around.error(
+                subset.regressors
             ):
                 continue
             if key in seen or len(seen) >= count or not enters or subset.error > start.error:
@@ -168,12 +168,12 @@ class Proposer:
             seen.add(key)
             offers.append((*h.effects, *search.effects(subset)))
         # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
-        for subset in _drawn(search, atoms) if not enough and not h.swings else ():
-            if tuple(atoms[k].key for k in subset.atoms) not in seen:
+        for subset in _drawn(search, regressors) if not enough and not h.swings else ():
+            if tuple(regressors[k].key for k in subset.regressors) not in seen:
                 offers.append((*h.effects, *search.effects(subset)))
         if h.swings:
             robot = self.trials.fit(h).robot
-            offers += [(*h.effects, e) for e in _swinging_too(robot, atoms, seen)]
+            offers += [(*h.effects, e) for e in _swinging_too(robot, regressors, seen)]
         return offers
 
     def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
@@ -199,7 +199,7 @@ class Proposer:
         offered: Sequence[type[Effect]],
         exclude: Sequence[Key] = (),
         near: Nearby | None = None,
-    ) -> tuple[BeamSearch, list[Atom]]:
+    ) -> tuple[BeamSearch, list[Regressor]]:
         taken = {*h.keys, *exclude}
         # One gear yields in one way: play before a spring is play with soft flanks.
         yielding = [e.where for e in h.effects if deflects(e)]
@@ -225,24 +225,30 @@ class Proposer:
         return [joints[judged[k]] for k in order[_SIMULATED:]]
 
 
-def _drawn(search: BeamSearch, atoms: Sequence[Atom]) -> list[Subset]:
+def _drawn(search: BeamSearch, regressors: Sequence[Regressor]) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
-    for k, atom in enumerate(atoms):
-        if not atom.usual.any():
+    for k, regressor in enumerate(regressors):
+        if not regressor.usual.any():
             continue
         subset = Subset((k,), search.error((k,)))
-        known = best.get(atom.effect)
+        known = best.get(regressor.effect)
         if np.isfinite(subset.error) and (known is None or subset.error < known.error):
-            best[atom.effect] = subset
+            best[regressor.effect] = subset
     return list(best.values())
 
 
-def _swinging_too(robot: Robot, atoms: Sequence[Atom], seen: set[tuple[Key, ...]]) -> list[Effect]:
+def _swinging_too(
+    robot: Robot, regressors: Sequence[Regressor], seen: set[tuple[Key, ...]]
+) -> list[Effect]:
     """Return the best of every link that may swing, but those seen.
 
     Two links that swing shake one another: no sum of columns says how both would move.
     """
-    best = {atom.key: atom for atom in reversed(atoms) if deflects(atom.effect)}
-    effects = [atom.build(robot, np.ones(1)) for key, atom in best.items() if (key,) not in seen]
+    best = {
+        regressor.key: regressor for regressor in reversed(regressors) if deflects(regressor.effect)
+    }
+    effects = [
+        regressor.build(robot, np.ones(1)) for key, regressor in best.items() if (key,) not in seen
+    ]
     return [effect for effect in effects if effect is not None]

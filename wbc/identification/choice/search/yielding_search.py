@@ -10,7 +10,7 @@ from wbc.identification.choice.gears.pattern_search import FAR, NEAR, pattern_se
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.model.problem import ONLY_NOISE
+from wbc.identification.model.estimation_problem import ONLY_NOISE
 
 _ADDED = 6  # offers that are fitted for one addition
 _ROUNDS = 3  # in which numbers of gears that strike are tried one by one ...

@@ -11,7 +11,7 @@ from wbc.identification.choice.weighing.drop_screen import gains
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key, without
 from wbc.identification.choice.weighing.odds import Odds
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 
 # Logistic regression on 318 causes found in the generated corpus, 250 of them true; see
 # docs/measurements/data/corpus.md. Of those with a probability of 0.95 or more 95 % were true.
@@ -110,7 +110,9 @@ def support_of(
     return result
 
 
-def unexplained(problem: Problem, before: float, final: Hypothesis, excess: FloatArray) -> bool:
+def unexplained(
+    problem: EstimationProblem, before: float, final: Hypothesis, excess: FloatArray
+) -> bool:
     """Whether so much is left that a cause must lie outside the candidates.
 
     Args:

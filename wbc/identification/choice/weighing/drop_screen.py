@@ -11,13 +11,13 @@ from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means, without
 from wbc.identification.choice.weighing.prior import asked
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.problem import Problem
 from wbc.robot import Effect, Robot
 
 
 def losses(
-    problem: Problem, fit: Fit, h: Hypothesis, drops: Sequence[Sequence[Effect]]
+    problem: EstimationProblem, fit: Fit, h: Hypothesis, drops: Sequence[Sequence[Effect]]
 ) -> list[tuple[float, float]]:
     """Return what each drop loses of the log density, and gains of the log prior [nats].
 
@@ -34,7 +34,9 @@ def losses(
     return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
 
 
-def gains(problem: Problem, fit: Fit, drops: Sequence[Sequence[Effect]]) -> list[FloatArray]:
+def gains(
+    problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
+) -> list[FloatArray]:
     """Return (outputs,) what each drop adds to the mean squares, to first order.
 
     Args:
@@ -56,7 +58,10 @@ def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 
 def _moved(
-    problem: Problem, fit: Fit, dropped: Sequence[Effect], normal: tuple[FloatArray, FloatArray]
+    problem: EstimationProblem,
+    fit: Fit,
+    dropped: Sequence[Effect],
+    normal: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Return what is left (rows, outputs) without some causes."""
     step = _without(*until_null(fit, dropped, problem.robot), normal)
@@ -88,7 +93,7 @@ def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int]
 
 
 def _loss(
-    problem: Problem,
+    problem: EstimationProblem,
     fit: Fit,
     h: Hypothesis,
     stays: Hypothesis,
@@ -125,6 +130,6 @@ def _without(
     return step
 
 
-def _as_left(problem: Problem, h: Hypothesis, residual: FloatArray) -> Hypothesis:
+def _as_left(problem: EstimationProblem, h: Hypothesis, residual: FloatArray) -> Hypothesis:
     """Return the hypothesis as if it left this residual (rows, outputs), nothing held out."""
     return replace(h, folds=fold_means(problem.folds, residual**2))

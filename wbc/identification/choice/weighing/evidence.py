@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.model.problem import Problem
+from wbc.identification.model.estimation_problem import EstimationProblem
 
 _DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SIMULATED = 0.02  # ... that simulated links distort
@@ -17,7 +17,7 @@ _SIMULATED = 0.02  # ... that simulated links distort
 _BOUNCING = 0.05
 
 
-def weigh(problem: Problem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
+def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """Return the log evidence of each hypothesis [nats], up to a constant that they share.
 
     The log density of what is left on held-out data, plus the log prior:
@@ -37,7 +37,7 @@ def weigh(problem: Problem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
     return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + priors)
 
 
-def log_densities(problem: Problem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
+def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """Return (n, outputs) the log density of what each hypothesis leaves, without the prior.
 
     Args:

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.identification.choice.gears.plays import plays
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps
 from wbc.identification.model.kept_columns import IMPOSSIBLE
-from wbc.identification.model.problem import Problem
 from wbc.identification.model.residual import drive_gains, drive_misses
 from wbc.identification.model.yielding import deflects, yielding_gears
 from wbc.robot import Effect
@@ -36,7 +36,7 @@ def asked(effects: Sequence[Effect]) -> float:
     return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
 
 
-def implausible(problem: Problem, fit: Fit) -> tuple[float, ...]:
+def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
     """Return what each effect's numbers cost that no machine is likely to have [nats].
 
     Numbers at the end of what physics allows, effects that these motions cannot show, masses that
@@ -56,7 +56,7 @@ def implausible(problem: Problem, fit: Fit) -> tuple[float, ...]:
     return tuple(costs)
 
 
-def _ends(problem: Problem, fit: Fit) -> list[float]:
+def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
     """Return what numbers of each effect at the end of their range cost; shapes there do not.
 
     An effect at the end of its shapes often turns into a simpler one.
@@ -82,7 +82,7 @@ def _ends(problem: Problem, fit: Fit) -> list[float]:
     return costs
 
 
-def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
+def _plays(problem: EstimationProblem, fit: Fit, effect: Effect) -> bool:
     """Whether a gear is no spring that is taken for play between soft flanks."""
     gears = yielding_gears(fit.robot) if deflects(effect) else {}
     gear = gears.get(effect.where)
@@ -93,7 +93,7 @@ def _plays(problem: Problem, fit: Fit, effect: Effect) -> bool:
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
-def _lost_mass(problem: Problem, effect: Effect) -> float:
+def _lost_mass(problem: EstimationProblem, effect: Effect) -> float:
     """Return what masses that leave a link cost."""
     if "change" not in effect.acts_by:
         return 0.0
@@ -111,7 +111,7 @@ def _lost_mass(problem: Problem, effect: Effect) -> float:
     return float(0.5 * np.sum((np.minimum(left, 0.0) / _LOST) ** 2))
 
 
-def _wrong_drive(problem: Problem, fit: Fit, effect: Effect) -> float:
+def _wrong_drive(problem: EstimationProblem, fit: Fit, effect: Effect) -> float:
     """Return what a drive costs that delivers something else than it reports.
 
     It would explain any report that holds no torque, unless what it delivers is what the motion

@@ -12,9 +12,9 @@ import numpy as np
 from wbc.errors import IdentificationError
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means
 from wbc.identification.choice.weighing.prior import asked, implausible
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.kept_columns import IMPOSSIBLE
-from wbc.identification.model.problem import Problem
 from wbc.robot import Effect
 
 _KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
@@ -36,7 +36,7 @@ class Trials:
             or an error inside an effect.
     """
 
-    problem: Problem
+    problem: EstimationProblem
     until: float = np.inf
     impossible: int = 0
     failures: Counter[str] = field(default_factory=Counter)
@@ -105,7 +105,7 @@ class Trials:
             del self._fits[next(iter(self._fits))]
 
 
-def hypothesis_of(problem: Problem, fit: Fit) -> Hypothesis:
+def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     """Return what comparing a fit with others needs.
 
     Raises:

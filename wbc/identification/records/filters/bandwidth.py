@@ -15,7 +15,7 @@ _SPREAD = 5.0  # kinematics keep this many times the residual's band, so that re
 
 
 @dataclass(frozen=True)
-class SensorNoise:
+class NoiseDensity:
     """One-sided power densities of the white noise of the sensors [unit^2/Hz].
 
     Attributes:
@@ -74,7 +74,7 @@ class Bandwidth:
 
 
 def choose_bandwidth(
-    noises: Sequence[SensorNoise], inertia: FloatArray, actuated: IntArray, rate: float
+    noises: Sequence[NoiseDensity], inertia: FloatArray, actuated: IntArray, rate: float
 ) -> Bandwidth:
     """Return the band in which differentiated positions are no noisier than the torque sensor.
 

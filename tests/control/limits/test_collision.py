@@ -1,0 +1,158 @@
+"""Bodies keep apart from obstacles and from each other; coal itself is the judge."""
+
+from __future__ import annotations
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.control.tasks.test_more_tasks import HALF, HAND, TALOS, talos_controller
+from wbc.control import (
+    CollisionLimit,
+    Controller,
+    FramePositionTask,
+    PostureTask,
+    Reference,
+    RotorTorqueLimit,
+    Shape,
+    Status,
+)
+from wbc.control.kinematics import Kinematics
+from wbc.control.limits import CollisionRows
+from wbc.effects import load_robot
+from wbc.errors import ControlError
+from wbc.robot import Motion
+
+OTHER = "arm_right_7_link"
+
+
+def hands(**settings):
+    shapes = [
+        Shape(name="left", geometry=coal.Capsule(0.06, 0.1), frame=HAND),
+        Shape(name="right", geometry=coal.Box(0.1, 0.12, 0.2), frame=OTHER),
+        Shape(
+            name="post",
+            geometry=coal.Sphere(0.1),
+            placement=pin.SE3(np.eye(3), np.array([0.35, 0.3, 0.9])),
+        ),
+    ]
+    return CollisionLimit(shapes, [("left", "right"), ("left", "post")], **settings)
+
+
+JUDGE = Kinematics(TALOS)
+
+
+def apart(limit, q):
+    rows = CollisionRows(limit, TALOS.model)
+    JUDGE.update(q, np.zeros(TALOS.model.nv))
+    rows.fill(JUDGE)
+    return rows.distances.copy()
+
+
+def test_rows_are_the_rates_of_coals_distances():
+    limit = hands(influence=3.0, rate=2.0)
+    generator = np.random.default_rng(0)
+    v = generator.normal(size=TALOS.model.nv)
+    rows, kinematics = CollisionRows(limit, TALOS.model), Kinematics(TALOS)
+    kinematics.update(HALF, v)
+    rows.fill(kinematics)
+    h = 1e-5
+    ahead, behind = (apart(limit, pin.integrate(TALOS.model, HALF, s * h * v)) for s in (1.0, -1.0))
+    np.testing.assert_allclose(rows.rows @ v, (ahead - behind) / (2.0 * h), atol=1e-4)
+
+
+@pytest.mark.parametrize("pair", ["obstacle", "hands"])
+def test_a_hand_that_is_sent_into_something_stops_at_the_margin(pair):
+    limit = hands(margin=0.03)
+    if pair == "hands":
+        data = TALOS.model.createData()
+        pin.framesForwardKinematics(TALOS.model, data, HALF)
+        target = data.oMf[TALOS.model.getFrameId(OTHER)].translation.copy()
+    else:
+        target = np.array([0.35, 0.3, 0.9])
+    least = {}
+    for kept in (True, False):
+        task = FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0)
+        plain = talos_controller(task)
+        limits = [RotorTorqueLimit(), limit] if kept else [RotorTorqueLimit()]
+        contacts = [bound.contact for bound in plain._contacts.values()]
+        controller = Controller(TALOS, plain.tasks, contacts, limits)
+        q, v, worst = HALF.copy(), np.zeros(TALOS.model.nv), np.inf
+        for _ in range(500):
+            command = controller.step(Motion(q, v), {"hand": Reference(target)}, dt=2e-3)
+            assert command.status is Status.SOLVED, command.message
+            v = v + 2e-3 * command.acceleration
+            q = pin.integrate(TALOS.model, q, 2e-3 * v)
+            worst = min(worst, apart(limit, q).min())
+        least[kept] = worst
+    assert least[False] < 0.0
+    assert 0.027 < least[True] < 0.05
+
+
+def test_an_arm_leaves_an_obstacle_that_it_is_too_near():
+    """It starts inside the margin and is driven out."""
+    arm = load_robot("planar_leg_fixed").lossless()
+    q = arm.configuration(hip=2.0, knee=0.3)
+    data = arm.model.createData()
+    pin.framesForwardKinematics(arm.model, data, q)
+    frame = arm.contacts[0].frame
+    tip = data.oMf[arm.model.getFrameId(frame)].act(np.array(arm.contacts[0].offset))
+    place = pin.SE3(np.eye(3), tip + np.array([0.11, 0.0, 0.0]))
+    limit = CollisionLimit(
+        [
+            Shape(
+                name="tip",
+                geometry=coal.Sphere(0.05),
+                frame=frame,
+                placement=pin.SE3(np.eye(3), np.array(arm.contacts[0].offset)),
+            ),
+            Shape(name="wall", geometry=coal.Sphere(0.05), placement=place),
+        ],
+        [("tip", "wall")],
+        margin=0.04,
+    )
+    controller = Controller(arm, [PostureTask.of(arm)], limits=[limit])
+    rows, kinematics, v = CollisionRows(limit, arm.model), Kinematics(arm), np.zeros(2)
+    start = q.copy()
+    for _ in range(800):
+        command = controller.step(Motion(q, v), {"posture": Reference(start)})
+        assert command.status is Status.SOLVED, command.message
+        v = v + 1e-3 * command.acceleration
+        q = pin.integrate(arm.model, q, 1e-3 * v)
+    kinematics.update(q, v)
+    rows.fill(kinematics)
+    assert rows.distances[0] == pytest.approx(0.04, abs=2e-3)
+
+
+def test_pairs_of_a_geometry_model():
+    geometry = pin.GeometryModel()
+    model = TALOS.model
+    for name, joint, solid in (
+        ("a", "arm_left_7_joint", coal.Sphere(0.05)),
+        ("b", "arm_right_7_joint", coal.Sphere(0.05)),
+    ):
+        place = pin.SE3.Identity()
+        geometry.addGeometryObject(pin.GeometryObject(name, model.getJointId(joint), place, solid))
+    geometry.addCollisionPair(pin.CollisionPair(0, 1))
+    limit = CollisionLimit.of(TALOS, geometry, margin=0.1)
+    data = model.createData()
+    pin.forwardKinematics(model, data, HALF)
+    one, two = (
+        data.oMi[model.getJointId(f"arm_{s}_7_joint")].translation for s in ("left", "right")
+    )
+    assert apart(limit, HALF)[0] == pytest.approx(np.linalg.norm(one - two) - 0.1)
+
+
+def test_mistakes_are_named():
+    ball = Shape(name="ball", geometry=coal.Sphere(0.1))
+    with pytest.raises(ControlError, match="bal"):
+        CollisionLimit([ball], [("ball", "bal")])
+    with pytest.raises(ControlError, match="margin"):
+        CollisionLimit([ball], [], margin=0.5)
+    with pytest.raises(ControlError, match="one name"):
+        CollisionLimit([ball, ball], [])
+    lost = Shape(name="lost", geometry=coal.Sphere(0.1), frame="hnd")
+    limit = CollisionLimit([ball, lost], [("ball", "lost")])
+    with pytest.raises(ControlError, match="hnd"):
+        CollisionRows(limit, TALOS.model)

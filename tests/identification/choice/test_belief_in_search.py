@@ -1,0 +1,108 @@
+"""The search beside what is not believed, and what it offers where drives are set aside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.effects import (
+    EFFECTS,
+    CoulombFriction,
+    LinkInertia,
+    LinkInertias,
+    TransmissionEfficiency,
+    ViscousFriction,
+    load_robot,
+)
+from wbc.identification.answer.remainder.attainable import attainable
+from wbc.identification.choice.search import search as search_module
+from wbc.identification.choice.search.proposals import Proposer
+from wbc.identification.choice.search.search import Search
+from wbc.identification.choice.weighing.certainty import BELIEVED, doubted_names, support_of
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.odds import odds_of
+from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.model.derivatives import derivatives, evaluate, with_changes
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.residual import condensed_residual
+from wbc.robot import Effect
+from wbc.sim.excitation import record_with
+
+LEG = load_robot("planar_leg_fixed").lossless()
+
+
+def _problem(*hidden: Effect) -> EstimationProblem:
+    return EstimationProblem.from_logs(LEG, record_with(LEG, list(hidden), duration=4.0))
+
+
+def test_causes_that_only_a_drive_set_aside_feels_are_not_offered() -> None:
+    """On a recorded arm half of all numbers fitted were those of drives that report nothing."""
+    problem = _problem(CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.5))
+    knee = LEG.transmission.index("knee")
+    problem = replace(problem, floor=replace(problem.floor, aside=(knee,)))
+    proposer = Proposer(Trials(problem), tuple(EFFECTS.values())).at_once
+    offered = {e.key for offer in proposer.beside(proposer.trials.nothing, 20) for e in offer}
+    assert ("coulomb_friction", "hip") in offered
+    assert ("coulomb_friction", "knee") not in offered
+
+
+def test_derivatives_by_link_inertias_beside_a_lossy_gear_are_those_of_the_residual() -> None:
+    problem = _problem(TransmissionEfficiency("knee", 0.8, 0.9))
+    null = LinkInertias.null_values(LEG, "robot")
+    drawn = LinkInertias.at("robot", {name: 0.05 for name in null})
+    effects = (TransmissionEfficiency("knee", 0.8, 0.9), CoulombFriction("hip", 0.3), drawn)
+    at = evaluate(LEG, effects, problem.records, problem.whitening)
+    slots = [(2, parameter) for parameter in drawn.parameters]
+    columns = derivatives(LEG, at, slots, problem.records, problem.whitening)
+    for row, (k, parameter) in enumerate(slots):
+        moved = with_changes(effects, {(k, parameter.name): 1e-4 * parameter.scale})
+        after = condensed_residual(LEG.with_effects(*moved), problem.records) @ problem.whitening
+        expected = (after - at.residual) / 1e-4
+        size = max(float(np.max(np.abs(columns))), 1e-12)
+        assert np.max(np.abs(columns[:, :, row] - expected)) < 2e-3 * size
+
+
+@pytest.mark.parametrize(
+    "tried",
+    [
+        (ViscousFriction("hip", 0.2), ViscousFriction("knee", 0.1)),
+        (CoulombFriction("hip", 0.3), EFFECTS["torque_constant"].at("knee", {})),
+    ],
+    ids=["friction", "drive"],
+)
+def test_derivatives_doubt_the_names_that_fits_doubt(tried: tuple[Effect, ...]) -> None:
+    problem = _problem(
+        TransmissionEfficiency("hip", 0.7, 0.7), CoulombFriction("knee", 1.0), *tried[:1]
+    )
+    trials = Trials(problem)
+    h = trials.of(tried)
+    assert h is not None
+    level = attainable(problem, trials.fit(h))
+    support = support_of(trials, h, odds_of(trials, [h], h), level.excess, explained=False)
+    expected = {
+        name
+        for name in {e.name for e in h.effects}
+        if all(s.probability < BELIEVED for key, s in support.items() if key[0] == name)
+    }
+    assert {*doubted_names(trials, h)} == expected
+
+
+def test_nothing_is_added_beside_a_wrong_drawing_that_is_not_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a recorded arm link inertias that the answer drops cost more than all else together."""
+    drawn = LinkInertia.at("shin", dict.fromkeys(LinkInertia.null_values(LEG, "shin"), 0.1))
+    problem = _problem(drawn, CoulombFriction("hip", 0.05), ViscousFriction("knee", 0.05))
+    monkeypatch.setattr(search_module, "doubted_names", lambda trials, h: _names(h))
+    told: list[str] = []
+    search = Search(Proposer(Trials(problem), tuple(EFFECTS.values())).at_once, told.append)
+    search.climb(search.proposer.trials.nothing)
+    doubtful = told[-1].removeprefix("nothing more is tried beside what is not believed: ")
+    assert doubtful in {"link_inertia", "link_inertias"}  # of all the names that are doubted
+    assert len([h for h in search.path if doubtful in _names(h)]) == 2
+
+
+def _names(h: Hypothesis) -> set[str]:
+    return {effect.name for effect in h.effects}

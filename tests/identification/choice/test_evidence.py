@@ -1,0 +1,121 @@
+"""How hypotheses are compared: one number in nats, held against formulas and drawn noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from wbc.effects import Backlash, CoulombFriction, TorqueOffset
+from wbc.identification.choice.weighing.evidence import log_densities, weigh
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.odds import odds_of
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.robot import Effect
+
+PROBLEM = SimpleNamespace(first=np.array([1.0]))
+FRICTION, OFFSET = CoulombFriction("hip", 0.5), TorqueOffset("hip", 0.1)
+
+
+def hypothesis(
+    left: float | tuple[float, ...], prior: float = 0.0, effects: tuple[Effect, ...] = ()
+) -> Hypothesis:
+    """Return what leaves these mean squares on each of five folds of 100 rows, 40 samples each."""
+    folds = np.broadcast_to(np.atleast_1d(left), 5).astype(float)[:, None]
+    return Hypothesis(effects, folds, folds[:, 0], np.array([0.4]), np.full(5, 100.0), -prior, ())
+
+
+def test_evidence_is_the_log_density_of_gaussian_noise() -> None:
+    one, other = weigh(PROBLEM, [hypothesis(4.0), hypothesis(2.0)])  # type: ignore[arg-type]
+    assert other - one == pytest.approx(0.5 * 5 * 40 * np.log(2.0))
+
+
+def test_no_model_is_better_than_its_sensors() -> None:
+    """Below the floor the scale stays that of the sensors: only the squares count."""
+    one, other = weigh(PROBLEM, [hypothesis(1.0), hypothesis(0.9)])  # type: ignore[arg-type]
+    assert other - one == pytest.approx(0.5 * 5 * 40 * 0.1)
+
+
+def test_the_prior_adds_to_it() -> None:
+    one, other = weigh(PROBLEM, [hypothesis(1.0, -10.0), hypothesis(1.0)])  # type: ignore[arg-type]
+    assert other - one == pytest.approx(10.0)
+
+
+def test_what_filters_distort_is_no_evidence() -> None:
+    # One per cent of the first error (rms), 100 floors^2, is added to both variances.
+    rough = SimpleNamespace(first=np.array([1e6]))
+    one, other = weigh(rough, [hypothesis(20.0), hypothesis(2.0)])  # type: ignore[arg-type]
+    expected = 100.0 * (np.log(120.0 / 102.0) + 20.0 / 120.0 - 2.0 / 102.0)
+    assert other - one == pytest.approx(expected, rel=1e-3)
+    one, other = weigh(PROBLEM, [hypothesis(20.0), hypothesis(2.0)])  # type: ignore[arg-type]
+    assert other - one == pytest.approx(0.5 * 200 * np.log(10.0))
+
+
+def test_nothing_below_what_a_simulated_link_distorts_is_evidence() -> None:
+    """Causes beside a link that bounces took up what its simulation leaves: 300 nats for none."""
+    rough = SimpleNamespace(first=np.array([4001.0]))  # 5 % of it (rms) are 10 floors^2
+    play = Backlash("knee", width=0.04, stiffness=2e3, damping=10.0)
+    alone, beside = hypothesis(9.0, effects=(play,)), hypothesis(4.0, effects=(play, FRICTION))
+    one, other = weigh(rough, [alone, beside])  # type: ignore[arg-type]
+    assert one == pytest.approx(other)
+    worse, one = weigh(rough, [hypothesis(22.0, effects=(play,)), beside])  # type: ignore[arg-type]
+    assert one - worse == pytest.approx(100.0 * np.log(2.0))
+
+
+def test_all_are_judged_with_the_samples_of_the_one_that_leaves_least() -> None:
+    slow = replace(hypothesis(4.0), samples=np.array([0.01]))
+    white = hypothesis(1.0)
+    both = log_densities(PROBLEM, [slow, white])[:, 0]  # type: ignore[arg-type]
+    assert both[1] - both[0] == pytest.approx(0.5 * 200 * np.log(4.0))
+
+
+def test_odds_add_up_and_name_what_stands_for_what() -> None:
+    found = hypothesis(1.0, -10.0, (FRICTION,))
+    rival = hypothesis(1.0, -11.0, (OFFSET,))
+    nothing = hypothesis(2.0)
+    trials = SimpleNamespace(problem=PROBLEM, known=[nothing, rival, found])
+    odds = odds_of(trials)  # type: ignore[arg-type]
+    assert sum(odds.shares) == pytest.approx(1.0)
+    assert odds.of(FRICTION.key) == pytest.approx(1.0 / (1.0 + np.exp(-1.0)), rel=1e-6)
+    assert odds.rivals(found) == ((OFFSET.key,),)
+    assert odds.of_any((FRICTION.key, OFFSET.key)) == pytest.approx(1.0)
+
+
+def test_an_answer_that_is_not_believable_has_odds_all_the_same() -> None:
+    """Dropping doubtful causes left numbers no machine has: a recorded arm ended in an error."""
+    nothing, sick = hypothesis(2.0), hypothesis(1.0, -10.0, (FRICTION,))
+    sick = replace(sick, implausible=(12.0,))
+    trials = SimpleNamespace(problem=PROBLEM, known=[nothing, sick])
+    odds = odds_of(trials, final=sick)  # type: ignore[arg-type]
+    assert not sick.believable
+    assert np.isfinite(odds.level(sick))
+
+
+def _problem(rows: int) -> EstimationProblem:
+    """Return a problem of two logs, all of whose rows count, without anything else."""
+    record = SimpleNamespace(
+        rows=rows, weight=np.ones((rows, 1)), condense=lambda values: np.ones((rows, 1))
+    )
+    problem = object.__new__(EstimationProblem)
+    object.__setattr__(problem, "records", (record, record))
+    object.__setattr__(problem, "floor", SimpleNamespace(aside=()))
+    return problem
+
+
+def test_band_limited_noise_has_two_samples_in_five_rows() -> None:
+    random = np.random.default_rng(0)
+    noise = random.standard_normal((4000, 1))
+    low = sosfiltfilt(butter(3, 0.4, output="sos"), noise, axis=0)  # five rows per period
+    assert _problem(2000).independent_samples(low)[0] == pytest.approx(0.4, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.8, 0.95])
+def test_what_remembers_itself_is_fewer_samples(share: float) -> None:
+    """First-order noise: the sum of its squared autocorrelations is known (Bartlett)."""
+    random = np.random.default_rng(1)
+    noise = lfilter([1.0], [1.0, -share], random.standard_normal((40000, 1)), axis=0)
+    expected = (1.0 - share**2) / (1.0 + share**2)
+    assert _problem(20000).independent_samples(noise)[0] == pytest.approx(expected, rel=0.15)

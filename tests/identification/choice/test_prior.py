@@ -1,0 +1,80 @@
+"""What numbers cost that no machine is likely to have: smooth where it can be, in nats."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.effects import (
+    CoulombFriction,
+    PayloadMass,
+    TorqueConstant,
+    TransmissionEfficiency,
+    load_robot,
+)
+from wbc.identification import diagnose
+from wbc.identification.choice.weighing.prior import asked, implausible
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.robot import Effect
+from wbc.sim.excitation import record_with
+
+LEG = load_robot("planar_leg_fixed").lossless()
+
+
+@pytest.fixture(scope="module")
+def problem() -> EstimationProblem:
+    return EstimationProblem.from_logs(
+        LEG, record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
+    )
+
+
+def cost(problem: EstimationProblem, effect: Effect) -> float:
+    """Return the cost of one effect with just these numbers."""
+    from wbc.identification.model.fit import refine
+
+    fit = refine(problem.robot, [effect], problem.records, problem.whitening, iterations=0)
+    return sum(implausible(problem, fit))
+
+
+def test_names_cost_more_than_places_and_places_more_than_numbers(
+    problem: EstimationProblem,
+) -> None:
+    one = asked([CoulombFriction("hip", 0.5)])
+    places = asked([CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.1)])
+    names = asked([CoulombFriction("hip", 0.5), TorqueConstant("knee", 1.1)])
+    assert (one, places, names) == (10.0, 14.0, 20.0)
+
+
+def test_drives_that_deliver_something_else_cost_by_the_factor(problem: EstimationProblem) -> None:
+    costs = [cost(problem, TorqueConstant("hip", factor)) for factor in (1.0, 1.1, 2.0, 4.0)]
+    # A torque constant, and what any drive costs that delivers so much more than it reports.
+    spread = 0.5 * (0.2**-2 + 0.5**-2)
+    assert costs == pytest.approx([spread * np.log(f) ** 2 for f in (1.0, 1.1, 2.0, 4.0)])
+
+
+def test_a_mass_that_leaves_a_link_costs_and_one_that_is_added_does_not(
+    problem: EstimationProblem,
+) -> None:
+    assert cost(problem, PayloadMass("foot", 1.5)) == pytest.approx(0.0)
+    shin = LEG.bodies[-1]
+    half, most = (cost(problem, PayloadMass(shin, -share * 2.0)) for share in (0.4, 0.9))
+    assert half == pytest.approx(0.5 * (np.log(0.6) / 0.5) ** 2)
+    assert most > 10.0
+
+
+def test_an_efficiency_that_no_gear_has_is_not_believed(problem: EstimationProblem) -> None:
+    usual = cost(problem, TransmissionEfficiency("hip", 0.8, 0.75))
+    impossible = cost(problem, TransmissionEfficiency("hip", 0.8, -3.0))
+    assert usual < 0.5
+    assert impossible > 15.0
+
+
+def test_what_is_only_explained_by_impossible_numbers_is_not_named() -> None:
+    """A drive whose report is a seventh of the truth is beyond what a torque constant may be."""
+    logs = record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
+    weak = [
+        log.with_columns({"hip.rotor_torque": log.column("hip.rotor_torque") / 7.0}) for log in logs
+    ]
+    diagnosis = diagnose(LEG, weak, [TorqueConstant, CoulombFriction])
+    assert diagnosis.verdict == "unknown"
+    assert "torque_constant" not in [effect.name for effect in diagnosis.effects]

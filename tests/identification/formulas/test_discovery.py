@@ -1,0 +1,278 @@
+"""Formulas hidden in a closed-form leg are found; what has none is declined or labelled."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.identification.formulas.discovery_plant import Moving, Torque, bouc_wen, logs, nothing
+from wbc.cli import main
+from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
+from wbc.identification import compare, diagnose
+from wbc.identification.formulas import discover
+from wbc.measurement import Log, load_logs, save_log
+from wbc.robot import Robot
+
+ROOT = Path(__file__).resolve().parents[3]
+DATA = ROOT.parent / "shared" / "data"
+
+HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {
+    "friction that differs by direction": (
+        lambda r: (0.0, np.where(r.v[:, 1] > 0.0, -0.6, 0.2)),
+        {"knee": {"1": -0.2, "sign(v_knee)": -0.4}},
+    ),
+    "friction that changes with position": (
+        lambda r: (0.0, -(0.5 + 0.3 * np.cos(2.0 * r.q[:, 1])) * np.sign(r.v[:, 1])),
+        {"knee": {"sign(v_knee)": -0.5, "cos(2 q_knee) * sign(v_knee)": -0.3}},
+    ),
+    "a cable from the hip that pulls at the knee": (
+        lambda r: (0.0, -0.9 * np.sin(2.0 * r.q[:, 0])),
+        {"knee": {"sin(2 q_hip)": -0.9}},
+    ),
+    "cubic drag": (lambda r: (-0.05 * r.v[:, 0] ** 3, 0.0), {"hip": {"v_hip^3": -0.05}}),
+    "drag of the product of speeds": (
+        lambda r: (0.0, 0.2 * r.v[:, 0] * r.v[:, 1]),
+        {"knee": {"v_knee * v_hip": 0.2}},
+    ),
+    "a bearing that the other joint's load presses": (
+        lambda r: (0.0, -0.08 * np.abs(r.load[:, 0]) * np.sign(r.v[:, 1])),
+        {"knee": {"|load_hip| * sign(v_knee)": -0.08}},
+    ),
+    "one formula in each joint": (
+        lambda r: (-0.3 * np.abs(r.q[:, 0]) * np.sign(r.v[:, 0]), 0.25 * r.v[:, 0]),
+        {"hip": {"|q_hip| * sign(v_hip)": -0.3}, "knee": {"v_hip": 0.25}},
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("planar_leg_fixed").lossless()
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_formula_of_the_library_is_found_with_its_numbers(robot: Robot, name: str) -> None:
+    torque, truth = HIDDEN[name]
+    found = discover(robot, logs(torque))
+    assert found.outcome == "formula"
+    assert {p.effect.where: set(p.effect.values) for p in found.proposals} == {
+        joint: set(terms) for joint, terms in truth.items()
+    }
+    for proposal in found.proposals:
+        assert proposal.share > 0.98
+        for term, value in truth[proposal.effect.where].items():
+            estimate = proposal.coefficients[term]
+            assert estimate.value == pytest.approx(value, rel=0.03)
+            assert estimate.low < estimate.value < estimate.high
+            assert abs(estimate.value - value) < 3.0 * (estimate.high - estimate.low)
+            assert proposal.stability[term] >= 0.8
+    unseen = logs(torque, seeds=(9,))
+    assert compare(found.robot, unseen).error < 1.5 < compare(robot, unseen).error
+
+
+def test_the_period_of_a_wave_is_read_off_the_data(robot: Robot) -> None:
+    found = discover(robot, logs(lambda r: (0.0, 0.5 * np.sin(17.3 * r.q[:, 1]))))
+    (proposal,) = found.proposals
+    (term,) = proposal.effect.terms
+    assert term.factors[0].shape == "sin"
+    assert term.factors[0].number == pytest.approx(17.3, abs=0.05)
+    assert term.coefficient == pytest.approx(0.5, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "size", "noise"),
+    [((3,), 1.0, 1.0), ((4, 5), 0.4, 3.0), ((6, 7, 8), 0.7, 1.0), ((9, 10), 1.2, 0.3)],
+)
+def test_nothing_is_proposed_where_nothing_is_missing(
+    robot: Robot, seeds: tuple[int, ...], size: float, noise: float
+) -> None:
+    found = discover(robot, logs(nothing, seeds, size=size, noise=noise))
+    assert (found.outcome, found.proposals, found.remainder) == ("none", (), "")
+    assert found.robot.effects == ()
+    assert "No formula found" in found.summary
+
+
+def saturating(run: Moving) -> tuple[float, np.ndarray]:
+    """Friction that rises like an arctangent: no product of the library, but near some."""
+    return 0.0, -0.6 * np.arctan(run.v[:, 1] / 0.6)
+
+
+def test_a_law_outside_the_library_is_approximated_and_holds_on_other_logs(robot: Robot) -> None:
+    found = discover(robot, logs(saturating))
+    assert found.proposals
+    assert {p.effect.where for p in found.proposals} == {"knee"}
+    unseen = logs(saturating, seeds=(9,))
+    assert compare(found.robot, unseen).error < 0.3 * compare(robot, unseen).error
+    assert found.error.after < 0.3 * found.error.before
+
+
+def test_a_joint_that_stands_still_shows_no_law(robot: Robot) -> None:
+    given = []
+    for log in logs(lambda r: (-0.4 * np.sign(r.v[:, 0]), 0.0)):
+        still = {name: np.zeros_like(c) for name, c in log.columns.items() if "knee" in name}
+        given.append(Log(log.time, log.columns | still))
+    found = discover(robot, given)
+    assert {p.effect.where for p in found.proposals} <= {"hip"}
+    nowhere = [Log(g.time, {n: np.zeros_like(c) for n, c in g.columns.items()}) for g in given]
+    assert discover(robot, nowhere).proposals == ()
+
+
+@pytest.mark.parametrize(
+    "torque",
+    [
+        lambda run: (0.0, 0.4 * np.sin(2.0 * np.pi * 0.7 * run.time)),
+        lambda run: (0.0, 0.5 * np.sin(1e3 * run.q[0, 0])),
+    ],
+    ids=["a function of time", "an offset of each run"],
+)
+def test_what_is_no_function_of_the_motion_is_declined(robot: Robot, torque: Torque) -> None:
+    found = discover(robot, logs(torque, seeds=(1, 2, 3)))
+    assert found.outcome == "none"
+    assert "knee" in found.remainder
+
+
+def test_hysteresis_is_declined_or_called_a_part(robot: Robot) -> None:
+    given = logs(lambda run: (0.0, bouc_wen(run, 1, 0.6, 6.0)))
+    diagnosis = diagnose(robot, given, [ViscousFriction, CoulombFriction])
+    assert diagnosis.verdict == "unknown"
+    for found in (discover(robot, given), discover(robot, given, known=diagnosis.effects)):
+        assert found.outcome in ("none", "partial")
+        assert "memory" in found.remainder
+        assert all(p.share < 0.97 for p in found.proposals)
+        assert ("memory" in found.summary) == bool(found.proposals)
+
+
+def test_named_effects_stay_beside_formulas_and_idle_ones_go(robot: Robot) -> None:
+    torque = HIDDEN["friction that changes with position"][0]
+    heavy = robot.with_effect(PayloadMass("foot", 0.3))
+    believed = [PayloadMass("foot", -0.2), CoulombFriction("hip", 0.1)]
+    found = discover(heavy, logs(torque), known=believed)
+    assert found.outcome == "formula"
+    assert found.dropped == (("coulomb_friction", "hip"),)
+    (payload,) = found.known
+    assert payload.values["mass"] == pytest.approx(-0.3, abs=0.003)
+    low, high = found.intervals["payload_mass", "foot", "mass"]
+    assert low < payload.values["mass"] < high
+    (proposal,) = found.proposals
+    assert set(proposal.effect.values) == {"sign(v_knee)", "cos(2 q_knee) * sign(v_knee)"}
+    assert found.robot.effects == (heavy.effects[0], payload, proposal.effect)
+
+
+def test_what_the_text_and_the_json_say(robot: Robot) -> None:
+    torque = HIDDEN["a bearing that the other joint's load presses"][0]
+    lines: list[str] = []
+    found = discover(robot, logs(torque), progress=lines.append)
+    (proposal,) = found.proposals
+    assert proposal.formula.startswith("tau_knee = -0.08 * |load_hip| * sign(v_knee)")
+    assert proposal.joints == ("knee", "hip")
+    assert any("for logs only" in warning for warning in proposal.warnings)
+    assert any("knee" in line for line in lines)
+    content = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert content["outcome"] == "formula"
+    (entry,) = content["proposals"]
+    assert entry["joints"] == ["knee", "hip"]
+    assert entry["share_removed"] > 0.98
+    term = entry["terms"]["|load_hip| * sign(v_knee)"]
+    assert term["low"] < term["value"] < term["high"]
+    assert term["unit"] == "1"
+    assert "not causes" in content["summary"]
+
+
+def test_products_that_do_as_well_are_listed(robot: Robot) -> None:
+    # The knee stays on one side of zero: the sizes and the values of its angle are the same.
+    given = logs(lambda r: (-0.8 * np.abs(r.q[:, 1]) * np.sign(r.v[:, 0]), 0.0), size=0.25)
+    assert max(log.columns["knee.position"].max() for log in given) < 0.0
+    (proposal,) = discover(robot, given).proposals
+    (term,) = proposal.effect.values
+    assert term == "|q_knee| * sign(v_hip)"
+    assert "q_knee * sign(v_hip)" in proposal.rivals[term]
+
+
+def test_the_command_line_prints_writes_and_saves(
+    robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    torque = HIDDEN["a cable from the hip that pulls at the knee"][0]
+    names = []
+    for k, log in enumerate(logs(torque)):
+        names.append(str(tmp_path / f"run{k}.csv"))
+        save_log(log, names[-1])
+    fitted, content = tmp_path / "fitted.toml", tmp_path / "out.json"
+    command = ["diagnose", *names, "--robot", "planar_leg_fixed", "--lossless"]
+    command += ["--add", "viscous_friction,torque_offset", "--discover"]
+    main([*command, "--save", str(fitted), "--json", str(content)])
+    printed = capsys.readouterr().out
+    assert "formulas proposed by regression, not causes" in printed
+    assert re.search(r"tau_knee = -0\.9\d* N m \* sin\(2 q_hip\)", printed)
+    found = json.loads(content.read_text())["discovery"]
+    assert found["proposals"][0]["terms"]["sin(2 q_hip)"]["value"] == pytest.approx(-0.9, rel=0.01)
+    again = load_robot(fitted)
+    assert compare(again, logs(torque, seeds=(9,))).error < 1.5
+    assert "low = " in fitted.read_text()
+
+
+def shared(*names: str) -> list[str]:
+    for name in names:
+        if not (DATA / name).exists():
+            pytest.skip(f"the recorded data '{name}' is not beside this repository")
+    return [str(DATA / name) for name in names]
+
+
+@pytest.mark.parametrize("case", ["case00", "float00"])
+def test_practice_logs_of_a_leg_that_lacks_nothing(case: str) -> None:
+    runs = "abcd" if case.startswith("case") else "ab"
+    given = load_logs(shared(*(f"practice_leg/{case}{run}.csv" for run in runs)))
+    leg = load_robot("planar_leg_fixed" if case.startswith("case") else "planar_leg").lossless()
+    assert discover(leg, given).outcome == "none"
+
+
+def test_practice_logs_with_hysteresis_have_no_whole_formula(robot: Robot) -> None:
+    given = load_logs(shared(*(f"practice_leg/case10{run}.csv" for run in "abcd")))
+    found = discover(robot, given)
+    assert found.outcome in ("none", "partial")
+    assert found.error.after > 0.3 * found.error.before
+    assert "memory" in found.remainder
+
+
+def part(log: Log, first: float, last: float) -> Log:
+    """Return the stretch of a log between two shares of its length."""
+    rows = slice(int(first * len(log.time)), int(last * len(log.time)))
+    return Log(log.time[rows], {name: values[rows] for name, values in log.columns.items()})
+
+
+def test_a_ball_screw_rubs_less_in_one_direction() -> None:
+    """The published identification has viscous, Coulomb friction and offset; more is there."""
+    columns = ROOT / "robots" / "emps" / "columns.toml"
+    (log,) = load_logs(shared("emps/emps_estimation.parquet"), columns)
+    slide = load_robot("emps")
+    published = slide.with_effects(
+        ViscousFriction("slide", 203.5034),
+        CoulombFriction("slide", 20.3935),
+        TorqueOffset("slide", 3.1648),
+    )
+    found = discover(slide, [part(log, 0.0, 0.6)])
+    (proposal,) = found.proposals
+    values = proposal.effect.values
+    assert values["v_slide"] == pytest.approx(-203.5, rel=0.05)
+    assert values["sign(v_slide)"] == pytest.approx(-20.4, rel=0.05)
+    assert 20.0 < values["|v_slide|"] < 60.0
+    assert proposal.coefficients["|v_slide|"].unit == "N s/m"
+    unseen = [part(log, 0.6, 1.0)]
+    assert compare(found.robot, unseen).error < 0.75 * compare(published, unseen).error
+
+
+def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
+    (path,) = shared("dfki_double_pendulum/double_pendulum.parquet")
+    columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
+    given = load_logs([f"{path}#A.0/trajectory*"], columns)
+    arm = load_robot("double_pendulum")
+    found = discover(arm, given[::2])
+    assert found.outcome == "partial"
+    for proposal in found.proposals:
+        dry = proposal.effect.values[f"sign(v_{proposal.effect.where})"]
+        # Published, from other logs: 1.57 * 0.093 and 1.57 * 0.078 N m.
+        assert dry == pytest.approx(-0.14, rel=0.25)
+    assert compare(found.robot, given[1::2]).error < 0.6 * compare(arm, given[1::2]).error

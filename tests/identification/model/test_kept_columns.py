@@ -1,0 +1,101 @@
+"""Derivatives that many fits share equal those that each fit would make for itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from wbc.effects import (
+    CenterOfMass,
+    CoulombFriction,
+    CurrentLimit,
+    JointSpring,
+    LoadFriction,
+    PayloadMass,
+    PositionOffset,
+    RotorInertia,
+    StribeckFriction,
+    TorqueConstant,
+    TorqueRipple,
+    TransmissionEfficiency,
+    ViscousFriction,
+    load_robot,
+)
+from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.kept_columns import KeptColumns
+from wbc.robot import Effect
+from wbc.sim.excitation import record_with
+
+LEG = load_robot("planar_leg_fixed").lossless()
+PLAIN: list[Effect] = [
+    ViscousFriction("hip", 0.3),
+    CoulombFriction("knee", 0.4),
+    StribeckFriction("hip", 0.2, 0.5),
+    TorqueRipple("knee", 0.3, 6.0, 0.4),
+    JointSpring("hip", 2.0, 0.2),
+    RotorInertia("hip", 0.05),
+]
+LINKS: list[Effect] = [PayloadMass("foot", 0.2), CenterOfMass("thigh", 0.01, 0.0, 0.02)]
+
+
+@pytest.fixture(scope="module")
+def problem() -> EstimationProblem:
+    return EstimationProblem.from_logs(
+        LEG, record_with(LEG, [CoulombFriction("hip", 0.3)], duration=3.0)
+    )
+
+
+def _both(
+    problem: EstimationProblem, effects: Sequence[Effect], kept: KeptColumns
+) -> tuple[np.ndarray, np.ndarray]:
+    at = evaluate(LEG, effects, problem.records, problem.whitening)
+    slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
+    arguments = (LEG, at, slots, problem.records, problem.whitening)
+    return derivatives(*arguments), derivatives(*arguments, kept=kept)
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        [],
+        [TorqueConstant("hip", 1.2), CurrentLimit("knee", 3.0)],
+        [TransmissionEfficiency("knee", 0.8, 0.7)],
+        [LoadFriction("hip", 0.0)],
+        [PositionOffset("hip", 0.05)],
+    ],
+    ids=["nothing", "drives", "a lossy gear", "a gear at the edge of loss", "a wrong zero"],
+)
+def test_columns_do_not_depend_on_when_they_were_made(
+    problem: EstimationProblem, beside: list[Effect]
+) -> None:
+    kept = KeptColumns(problem.robot, problem.records)
+    larger = [e.with_values({p.name: 1.1 * e.values[p.name] for p in e.parameters}) for e in LINKS]
+    for effects in (PLAIN, [*PLAIN, *LINKS], [*PLAIN[::-1], *larger], [*LINKS, *PLAIN]):
+        alone, shared = _both(problem, [*effects, *beside], kept)
+        assert shared == pytest.approx(alone, abs=1e-6)
+
+
+def test_an_effect_with_a_shape_is_derived_anew_where_its_shape_changes(
+    problem: EstimationProblem,
+) -> None:
+    kept = KeptColumns(problem.robot, problem.records)
+    for order in (6.0, 6.5, 7.0):
+        alone, shared = _both(problem, [TorqueRipple("knee", 0.3, order, 0.4)], kept)
+        assert shared == pytest.approx(alone, abs=1e-6)
+
+
+def test_a_straight_effect_is_derived_twice_at_most(
+    problem: EstimationProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+    plain = KeptColumns._made
+    monkeypatch.setattr(
+        KeptColumns, "_made", lambda self, *rest: made.append(rest) or plain(self, *rest)
+    )
+    kept = KeptColumns(problem.robot, problem.records)
+    for level in (0.1, 0.2, 0.3, 0.4):
+        _both(problem, [ViscousFriction("hip", level), CoulombFriction("hip", level)], kept)
+    assert len(made) == 4

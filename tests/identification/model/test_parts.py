@@ -1,0 +1,205 @@
+"""The pieces of the diagnosis against brute force, known noise and an ODE solver."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from tests.recover.plant import Lane, simulate
+from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFriction, load_robot
+from wbc.effects.drive.periodicity import strongest_orders
+from wbc.errors import IdentificationError, LogError
+from wbc.identification import compare, diagnose
+from wbc.identification.choice.screening.design_matrix import DesignMatrix
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.filters.smoothing import low_pass, white_level
+from wbc.identification.records.noise.noise_floor import drawn_noise, find_repeats, noise_floor
+from wbc.identification.records.preparation import prepare
+from wbc.measurement import Log
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    lanes = [Lane({}, 1, noise=0), Lane({}, 1, noise=1), Lane({}, 2, noise=2)]
+    result = []
+    for table in simulate(lanes, duration=5.0, step=5e-4):
+        columns = dict(table)
+        result.append(Log(columns.pop("time"), columns))
+    return result
+
+
+ROBOT = load_robot("planar_leg_fixed").lossless()
+
+
+def test_the_low_pass_has_no_phase_shift() -> None:
+    t = np.arange(2000) / 500.0
+    slow = np.sin(2 * np.pi * 1.0 * t)[:, None]
+    smooth = low_pass(slow + np.sin(2 * np.pi * 80.0 * t)[:, None], 8.0, 500.0)
+    assert np.abs(smooth - slow)[200:-200].max() < 2e-3
+
+
+@pytest.mark.parametrize("shape", [(300,), (300, 2), (300, 2, 3), (7, 2)])
+@pytest.mark.parametrize("order", [2, 6])
+def test_the_low_pass_is_that_of_scipy(shape: tuple[int, ...], order: int) -> None:
+    values = np.random.default_rng(0).standard_normal(shape)
+    sections = butter(order, 8.0 / 250.0, output="sos")
+    padding = min(len(values) - 1, int(3.0 * 500.0 / 8.0))
+    expected = sosfiltfilt(sections, values, axis=0, padlen=padding)
+    np.testing.assert_allclose(low_pass(values, 8.0, 500.0, order), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_white_noise_is_measured_below_a_large_motion() -> None:
+    random = np.random.default_rng(0)
+    t = np.arange(5000) / 500.0
+    motion = np.sin(2 * np.pi * 0.7 * t) + 2e-3 * random.standard_normal(t.size)
+    level = white_level(motion[:, None], 500.0)[0]
+    assert level == pytest.approx(2e-3**2 / 250.0, rel=0.15)
+
+
+def test_held_out_errors_equal_those_of_separate_fits() -> None:
+    random = np.random.default_rng(1)
+    columns = random.standard_normal((60, 2, 3))
+    residual = random.standard_normal((60, 2)) + columns[:, :, 0]
+    folds = np.repeat([0, 1, 2], 20)
+    matrix = DesignMatrix.from_rows(columns, residual, folds)
+    squares = 0.0
+    for fold in range(3):
+        train, test = folds != fold, folds == fold
+        a, b = columns[train].reshape(-1, 3), residual[train].ravel()
+        x = np.linalg.lstsq(a, b, rcond=None)[0]
+        squares += np.sum((residual[test].ravel() - columns[test].reshape(-1, 3) @ x) ** 2)
+    assert matrix.held_out([0, 1, 2]) == pytest.approx(squares / residual.size, rel=1e-3)
+
+
+def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> None:
+    random = np.random.default_rng(3)
+    folds = np.repeat([0, 1, 2], 20)
+    columns = np.zeros((60, 1, 1))
+    columns[50:55] = 5.0  # a limit that was reached once
+    residual = columns[..., 0] + 0.1 * random.standard_normal((60, 1))
+    without = DesignMatrix.from_rows(columns, residual, folds)
+    with_it = DesignMatrix.from_rows(columns, residual, folds, np.ones(1))
+    assert without.held_out([0]) == pytest.approx(np.mean(residual**2), rel=0.01)
+    assert with_it.held_out([0]) < 0.02
+
+
+def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
+    random = np.random.default_rng(2)
+    columns = random.standard_normal((60, 2, 5))
+    columns[..., 1] = columns[..., 0] + 1e-2 * columns[..., 1]  # of which the difference counts
+    residual = random.standard_normal((60, 2)) + 50.0 * (columns[..., 0] - columns[..., 1])
+    matrix = DesignMatrix.from_rows(columns, residual, np.repeat([0, 1, 2], 20))
+    gains, r = matrix.gains_of_two([3, 4]), residual.ravel()
+
+    def left(chosen: list[int]) -> float:
+        a = columns[..., chosen].reshape(-1, len(chosen))
+        return float(np.sum((r - a @ np.linalg.lstsq(a, r, rcond=None)[0]) ** 2))
+
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        assert gains[one, other] == pytest.approx(left([3, 4]) - left([one, other, 3, 4]), rel=1e-6)
+
+
+def test_a_matrix_whose_residual_moved_is_that_of_the_moved_residual() -> None:
+    random = np.random.default_rng(4)
+    columns, residual = random.standard_normal((60, 2, 4)), random.standard_normal((60, 2))
+    folds, steps = np.repeat([0, 1, 2], 20), np.array([0.7, -2.0])
+    moved = DesignMatrix.from_rows(columns, residual, folds).moved([1, 3], steps)
+    fresh = DesignMatrix.from_rows(columns, residual - columns[..., [1, 3]] @ steps, folds)
+    for chosen in ([], [0], [0, 2], [0, 1, 2, 3]):
+        assert moved.held_out(chosen) == pytest.approx(fresh.held_out(chosen), rel=1e-12)
+    np.testing.assert_allclose(moved.fit([0, 2]), fresh.fit([0, 2]), rtol=1e-9)
+
+
+def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
+    records = prepare(ROBOT, logs)
+    assert find_repeats(records) == ((0, 1),)
+    residuals = [condensed_residual(ROBOT, [record]) for record in records]
+    floor = noise_floor(records, residuals, drawn_noise(records))
+    assert floor.source == "repeats"
+    assert floor.values == pytest.approx(np.sqrt(np.diag(floor.sensors)), rel=0.25)
+    whitened = np.concatenate(residuals) @ floor.whitening
+    assert np.sqrt(np.mean(whitened**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_copy_of_a_log_is_no_repeat(logs: list[Log]) -> None:
+    assert find_repeats(prepare(ROBOT, [logs[0], logs[0]])) == ()
+
+
+def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> None:
+    heavy = ROBOT.with_effect(PayloadMass("foot", 0.4))
+    (record,) = prepare(ROBOT, logs[:1])
+    by_regressor = condensed_residual(heavy, [record])
+    by_model = condensed_residual(heavy, [replace(record, robot=heavy)])
+    assert by_regressor == pytest.approx(by_model, abs=1e-9)
+    assert np.abs(by_regressor - condensed_residual(ROBOT, [record])).max() > 0.5
+
+
+def test_a_factor_that_shrinks_everything_explains_nothing(logs: list[Log]) -> None:
+    problem = EstimationProblem.from_logs(ROBOT, logs)
+    base = np.mean((problem.residual @ problem.whitening) ** 2)
+    for factor in (0.5, 2.0):
+        changed = ROBOT.with_effect(TorqueConstant("hip", factor))
+        residual = condensed_residual(changed, problem.records) @ problem.whitening
+        assert np.mean(residual**2) > 100.0 * base
+
+
+def test_fitted_parameters_lie_in_their_intervals_when_the_model_is_the_plant() -> None:
+    lanes = [Lane({"viscous": 0.2, "coulomb": (0.4, 0.0)}, 4 + k, noise=k) for k in range(3)]
+    logs = []
+    for table in simulate(lanes, duration=5.0, step=5e-4):
+        columns = dict(table)
+        logs.append(Log(columns.pop("time"), columns))
+    diagnosis = diagnose(ROBOT, logs, [ViscousFriction, CoulombFriction])
+    found = {(f.effect.name, f.effect.where): f.parameters for f in diagnosis.findings}
+    assert len(found) == 3
+    for joint in ("hip", "knee"):
+        estimate = found["viscous_friction", joint]["coefficient"]
+        assert estimate.low < estimate.value < estimate.high
+        assert estimate.value == pytest.approx(0.2, rel=0.02)
+    assert found["coulomb_friction", "hip"]["level"].value == pytest.approx(0.4, rel=0.01)
+
+
+def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
+    table = simulate([Lane({"viscous": (0.0, 0.5)}, 3)], duration=5.0, step=5e-4)[0]
+    log = Log(table.pop("time"), table)
+    comparison = compare(ROBOT, [log])
+    ratios = {output.output: output.ratio for output in comparison.outputs}
+    assert ratios["knee"] > 10.0 * ratios["hip"]
+    assert (comparison.where[0].output, comparison.where[0].variable) == ("knee", "speed")
+    assert comparison.where[0].share > 0.95
+    assert json.loads(json.dumps(comparison.to_json()))["error"] == comparison.error
+
+
+def test_a_periodic_torque_shows_its_order() -> None:
+    position = np.cumsum(np.sin(np.linspace(0.0, 12.0, 4000))) * 1e-3
+    torque = 0.3 * np.sin(36.0 * position + 1.0)
+    assert strongest_orders([position], [torque])[0] == pytest.approx(36.0, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_where_a_joint_rests_long_is_no_period(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    rests = np.repeat(random.uniform(-1.2, 1.2, 5), 800)
+    position = np.concatenate([np.linspace(-1.2, 1.2, 2000), rests])
+    torque = np.sin(5.0 * position + random.uniform(0.0, 6.0))
+    torque += 0.1 * random.standard_normal(torque.size)
+    assert strongest_orders([position], [torque])[0] == pytest.approx(5.0, abs=0.3)
+
+
+def test_logs_that_say_nothing_are_refused(logs: list[Log]) -> None:
+    with pytest.raises(IdentificationError, match="no log"):
+        diagnose(ROBOT, [])
+    with pytest.raises(IdentificationError, match="too short"):
+        diagnose(ROBOT, [logs[0].between(0.0, 0.3)])
+    without = logs[0].select([n for n in logs[0].names if "torque" not in n])
+    with pytest.raises(LogError, match="no torque of joint 'hip'"):
+        compare(ROBOT, [without])
+    free = load_robot("planar_leg").lossless()
+    base = {f"base_{axis}.position": np.zeros(len(logs[0])) for axis in ("x", "z", "pitch")}
+    with pytest.raises(IdentificationError, match="contact forces"):
+        compare(free, [logs[0].with_columns(base)])

@@ -1,0 +1,313 @@
+"""Contacts that belong to a solid; boxes, edges, balls and height fields; starts in the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sims.leg import balanced_pose
+from tests.sim.ground.bodies import ball, block
+from wbc import Robot, load_robot
+from wbc.errors import RobotError, SimulationError
+from wbc.robot import ContactPoint
+from wbc.sim import Box, HeightField, Plane, Plant, SimState, Sphere, Stairs, Terrain, Together
+
+RISER = Stairs(np.array([0.3]), np.array([0.0, 0.06]))
+
+
+def _worst_gain(
+    plant: Plant, state: SimState, dt: float, duration: float
+) -> tuple[float, SimState]:
+    """Return the largest rise of mechanical energy in one step [J], and the last state."""
+    worst, energy = 0.0, plant.mechanical_energy(state)
+    torque = np.zeros(plant.robot.transmission.size)
+    for _ in range(round(duration / dt)):
+        state = plant.step(state, torque, dt).state
+        after = plant.mechanical_energy(state)
+        worst, energy = max(worst, after - energy), after
+    return worst, state
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+def test_a_block_that_slides_into_a_riser_stops_there(dt: float) -> None:
+    robot = block((0.2, 0.2, 0.1), friction=0.05)
+    plant, q = Plant(robot, RISER), robot.neutral()
+    q[2] = 0.05
+    gain, state = _worst_gain(plant, plant.state(q, [1.0, 0, 0, 0, 0, 0]), dt, 0.6)
+    assert gain < 1e-4
+    assert 0.15 < state.position[0] < 0.2001
+    assert plant.gaps(state).min() > -1e-5
+
+
+def test_no_leg_thrown_at_stairs_has_a_step_that_makes_energy() -> None:
+    """Where the nearest face took another face's point, seeds 11, 29 and 40 made up to 5 kJ."""
+    leg = load_robot("planar_leg")
+    stairs = Stairs(np.array([0.2, 0.5, 0.8]), np.array([0.0, 0.1, 0.2, 0.3]))
+    for seed in (*range(12), 29, 40):
+        rng = np.random.default_rng(seed)
+        plant = Plant(leg, stairs)
+        hip, knee = rng.uniform(-1, 1), rng.uniform(-1.5, 1.5)
+        q = leg.configuration(hip=hip, knee=knee, base_z=2.0, base_x=rng.uniform(-0.4, 0.1))
+        q[1] -= plant.gaps(plant.state(q)).min() - 0.02
+        v = rng.normal(size=5) * [1.0, 1.0, 2.0, 4.0, 4.0] + [2.0, 0, 0, 0, 0]
+        gain, _ = _worst_gain(plant, plant.state(q, v), 1e-3, 0.2)
+        assert gain < 1e-6, seed
+
+
+def test_a_fall_off_an_edge_keeps_the_speed() -> None:
+    """A point that slides over the end of a tread flies on."""
+    robot = ball(0.05, 0.0)
+    plant, q = Plant(robot, Stairs(np.array([0.1]), np.array([0.0, -1.0]))), robot.neutral()
+    robot_point = replace(robot, contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
+    plant = Plant(robot_point, Stairs(np.array([0.1]), np.array([0.0, -1.0])))
+    gain, state = _worst_gain(plant, plant.state(q, [2.0, 0, 0, 0, 0, 0]), 1e-3, 0.3)
+    assert gain < 1e-9
+    assert state.velocity[0] == pytest.approx(2.0, abs=1e-9)
+    assert state.position[2] == pytest.approx(-0.5 * 9.81 * 0.25**2, abs=3e-3)
+
+
+def test_a_start_in_the_ground_is_refused_or_lifted_out() -> None:
+    leg = load_robot("planar_leg_fixed")
+    plant = Plant(leg)
+    deep = plant.state([1.2, 0.3])
+    with pytest.raises(SimulationError, match=r"contact 'foot' is \d+ mm inside the ground"):
+        plant.step(deep, [0.0, 0.0], 1e-3)
+    solo = load_robot("solo12")
+    plant = Plant(solo)
+    q = np.array(solo.poses["standing"])
+    q[2] -= 0.01
+    with pytest.raises(SimulationError, match="10 mm inside the ground"):
+        plant.step(plant.state(q), np.zeros(12), 1e-3)
+    state = plant.state(q, lifted=True)
+    assert state.position[2] == pytest.approx(solo.poses["standing"][2], abs=1e-6)
+    assert state.position[7:] == pytest.approx(q[7:], abs=1e-6)
+    after = plant.step(state, np.zeros(12), 1e-3).state
+    assert np.abs(after.velocity).max() < 0.1
+
+
+def test_a_start_beyond_a_stop_is_refused_or_brought_back() -> None:
+    robot = replace(load_robot("planar_leg_fixed"), contacts=())
+    model = robot.model.copy()
+    model.upperPositionLimit = np.array([3.2, 0.5])
+    plant = Plant(replace(robot, model=model))
+    with pytest.raises(SimulationError, match=r"joint 'knee' at its upper limit is 0\.1 rad"):
+        plant.step(plant.state([0.0, 0.6]), [0.0, 0.0], 1e-3)
+    assert plant.state([0.0, 0.6], lifted=True).position == pytest.approx([0.0, 0.5])
+
+
+def test_what_cannot_be_lifted_out_says_so() -> None:
+    leg = load_robot("planar_leg_fixed")
+    plant = Plant(leg, Plane(height=3.0))
+    with pytest.raises(SimulationError, match="cannot be lifted out of the ground: contact 'foot'"):
+        plant.state([0.1, 0.2], lifted=True)
+
+
+class _Jump(Terrain):
+    """A ground of one face whose height jumps, as a user may write one."""
+
+    def gap(self, points):
+        high = np.where(points[:, 0] > 0.1, 0.06, 0.0)
+        return points[:, 2] - high, np.tile([0.0, 0.0, 1.0], (len(points), 1))
+
+
+def test_a_gap_that_jumps_is_taken_back_slowly_and_named() -> None:
+    robot = replace(ball(0.05, 0.0), contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
+    plant = Plant(robot, _Jump(), return_speed=0.5)
+    state, deepest, named = plant.state(robot.neutral(), [1.0, 0, 0, 0, 0, 0]), 0.0, []
+    for _ in range(300):
+        result = plant.step(state, [], 1e-3)
+        rise = result.state.position[2] - state.position[2]
+        assert rise <= 0.5e-3 + 1e-9
+        assert np.linalg.norm(result.state.velocity) < 1.0 + 1e-9
+        state = result.state
+        deepest = min(deepest, plant.gaps(state).min())
+        named += [event for event in result.events if event.kind == "overlap"]
+    assert deepest < -0.05
+    assert plant.gaps(state).min() > -1e-6
+    assert "contact 'point'" in named[0].text
+    assert named[0].size == pytest.approx(0.0595, abs=1e-3)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
+@pytest.mark.parametrize("dt", [1e-3, 1e-2, 5e-2])
+def test_every_barrier_that_closes_in_a_step_is_kept(restitution: float, dt: float) -> None:
+    """A passive leg on a slope bounces between stop and ground, many times within a step."""
+    leg = load_robot("planar_leg").lossless()
+    model = leg.model.copy()
+    high = np.array(model.upperPositionLimit)
+    high[-1] = 0.8
+    model.upperPositionLimit = high
+    leg = replace(leg, model=model)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        plant = Plant(leg, Plane.slope(np.radians(15.0)), restitution)
+        q = leg.configuration(hip=rng.uniform(-0.8, 0.2), knee=rng.uniform(0.3, 0.7), base_z=2.0)
+        q[1] -= plant.gaps(plant.state(q)).min() - 0.02
+        v = rng.normal(size=5) * [0.5, 0.5, 1.0, 2.0, 2.0]
+        state = plant.state(q, v)
+        energy = plant.mechanical_energy(state)
+        for _ in range(round(0.6 / dt)):
+            state = plant.step(state, [0.0, 0.0], dt).state
+            assert state.position[-1] < 0.8 + 1e-3 * (dt / 1e-2) ** 2 + 2e-6
+            assert plant.gaps(state).min() > -1e-2 * (dt / 1e-2) ** 2 - 2e-6
+            assert plant.mechanical_energy(state) < energy * (1.0 + dt)
+
+
+def test_a_bouncing_ball_comes_to_rest() -> None:
+    """Restitution 0.5 from 0.1 m: it rests after t1 (1 + 2 e/(1 - e)) = 3 t1."""
+    robot = ball(0.05, 0.5)
+    plant, q = Plant(robot, restitution=0.5), robot.neutral()
+    q[2] = 0.15
+    state, first = plant.state(q), np.sqrt(2 * 0.1 / 9.81)
+    hits = []
+    while state.time < 3.2 * first:
+        result = plant.step(state, [], 1e-3)
+        hits += [impact.time for impact in result.impacts]
+        state = result.state
+    assert hits[0] == pytest.approx(first, abs=1e-5)
+    assert hits[1] == pytest.approx(2.0 * first, abs=1e-5)
+    assert hits[-1] == pytest.approx(3.0 * first, abs=2e-3)
+    assert np.abs(state.velocity).max() < 1e-12
+    assert state.position[2] == pytest.approx(0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize(("friction", "share"), [(0.5, 2.0 / 7.0), (0.2, 3.5 * 0.2)])
+def test_a_ball_rolls_or_slips_down_a_slope(friction: float, share: float) -> None:
+    """Rolling: a = 5/7 g sin; slipping: alpha = 5/2 mu g cos / r and a = g (sin - mu cos)."""
+    angle, radius = np.radians(45.0), 0.1
+    robot = ball(radius, friction)
+    plant, q = Plant(robot, Plane.slope(-angle)), robot.neutral()
+    q[2] = radius / np.cos(angle)
+    state = plant.state(q)
+    for _ in range(200):
+        state = plant.step(state, [], 1e-3).state
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, state.position, state.velocity)
+    moving = pin.getVelocity(robot.model, data, 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    along = moving.linear @ [np.cos(angle), 0.0, -np.sin(angle)]
+    rolls = friction >= share * np.tan(angle)
+    expected = 5.0 / 7.0 * np.sin(angle) if rolls else np.sin(angle) - friction * np.cos(angle)
+    spin = along / radius if rolls else 2.5 * friction * 9.81 * np.cos(angle) / radius * 0.2
+    assert along == pytest.approx(9.81 * expected * 0.2, rel=1e-3)
+    assert moving.angular[1] == pytest.approx(spin, rel=1e-3)
+
+
+def test_a_rolling_ball_keeps_rolling() -> None:
+    """On level ground nothing slows it, over 1000 steps."""
+    robot = ball(0.1, 0.8)
+    plant, q = Plant(robot), robot.neutral()
+    q[2] = 0.1
+    gain, state = _worst_gain(plant, plant.state(q, [1.0, 0, 0, 0, 10.0, 0]), 1e-3, 1.0)
+    assert gain < 1e-9
+    assert state.position[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def _rest(robot: Robot, terrain: Terrain, start: tuple[float, float, float]) -> SimState:
+    plant, q = Plant(robot, terrain), robot.neutral()
+    q[:3] = start
+    gain, state = _worst_gain(plant, plant.state(q), 2e-3, 1.2)
+    assert gain < 1e-3
+    return state
+
+
+def test_a_ball_comes_to_rest_on_a_box_and_in_a_corner() -> None:
+    floor = Together((Plane(), Box(np.array([0.0, 0.0, 0.1]), np.array([0.4, 0.4, 0.4]))))
+    on_top = _rest(ball(0.05, 0.8), floor, (0.0, 0.0, 0.5))
+    assert on_top.position[2] == pytest.approx(0.35, abs=1e-5)
+    slide = Together((Plane.slope(0.3), floor))
+    corner = _rest(ball(0.05, 0.1), slide, (0.45, 0.0, 0.25))
+    gaps = [solid.gap(corner.position[None, :3])[0][0] - 0.05 for solid in slide.solids]
+    assert np.sort(np.abs(gaps))[:2] == pytest.approx([0.0, 0.0], abs=2e-5)
+
+
+def test_a_ball_rolls_over_an_edge_round_it() -> None:
+    """The way out of an edge turns with the ball: no jump, no energy."""
+    robot = ball(0.1, 1.5)
+    box = Box(np.array([-0.5, 0.0, -0.5]), np.array([1.0, 2.0, 1.0]))
+    plant, q = Plant(robot, box), robot.neutral()
+    q[:3] = [-0.05, 0.0, 0.1]
+    gain, state = _worst_gain(plant, plant.state(q, [0.2, 0, 0, 0, 2.0, 0]), 1e-3, 0.8)
+    assert gain < 1e-4
+    assert state.position[2] < -0.05
+
+
+def test_a_ball_on_a_ball_and_in_a_bowl() -> None:
+    pushed = _rest(ball(0.05, 0.5), Together((Plane(), Sphere(np.zeros(3), 0.3))), (0.02, 0, 0.4))
+    assert pushed.position[2] < 0.3
+    x = np.linspace(-1.0, 1.0, 41)
+    bowl = HeightField(x, x, 0.5 * (x[:, None] ** 2 + x[None, :] ** 2))
+    robot = replace(ball(0.05, 0.0), contacts=(ContactPoint("p", "body", np.zeros(3), 0.0),))
+    plant, q = Plant(robot, bowl), robot.neutral()
+    q[:3] = [0.05, 0.0, 0.5 * 0.05**2]
+    turns, state = [], plant.state(q)
+    for _ in range(550):
+        before, state = state, plant.step(state, [], 1e-3).state
+        if before.position[0] > 0.0 >= state.position[0]:
+            turns.append(state.time)
+    # A frictionless point in z = x^2/2 swings at sqrt(g).
+    assert turns[0] == pytest.approx(0.25 * 2 * np.pi / np.sqrt(9.81), rel=5e-3)
+
+
+def test_the_gap_of_a_height_field_is_the_distance() -> None:
+    """The gap grows along its normal as fast as the way, and not at all across it."""
+    x = np.linspace(-1.0, 1.0, 11)
+    rng = np.random.default_rng(0)
+    ground = HeightField(x, x, 0.08 * rng.normal(size=(11, 11)))
+    flat = np.column_stack((rng.uniform(-0.9, 0.9, (200, 2)), np.zeros(200)))
+    gap, normal = ground.gap(flat)
+    points = flat + (0.03 - gap)[:, None] * normal
+    gap, normal = ground.gap(points)
+    way = 1e-6
+    slopes = [(ground.gap(points + s)[0] - ground.gap(points - s)[0]) for s in way * np.eye(3)]
+    assert np.stack(slopes, axis=1) / (2 * way) == pytest.approx(normal, abs=1e-6)
+    surface, _ = ground.gap(points - gap[:, None] * normal)
+    assert np.abs(surface).max() < 1e-10
+
+
+def test_a_ball_in_a_hollow_keeps_its_energy() -> None:
+    """With its gap taken straight below its centre it lost 4 %, at any step."""
+    x = np.linspace(-1.0, 1.0, 41)
+    hollow = HeightField(x, x, np.repeat(2.0 * x[:, None] ** 2, 41, axis=1))
+    robot = replace(ball(0.1, 0.0), contacts=(ContactPoint("p", "body", np.zeros(3), 0.0, 0.1),))
+    plant, q = Plant(robot, hollow), robot.neutral()
+    q[2] = 0.1
+    left = []
+    for dt in (1e-3, 5e-4):
+        state = plant.state(q, [1.0, 0, 0, 0, 0, 0])
+        state = plant.step(state, [], 1e-9).state
+        first = plant.mechanical_energy(state)
+        for _ in range(round(0.3 / dt)):
+            state = plant.step(state, [], dt).state
+        left.append(abs(plant.mechanical_energy(state) - first))
+    assert left[0] < 5e-3
+    assert left[1] < 0.6 * left[0], left
+
+
+def test_bad_grounds_are_refused() -> None:
+    with pytest.raises(SimulationError, match="size of the box must be positive"):
+        Box(np.zeros(3), np.array([1.0, 0.0, 1.0]))
+    with pytest.raises(SimulationError, match="no rotation matrix"):
+        Box(np.zeros(3), np.ones(3), 2.0 * np.eye(3))
+    with pytest.raises(SimulationError, match="radius of the sphere"):
+        Sphere(np.zeros(3), 0.0)
+    with pytest.raises(SimulationError, match="at least four entries"):
+        HeightField(np.arange(3.0), np.arange(4.0), np.zeros((3, 4)))
+    with pytest.raises(SimulationError, match="heights of the height field"):
+        HeightField(np.arange(4.0), np.arange(5.0), np.zeros((4, 4)))
+    with pytest.raises(SimulationError, match="at least one part"):
+        Together(())
+    with pytest.raises(SimulationError, match="return_speed must be positive"):
+        Plant(load_robot("planar_leg"), return_speed=0.0)
+    with pytest.raises(RobotError, match="radius must be >= 0"):
+        ContactPoint("foot", "body", np.zeros(3), 0.5, -0.1)
+
+
+def test_a_leg_with_a_round_foot_stands_a_radius_higher() -> None:
+    leg = load_robot("planar_leg_strong")
+    (foot,) = leg.contacts
+    round_leg = replace(leg, contacts=(replace(foot, radius=0.03),))
+    state = Plant(round_leg).state(balanced_pose(leg, lift=0.03))
+    assert Plant(round_leg).gaps(state) == pytest.approx([0.0], abs=1e-12)

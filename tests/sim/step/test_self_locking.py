@@ -1,0 +1,172 @@
+"""Robots on self-locking gears: they run wherever a step has one solution."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sims.leg import LegControl, balanced_pose, squat, with_gears
+from sims.legged import CenterOfMass
+from tests.sim.step.brute_force import Case, solutions
+from wbc import Robot, load_robot
+from wbc.effects import CoulombFriction
+from wbc.errors import SimulationError
+from wbc.sim import Plane, Plant
+from wbc.sim.solve.reduced import Reduced
+from wbc.sim.solve.self_locking import solve_in_ranges
+from wbc.transmission import Transmission
+
+FAR = Plane(height=-9.0)
+
+
+def _arm(**changes) -> Robot:
+    """One link on one gear."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "elbow")
+    model.appendBodyToJoint(
+        joint, pin.Inertia(2.0, np.array([0.0, 0.0, -0.3]), 0.02 * np.eye(3)), pin.SE3.Identity()
+    )
+    gears = {"gear_ratio": [50.0], "rotor_inertia": [1e-5]} | changes
+    return Robot(
+        "arm", model, Transmission(("elbow",), **{k: np.array(v) for k, v in gears.items()})
+    )
+
+
+def test_a_leg_on_self_locking_gears_squats() -> None:
+    """The paper's motivating case, eta_b = 2 - 1/eta_f = -0.04."""
+    leg = with_gears(load_robot("planar_leg_strong"), efficiency=0.49)
+    assert (leg.transmission.backward_efficiency < 0.0).all()
+    control, plant = LegControl(leg, squat(0.9, 0.05, 1.0)), Plant(leg)
+    state, methods = plant.state(balanced_pose(leg)), set()
+    for _ in range(200):
+        result = plant.step(state, control(state), 1e-3)
+        state = result.state
+        methods |= {solution.method for solution in result.solutions}
+        assert result.energy.mesh >= 0.0
+    assert "ranges" in methods
+    assert np.abs(np.array(control.errors)[20:, 0]).max() < 5e-3
+
+
+@pytest.mark.parametrize("torque", [0.02, 0.1, -0.1, 0.3])
+def test_the_topology_is_a_matter_of_description(torque: float) -> None:
+    """D = [2] with 2 N is D = [1] with N, with friction at the joint and without."""
+    plain = {"forward_efficiency": [0.45], "backward_efficiency": [-0.2]}
+    plain |= {"gear_ratio": [50.0], "rotor_inertia": [1e-4]}
+    doubled = plain | {"gear_ratio": [100.0], "topology": [[2.0]]}
+    for effects in ((), (CoulombFriction("elbow", 0.5),)):
+        ends = []
+        for changes in (plain, doubled):
+            robot = _arm(**changes)
+            for effect in effects:
+                robot = robot.with_effect(effect)
+            plant = Plant(robot, FAR)
+            state = plant.state([0.5], [1.0])
+            for _ in range(100):
+                state = plant.step(state, [torque], 1e-3).state
+            ends.append(np.concatenate((state.position, state.velocity)))
+        assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+
+
+def test_friction_beside_a_self_locking_gear_adds_to_what_it_holds() -> None:
+    """At rest the gear has a hole in what it holds; friction reaches into it from both ends."""
+    friction, drive, ratio = 0.5, 0.1, 50.0
+    for load, holds in ((0.45 * ratio * drive - 0.4, True), (0.45 * ratio * drive - 0.6, False)):
+        robot = _arm(forward_efficiency=[0.45], backward_efficiency=[-1.0])
+        robot = robot.with_gravity([0.0, 0.0, 0.0]).with_effect(CoulombFriction("elbow", friction))
+        plant = Plant(robot, FAR)
+        result = plant.step(plant.state([0.0]), [drive], 1e-3, np.array([-load]))
+        assert (abs(result.state.velocity[0]) < 1e-12) == holds
+    # Beyond the far end of the hole, T = -N tau/|eta_b|, the gear locks by itself; friction helps.
+    for load, holds in ((ratio * drive - 0.4, True), (ratio * drive - 0.6, False)):
+        robot = _arm(forward_efficiency=[0.45], backward_efficiency=[-1.0], rotor_inertia=[1e-2])
+        robot = robot.with_gravity([0.0, 0.0, 0.0]).with_effect(CoulombFriction("elbow", friction))
+        plant = Plant(robot, FAR)
+        result = plant.step(plant.state([0.0]), [drive], 1e-3, np.array([load]))
+        assert (abs(result.state.velocity[0]) < 1e-12) == holds
+
+
+def test_a_step_with_several_solutions_names_the_gear() -> None:
+    robot = _arm(
+        forward_efficiency=[0.4], backward_efficiency=[-2.0], rotor_inertia=[1e-7]
+    ).with_gravity([0.0, 0.0, 0.0])
+    plant = Plant(robot, FAR)
+    state, messages = plant.state([0.0]), []
+    for load in np.linspace(-1.0, 10.0, 23):
+        try:
+            plant.step(state, [0.1], 1e-3, np.array([load]))
+        except SimulationError as error:
+            messages.append(str(error))
+    assert messages
+    assert all("self-locking gears 'elbow'" in message for message in messages)
+    assert all("solutions" in message for message in messages)
+
+
+def _squats(leg: Robot, model: Robot, steps: int) -> tuple[int, str]:
+    """Return the steps that a squat about the leg's own height takes, and what stopped it."""
+    plant = Plant(leg)
+    state = plant.state(balanced_pose(leg))
+    control = LegControl(model, squat(float(CenterOfMass(leg)(state)[2]), 0.025, 0.5))
+    for step in range(steps):
+        try:
+            state = plant.step(state, control(state), 1e-3).state
+        except SimulationError as error:
+            return step, str(error)
+    return steps, ""
+
+
+@pytest.mark.parametrize("efficiency", [0.49, 0.45])
+def test_a_squat_on_light_rotors_is_refused_for_several_solutions_alone(
+    efficiency: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By brute force over all modes every step before has one, the refused one has three."""
+    counts: list[int] = []
+
+    def counted(reduced: Reduced, *others: object) -> tuple[np.ndarray, int]:
+        e, u = reduced.program.elements, reduced.program.unilateral
+        brought, dry = 0.5 * (e.up + e.down), 0.5 * (e.down - e.up)
+        free = reduced.free.copy()
+        free[reduced.normal_rows] -= u.target
+        laws = brought, dry, e.inertia, e.forward, e.backward, u.friction
+        _, speeds = solutions(Case(reduced.delassus, free, *laws))
+        counts.append(len(np.unique(np.round(speeds, 7), axis=0)))
+        return solve_in_ranges(reduced, *others)
+
+    monkeypatch.setattr("wbc.sim.solve.solver.solve_in_ranges", counted)
+    leg = with_gears(load_robot("planar_leg_strong"), efficiency=efficiency)
+    _, message = _squats(leg, leg, 100)
+    assert "3 solutions with the self-locking gears 'hip', 'knee'" in message
+    assert counts[-1] == 3
+    assert set(counts[:-1]) == {1}
+
+
+@pytest.mark.parametrize("efficiency", [0.49, 0.45, 0.4])
+def test_a_squat_runs_where_teeth_yield_as_the_message_asks(efficiency: float) -> None:
+    leg = with_gears(load_robot("planar_leg_strong"), efficiency=efficiency)
+    _, message = _squats(leg, leg, 100)
+    (asked,) = re.findall(r"below (\S+) kg m\^2", message)
+    one = np.ones(2)
+    gears = leg.transmission.replace(stiffness=0.9 * 4.0 / 1e-6 * float(asked) * one)
+    assert _squats(leg.with_transmission(gears), leg, 200) == (200, "")
+
+
+def test_a_gear_without_rotor_inertia_is_refused() -> None:
+    with pytest.raises(SimulationError, match="'elbow' is self-locking"):
+        Plant(_arm(forward_efficiency=[0.4], backward_efficiency=[-0.5], rotor_inertia=[0.0]))
+
+
+def test_a_blown_up_state_is_called_so() -> None:
+    """1e31 J were 'some body without mass'; a body without mass still is."""
+    solo = load_robot("solo12")
+    plant = Plant(solo, FAR)
+    q = np.array(solo.poses["standing"])
+    with pytest.raises(SimulationError, match=r"blown up: .* J"):
+        plant.step(plant.state(q, 1e160 * np.ones(18)), np.zeros(12), 1e-3)
+    robot = _arm()
+    model = robot.model.copy()
+    model.inertias[1] = pin.Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    with pytest.raises(SimulationError, match="without mass"):
+        Plant(replace(robot, model=model), FAR)

@@ -1,0 +1,317 @@
+"""The report says what the diagnosis says, offline, and works in a real browser."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import CoulombFriction, ViscousFriction, effect_class
+from wbc.identification import (
+    Alternative,
+    Diagnosis,
+    ErrorLevel,
+    Estimate,
+    Finding,
+    OutputLevel,
+    Step,
+    Support,
+    diagnose,
+)
+from wbc.identification.answer.diagnosis.sentence import what_to_do
+from wbc.identification.answer.numbers import plain, with_interval
+from wbc.measurement import Log, load_logs
+from wbc.robot import Motion, Robot
+from wbc.view.report import verdict_sentence, write_report
+
+COEFFICIENT = 0.4
+
+
+def swing(robot: Robot, seed: int, phase: float) -> Log:
+    """Six seconds of the fixed leg, exact torques of `robot` plus sensor noise."""
+    time = np.arange(0.0, 6.0, 4e-3)
+    rng = np.random.default_rng(seed)
+    rates = np.array([[2.3, 5.1], [3.1, 6.7]])
+    parts = rates[:, :, None] * time + phase * rates[:, ::-1, None]
+    q = np.sum(0.35 * np.sin(parts), axis=1).T
+    v = np.sum(0.35 * rates[:, :, None] * np.cos(parts), axis=1).T
+    a = np.sum(-0.35 * rates[:, :, None] ** 2 * np.sin(parts), axis=1).T
+    motion = Motion(q, v, a, time=time)
+    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
+    columns = {}
+    for i, joint in enumerate(robot.joints):
+        columns[f"{joint}.position"] = q[:, i] + 2e-5 * rng.standard_normal(len(time))
+        columns[f"{joint}.velocity"] = v[:, i] + 3e-3 * rng.standard_normal(len(time))
+        columns[f"{joint}.rotor_torque"] = torque[:, i] + 2e-3 * rng.standard_normal(len(time))
+    return Log(time, columns)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return wbc.load_robot("planar_leg_fixed").lossless()
+
+
+@pytest.fixture(scope="module")
+def logs(robot: Robot) -> list[Log]:
+    truth = robot.with_effect(ViscousFriction("knee", COEFFICIENT))
+    return [swing(truth, 1, 0.0), swing(truth, 2, 0.0), swing(truth, 3, 0.7)]
+
+
+@pytest.fixture(scope="module")
+def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
+    effect = ViscousFriction("knee", COEFFICIENT)
+    estimate = Estimate(COEFFICIENT, "N m s/rad", 0.396, 0.404)
+    return Diagnosis(
+        verdict="ambiguous",
+        findings=(
+            Finding(
+                effect,
+                {"coefficient": estimate},
+                Support(0.6, 1.0, 0.0, 0.0, explained=True),
+                (Alternative("coulomb_friction", "knee"),),
+                ("careful",),
+            ),
+        ),
+        next_experiment="Turn the knee at several constant speeds.",
+        error=ErrorLevel(40.0, 1.02, 1.0, "repeats"),
+        outputs=(OutputLevel("knee", "N m", 4.0, 0.1, 0.1, 0.1),),
+        explained=0.999,
+        steps=(Step("", "", 40.0), Step("viscous_friction", "knee", 1.02)),
+        remainder="",
+        robot=robot.with_effect(effect),
+        warnings=("the second log is short",),
+        ranking=diagnose(robot, logs, [ViscousFriction, CoulombFriction]).ranking,
+    )
+
+
+@pytest.fixture(scope="module")
+def page(
+    robot: Robot, logs: list[Log], diagnosis: Diagnosis, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    return write_report(path, robot, logs, diagnosis, command="wbc diagnose a.csv")
+
+
+def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
+    assert verdict_sentence(diagnosis) == (
+        "It would be enough to add viscous friction of 0.4 N m s/rad at knee. That explains more "
+        "than 99 % of the squared error: 4.0 -> 0.10 N m at knee. But these logs cannot tell "
+        "viscous friction from coulomb friction."
+    )
+    named = replace(diagnosis, verdict="named")
+    assert verdict_sentence(named).startswith("Missing: viscous friction of 0.4 N m s/rad at knee.")
+    assert "--robot fitted.toml" in what_to_do(named)
+    none = replace(diagnosis, verdict="none", findings=())
+    assert verdict_sentence(none).startswith("Nothing is missing")
+    partial = replace(diagnosis, verdict="partial")
+    assert verdict_sentence(partial).startswith("Missing, that is certain: viscous friction of")
+    assert diagnosis.next_experiment in what_to_do(partial)
+    unknown = replace(diagnosis, verdict="unknown")
+    assert "no known effect explains" in verdict_sentence(unknown)
+    assert "disagree" in verdict_sentence(replace(diagnosis, verdict="not_repeatable"))
+    said = str(diagnosis)
+    assert "viscous_friction at knee, or coulomb_friction" in said
+    assert "knee: 4.00 -> 0.100 N m" in said
+
+
+def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: Diagnosis) -> None:
+    mass = Estimate(2.31, "kg", 2.2, 2.4, 2.0)
+    finding = replace(diagnosis.findings[0], quantities={"mass": mass})
+    named = replace(diagnosis, verdict="named", findings=(finding,))
+    assert verdict_sentence(named).startswith(
+        "Missing: viscous friction at knee (mass 2.31 kg instead of 2.00). That explains"
+    )
+    assert named.rows()[0]["parameter"] == "mass"
+    assert effect_class("link_inertia").at("shin").said() == "link inertia at shin"
+
+
+def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
+    extra = tuple(
+        Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, explained=True))
+        for joint in ("hip", "knee")
+    )
+    both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
+    assert verdict_sentence(both).startswith(
+        "Missing: viscous friction of 0.4 N m s/rad at knee, coulomb friction of 0.5 N m at hip "
+        "and coulomb friction of 0.5 N m at knee. That explains"
+    )
+
+
+def test_numbers_have_the_digits_they_deserve() -> None:
+    assert with_interval(0.40123, 0.3961, 0.4043) == ("0.401", "0.396 … 0.404")
+    assert with_interval(12.34, 10.0, 15.0) == ("12", "10 … 15")
+    assert [plain(x) for x in (0.0, 1234.5, -0.012345, 1e-7, float("nan"))] == [
+        "0",
+        "1234",
+        "−0.0123",
+        "1.00e−07",
+        "–",
+    ]
+
+
+def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert page.stat().st_size < 10_000_000
+    assert not re.search(r'<(script|link|img|iframe)[^>]+(src|href)="(?!data:)', text)
+    for part in (
+        "next",
+        "left",
+        "effects",
+        "ambiguity",
+        "where",
+        "motion",
+        "signals",
+        "staircase",
+        "ranking",
+        "quality",
+        "provenance",
+    ):
+        assert f'id="{part}"' in text
+    # Every word that the page needs is explained where it first stands.
+    assert "several effects explain these logs equally well" in text  # the verdict: ambiguous
+    for word in ("noise floor", "Attainable", "Noise of the sensors", "Odds", "Not needed"):
+        assert f"<b>{word}</b>" in text
+    places = [
+        text.index(f'id="{part}"') for part in ("next", "left", "effects", "where", "ranking")
+    ]
+    assert places == sorted(places)  # the answer comes first, what else was tried after it
+    for words in (
+        "0.400 N m s/rad",
+        "0.396 … 0.404",
+        "careful",
+        "the second log is short",
+        "wbc diagnose a.csv",
+        "Turn the knee at several constant speeds.",
+    ):
+        assert words in text
+
+
+def test_paired_differences_tell_the_effect_from_none_and_from_its_rival(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    table = text[text.index('id="ranking"') : text.index('id="quality"')]
+    rows = [
+        [re.sub("<.*?>", "", cell).strip() for cell in re.findall("<td.*?</td>", row)]
+        for row in re.findall("<tr.*?</tr>", table, re.S)[1:]
+    ]
+    verdicts = {row[0]: row[2] for row in rows}
+    assert rows[0][0] == "what was found"
+    assert verdicts["what was found"] == "found"
+    given, rival = "without viscous friction at knee", "coulomb friction at knee instead of viscous"
+    rival = next(name for name in verdicts if name.startswith(rival))
+    assert verdicts[given] == verdicts[rival] == "fits worse"
+    errors = {row[0]: float(row[1]) for row in rows}
+    assert errors[given] > errors[rival] > 2.0 * errors["what was found"]
+    # The difference is that of the mean squares, up to the three digits shown.
+    difference, deviation = (float(part) for part in rows[-1][4].split(" ± "))
+    expected = errors[given] ** 2 - errors["what was found"] ** 2
+    assert rows[-1][0] == given
+    assert difference == pytest.approx(expected, rel=0.02)
+    assert 0.0 < deviation < difference
+
+
+def test_names_from_files_cannot_break_out_of_the_page(
+    robot: Robot, logs: list[Log], tmp_path: Path
+) -> None:
+    source = replace(logs[0].source, path='<script>alert("x")</script>.csv')
+    page = write_report(tmp_path / "compare.html", robot, [logs[0].with_source(source)])
+    text = page.read_text(encoding="utf-8")
+    assert '<script>alert("x")' not in text
+    assert "misses these logs by" in text
+
+
+PRACTICE = Path(__file__).resolve().parents[4] / "shared" / "data" / "practice_leg"
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern"), [("planar_leg_fixed", "case02?.csv"), ("planar_leg", "float02?.csv")]
+)
+def test_reports_of_the_practice_logs_stay_below_ten_megabytes(
+    name: str, pattern: str, tmp_path: Path
+) -> None:
+    paths = sorted(PRACTICE.glob(pattern))
+    if not paths:
+        pytest.skip(f"no practice logs in {PRACTICE}")
+    page = write_report(tmp_path / "r.html", wbc.load_robot(name).lossless(), load_logs(paths))
+    assert page.stat().st_size < 10_000_000
+    text = page.read_text(encoding="utf-8")
+    assert all(path.name in text for path in paths)
+
+
+@pytest.mark.usefixtures("chromium")
+def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    flags = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+    flags += ["--enable-unsafe-swiftshader", "--disable-background-networking"]
+    with api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium, args=flags)
+        tab = browser.new_page(viewport={"width": 1100, "height": 900})
+        troubles: list[str] = []
+        tab.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
+        tab.on("pageerror", lambda error: troubles.append(str(error)))
+        tab.on(
+            "request",
+            lambda r: troubles.append(r.url) if r.url.startswith("http") else None,
+        )
+        tab.goto(page.as_uri())
+        tab.wait_for_function("window.report && window.report.ready")
+        plots = tab.locator("#panels .plot.js-plotly-plot")
+        assert plots.count() == 10
+
+        hidden = tab.locator("#panels details").nth(1)
+        hidden.locator("summary").click()
+        assert not hidden.locator(".plot").first.is_visible()
+        hidden.locator("summary").click()
+        assert hidden.locator(".plot").first.is_visible()
+
+        plot = plots.first
+        plot.scroll_into_view_if_needed()
+        box = plot.bounding_box()
+        tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        tab.wait_for_selector(".hoverlayer .hovertext")
+        before = plot.evaluate("e => e.layout.xaxis.range.slice()")
+        tab.mouse.down()
+        tab.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
+        tab.mouse.up()
+        tab.wait_for_function(
+            "w => document.querySelector('#panels .plot').layout.xaxis.range[0] > w", arg=before[0]
+        )
+
+        page_colour = "getComputedStyle(document.body).backgroundColor"
+        light = tab.evaluate(page_colour)
+        tab.click("#theme")
+        assert tab.evaluate(page_colour) != light
+
+        tab.locator("#playback").scroll_into_view_if_needed()
+        frame = tab.locator("#playback").element_handle().content_frame()
+        frame.wait_for_function("window.player")
+        frame.evaluate("player.seek(3.0)")
+        assert frame.evaluate("player.time") == pytest.approx(3.0)
+        assert frame.evaluate("document.documentElement.dataset.theme") == "dark"
+
+        # The signals beside the playback follow it, and a click on them moves it.
+        line = tab.locator("#signal-residual .cursor")
+        tab.wait_for_function("!document.querySelector('#signal-residual .cursor').hidden")
+        middle = line.bounding_box()["x"]
+        frame.evaluate("player.seek(1.0)")
+        tab.wait_for_function(
+            "x => document.querySelector('#signal-residual .cursor').getBoundingClientRect().x < x",
+            arg=middle,
+        )
+
+        tab.emulate_media(media="print")
+        tab.evaluate("report.toPaper()")
+        assert tab.locator("details:not([open])").count() == 0
+        assert tab.evaluate("document.documentElement.dataset.theme") == "light"
+        assert tab.locator("#shown").inner_text() == "log in memory"
+        tab.evaluate("dispatchEvent(new Event('afterprint'))")
+        tab.emulate_media(media="screen")
+
+        tab.set_viewport_size({"width": 390, "height": 800})
+        tab.wait_for_function("document.documentElement.scrollWidth <= 390")
+        assert troubles == []
+        browser.close()

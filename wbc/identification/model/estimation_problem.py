@@ -1,0 +1,220 @@
+"""Everything about a set of logs that does not depend on the candidate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.identification.arguments import require_robot_and_logs
+from wbc.identification.log_warnings import moving_bases, unmeasured_forces
+from wbc.identification.model.fit import Fit, refine
+from wbc.identification.model.friction_sides import best_sides
+from wbc.identification.model.kept_columns import KeptColumns
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.folds import (
+    ROWS_PER_SAMPLE,
+    block_means,
+    bootstrap_blocks,
+    held_out_folds,
+)
+from wbc.identification.records.noise.noise_floor import (
+    NoiseFloor,
+    drawn_noise,
+    noise_floor,
+    with_even_noise,
+)
+from wbc.identification.records.outputs import output_count, output_names
+from wbc.identification.records.preparation import REVERSAL, prepare
+from wbc.identification.records.record import Record
+from wbc.identification.records.torque_sensors import not_judged, sensed_joints
+from wbc.identification.silent_drives import reported_torque, silent_drives
+from wbc.measurement import Log, cut_at_gaps, suspicions
+from wbc.robot import Effect, Robot
+
+ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
+_LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
+
+
+@dataclass(frozen=True, eq=False)
+class EstimationProblem:
+    """Records of one robot with their noise floor, folds and blocks.
+
+    Attributes:
+        robot: the robot that the user believes in.
+        records: one per log.
+        residual: (rows, outputs) of that robot [N m, N].
+        floor: noise floor per output.
+        folds: (rows,) held out together.
+        blocks: (rows,) resampled together.
+        warnings: about the logs.
+    """
+
+    robot: Robot
+    records: tuple[Record, ...]
+    residual: FloatArray
+    floor: NoiseFloor
+    folds: IntArray
+    blocks: IntArray
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def from_logs(
+        cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL
+    ) -> EstimationProblem:
+        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors.
+
+        Band, weights and noise floor are those of the robot's links alone, without its losses and
+        effects: so any two models of one machine are measured by the same floor.
+        """
+        require_robot_and_logs(robot, logs)
+        robot = robot.with_torque_sensors(sensed_joints(robot, logs))
+        pieces, warnings = cut_at_gaps(logs)
+        warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
+        prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
+        warnings += unmeasured_forces(prepared, output_names(robot))
+        records, drawn = with_even_noise(prepared, drawn_noise(prepared))
+        links = records[0].robot
+        parts = [condensed_residual(links, [record]) for record in records]
+        floor = noise_floor(records, parts, drawn)
+        silent = silent_drives(records, parts, floor.values)
+        aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
+        aside += not_judged(records)
+        floor = replace(floor, aside=aside)
+        believed = tuple(record.believing(robot) for record in records)
+        return cls(
+            robot=robot,
+            records=believed,
+            residual=condensed_residual(robot, believed),
+            floor=floor,
+            folds=held_out_folds(records, floor.repeats),
+            blocks=bootstrap_blocks(records),
+            warnings=tuple(warnings),
+        )
+
+    @property
+    def torque_in_floors(self) -> float:
+        """Root mean square over the judged joints of the reported torque in noise floors."""
+        robot, count = self.robot, output_count(self.robot)
+        sensors = range(count - len(robot.torque_sensors), count)
+        judged = (*range(robot.transmission.size), *sensors)
+        kept = [k for k in judged if k not in self.floor.aside]
+        torque = np.concatenate([reported_torque(record) for record in self.records])[:, kept]
+        return float(np.sqrt(np.mean((torque / self.floor.values[kept]) ** 2)))
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """The joints whose drives report nothing that could be compared."""
+        known = self.records[0].reported
+        return tuple(
+            joint
+            for k, joint in enumerate(self.robot.transmission.joints)
+            if k in self.floor.aside and known[k]
+        )
+
+    @property
+    def whitening(self) -> FloatArray:
+        """(outputs, judged outputs) by which residuals are multiplied."""
+        return self.floor.whitening
+
+    @cached_property
+    def _columns(self) -> KeptColumns:
+        return KeptColumns(self.robot, self.records)
+
+    def fit(self, effects: Sequence[Effect]) -> Fit:
+        """Return the robot with these effects, parameters fitted to all records."""
+
+        def fit(sided: Sequence[Effect], steps: int) -> Fit:
+            logs, floor = self.records, self.whitening
+            return refine(
+                self.robot,
+                sided,
+                logs,
+                floor,
+                steps,
+                kept=self._columns,
+                samples=self.white_samples,
+            )
+
+        return best_sides(self.robot, effects, self.records[0].motion, fit)
+
+    def held_out(self, fit: Fit) -> FloatArray:
+        """Return (rows, outputs) held-out squares in units of the floor."""
+        return fit.held_out(self.folds)
+
+    def distortion(self, fit: Fit) -> FloatArray:
+        """Return (p,) by how much parameters are off, in their scales, beside what noise does.
+
+        Smoothing distorts sharp events (reversals, impacts) in a way that depends on the band; the
+        truth is where the band no longer matters. Some effects are themselves rough models.
+        """
+        if not fit.parameters:
+            return np.zeros(0)
+        narrow = tuple(record.narrowed(0.6) for record in self.records)
+        other = refine(
+            self.robot,
+            fit.effects,
+            narrow,
+            self.whitening,
+            iterations=2,
+            samples=self.white_samples,
+        )
+        doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
+        return np.asarray(np.hypot(other.values - fit.values, doubt * fit.values))
+
+    @cached_property
+    def first(self) -> FloatArray:
+        """(outputs,) mean squares in floors of the robot as given."""
+        return np.asarray(np.mean((self.residual @ self.whitening) ** 2, axis=0))
+
+    def block_means(self, values: FloatArray) -> FloatArray:
+        """Return the mean (B,) of `values` (rows,) in every block."""
+        return block_means(values, self.blocks)
+
+    def independent_samples(self, residual: FloatArray) -> FloatArray:
+        """Return (outputs,) how many independent samples one row of a residual is.
+
+        Its squares are as certain as those of n / (sum over all lags of rho^2) independent ones,
+        rho being its autocorrelation (Bartlett), and rows without weight are no samples.
+
+        Args:
+            residual: (rows, outputs), whitened.
+        """
+        ends = np.cumsum([record.rows for record in self.records])
+        parts = [part for part in np.split(residual, ends[:-1]) if len(part) > _LONGEST]
+        longest = min(len(part) for part in parts) // _LONGEST
+        total = np.zeros((longest + 1, residual.shape[1]))
+        for part in parts:
+            power = np.abs(np.fft.rfft(part, 2 * len(part), axis=0)) ** 2
+            total += np.fft.irfft(power, axis=0)[: longest + 1]
+        correlation = total / np.maximum(total[0], 1e-300)
+        chance = longest * ROWS_PER_SAMPLE / len(residual)
+        lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
+        return np.asarray(self._row_share / np.maximum(1.0 + 2.0 * lags, ROWS_PER_SAMPLE))
+
+    def row_noise(self, residual: FloatArray) -> FloatArray:
+        """Return (outputs,) mean squares of a residual over white noise's samples per row.
+
+        Args:
+            residual: (rows, outputs), whitened.
+        """
+        squares = np.maximum(np.mean(residual**2, axis=0), 1.0)
+        return np.asarray(squares / self.white_samples)
+
+    @property
+    def white_samples(self) -> FloatArray:
+        """(outputs,) independent samples per row of white noise in the residual's band."""
+        return self._row_share / ROWS_PER_SAMPLE
+
+    @cached_property
+    def _row_share(self) -> FloatArray:
+        """(outputs,) share of the rows that count, by their weights."""
+        squares = np.concatenate([r.condense(np.ones_like(r.weight)) for r in self.records]) ** 2
+        kept = [k for k in range(squares.shape[1]) if k not in self.floor.aside]
+        squares = squares[:, kept]
+        return np.asarray(
+            np.mean(squares, axis=0) ** 2 / np.maximum(np.mean(squares**2, axis=0), 1e-300)
+        )
