@@ -24,7 +24,7 @@ from wbc.measurement.columns import mend
 from wbc.measurement.guessing.column_guess import guess_names
 from wbc.measurement.suspicions import find as suspicions
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 BAGS = ("wbc/measurement/formats/bag_table.py", "_find_topic")
 RATIOS = {"hip": 20.0, "knee": 20.0}
 Columns = dict[str, np.ndarray]
