@@ -19,6 +19,7 @@ from wbc.robot.loading.description import (
     read_description,
     with_gear_numbers,
 )
+from wbc.robot.loading.gear_lines import state_gear
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
 from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
@@ -55,5 +56,6 @@ __all__ = [
     "robot_names",
     "robots_directory",
     "small_steps",
+    "state_gear",
     "with_gear_numbers",
 ]
