@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.arguments import require_robot_and_logs
+from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.fit import Fit, refine
 from wbc.identification.model.friction_sides import best_sides
@@ -76,6 +76,8 @@ class EstimationProblem:
         robot = robot.with_torque_sensors(sensed_joints(robot, logs))
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
+        for piece in pieces:
+            require_readable(robot, piece)
         prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
         warnings += unmeasured_forces(prepared, output_names(robot))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))

@@ -17,9 +17,9 @@ _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     """Return findings about joints without position, drives without torque, and no motion."""
-    missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
-    if missing:
-        return [_unknown(log, robot, missing)]
+    unknown = unknown_joints(log, robot)
+    if unknown is not None:
+        return [unknown]
     found = _without_torque(log, robot)
     positions = [
         log.column(f"{name}.position")
@@ -43,7 +43,11 @@ def _known(log: Log, name: str) -> bool:
     return log.has(name) or name in log.source.unusable
 
 
-def _unknown(log: Log, robot: Robot, missing: list[str]) -> LogFinding:
+def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
+    """Return what to do about joints without position, None where every joint has one."""
+    missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
+    if not missing:
+        return None
     strange = [name for name in log.with_quantity("position") if name not in robot.joints]
     seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
