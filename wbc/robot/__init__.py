@@ -19,8 +19,9 @@ from wbc.robot.loading.description import (
     read_description,
     with_gear_numbers,
 )
+from wbc.robot.loading.gear_lines import state_gear
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
-from wbc.robot.loading.solids import collision_solids, model_geometry, model_path
+from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
@@ -38,6 +39,7 @@ __all__ = [
     "MemoryEnergy",
     "Motion",
     "Parameter",
+    "PlacedGeometry",
     "Quantity",
     "Robot",
     "RobotDescription",
@@ -49,11 +51,11 @@ __all__ = [
     "build_robot",
     "collision_solids",
     "find_description",
-    "model_geometry",
-    "model_path",
+    "placed_geometry",
     "read_description",
     "robot_names",
     "robots_directory",
     "small_steps",
+    "state_gear",
     "with_gear_numbers",
 ]

@@ -162,7 +162,7 @@ def _believed(
         known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
         odds = odds_of(trials, known, final)
         level = attainable(problem, trials.fit(final))
-        more = unexplained(problem, first.error, final, level.excess)
+        more = unexplained(first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
         kept = [e for e in final.effects if support[e.key].group_probability >= BELIEVED]
         fewer = trials.of(kept) if len(kept) < len(final.effects) else None
