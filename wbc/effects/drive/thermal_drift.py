@@ -16,7 +16,7 @@ _LEAST = 0.05  # share of the torque that is always left
 
 # Windings of motors from a finger's to an arm's size warm up in 2 to 60 s, their housings in
 # minutes to an hour (makers' data sheets); a longer time is a steady drift.
-_WARMS_UP_IN = Usual(5.0, 1e5, 0.5, factor=True)  # [s]
+_WARMS_UP_IN = Usual(5.0, 1e5, 0.4, factor=True)  # [s]
 # Magnets lose 0.1 (rare earths) to 0.2 % (ferrite) of their torque per kelvin; windings of a motor
 # that is fed a voltage lose 0.4 %. A motor that was warm and cools down gains some of it back.
 _LOST = Usual(0.0, 0.2, 0.15)
