@@ -75,8 +75,8 @@ def settle(
         back[~springy[together]] = 0.0
     impact = _collide(setup, state, hit, -back * np.minimum(approach, 0.0))
     closed = together.copy()
-    back = 0.5 * np.linalg.norm(space.model.gravity.linear) * left
-    closed[together] = hit.approach(impact.after) <= max(TOUCH, back)
+    slow = 0.5 * float(np.linalg.norm(space.model.gravity.linear)) * left
+    closed[together] = hit.approach(impact.after) <= max(TOUCH, slow)
     return state.replace(velocity=impact.after, closed=closed), impact, fresh
 
 
