@@ -142,7 +142,7 @@ class Plant:
         struck = kept = np.zeros(setup.barriers.size, dtype=bool)
         start, left = state, dt
         if len(state.closed) != setup.barriers.size:
-            state, impact, fresh = settle(setup, state)
+            state, impact, fresh = settle(setup, state, dt)
             if impact is not None:
                 impacts, struck = [impact], fresh
         while True:
@@ -158,7 +158,7 @@ class Plant:
             left -= part.state.time - state.time
             if left <= 1e-9 * dt:
                 break
-            state, impact, fresh = settle(setup, part.state, ~struck)
+            state, impact, fresh = settle(setup, part.state, left, ~struck)
             impacts += [impact] if impact is not None else []
             kept, struck = kept | (struck & fresh), struck | fresh
         return StepResult(part.state, dt, command, tuple(parts), tuple(impacts), start, setup)
