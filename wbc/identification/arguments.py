@@ -24,7 +24,10 @@ def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
     if not robot.transmission.size:
         raise IdentificationError(
             f"'{robot.name}' has no gears, so no joint is driven and nothing can be compared; "
-            "describe them in robot.toml: [gears.JOINT] with gear_ratio and rotor_inertia."
+            "describe each driven joint in robot.toml:\n"
+            "    [gears.JOINT]\n"
+            '    gear_ratio = { value = VALUE, unit = "1", source = "data sheet" }\n'
+            '    rotor_inertia = { value = VALUE, unit = "kg m^2", source = "data sheet" }'
         )
 
 

@@ -38,7 +38,7 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
         if quantity == "motor_torque":
             torques[:, k] /= transmission.gear_ratio[k]
         elif quantity == "current":
-            torques[:, k] *= known_number(transmission, k, "torque_constant", "N m/A")
+            torques[:, k] *= known_number(transmission, k, "torque_constant")
     return frozen(torques)
 
 

@@ -23,7 +23,7 @@ from wbc.cli.shared.inputs import (
     write_report_file,
 )
 from wbc.cli.shared.outputs import require_outputs
-from wbc.cli.shared.printout import Part, print_out
+from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
@@ -150,7 +150,7 @@ def print_diagnosis(
         ("what the rest looks like", diagnosis.remainder),
         ("warnings", "\n".join(diagnosis.warnings)),
     ):
-        parts += [Part(name, text)] if text else []
+        parts += [Part(name, Spoken(text))] if text else []
     parts += [Part("how the error falls", _steps_table(diagnosis))]
     if len(diagnosis.ranking) > 1:
         parts.append(Part("what else was tried", _ranking_table(diagnosis, verbose)))

@@ -8,10 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import IdentificationError, LogError
+from wbc.errors import IdentificationError
 from wbc.identification.records.contacts.contact_flags import active_contacts
-from wbc.measurement import Log, feedback_torques, makes_torque, reports_torque, rotor_torques
+from wbc.measurement import (
+    Log,
+    SuspiciousLogError,
+    feedback_torques,
+    makes_torque,
+    reports_torque,
+    rotor_torques,
+)
 from wbc.measurement.checks.robot_check import check_robot
+from wbc.measurement.columns.mend import say_so
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -141,10 +149,18 @@ def _require_reachable(robot: Robot, log: Log) -> None:
         seen = log.column(f"{name}.position") if log.has(f"{name}.position") else np.zeros(1)
         farthest = float(seen[np.argmax(np.abs(seen))])
         if high > low and abs(farthest) > _BEYOND * max(abs(low), abs(high)):
+            units = {"position": "deg", "velocity": "deg/s", "acceleration": "deg/s^2"}
+            degrees = {
+                "columns": {
+                    f"{name}.{quantity}": {"unit": unit}
+                    for quantity, unit in units.items()
+                    if log.has(f"{name}.{quantity}")
+                }
+            }
             raise IdentificationError(
                 f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
-                f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the log holds degrees, "
-                "say so in a column map; if the joint turns on, widen its limits in the URDF."
+                f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the joint turns on, "
+                f"widen its limits in the URDF. If the log holds degrees, {say_so(degrees)}"
             )
 
 
@@ -154,7 +170,7 @@ def _require_positions(robot: Robot, log: Log) -> None:
     found = [] if all(log.has(f"{name}.position") for name in joints) else check_robot(log, robot)
     for one in found:
         if one.kind == "joints_unknown":
-            raise LogError(f"{log.source.label}: {one.text} {one.way_out}")
+            raise SuspiciousLogError(f"{log.source.label}: {one.text} {one.way_out}", [one])
 
 
 def _position(robot: Robot, log: Log) -> FloatArray:

@@ -9,7 +9,7 @@ from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.matching import match_joints
 from wbc.measurement.torque import REPORTED, makes_torque
-from wbc.robot import Robot
+from wbc.robot import Robot, state_gear
 
 _TORQUES = (*REPORTED, "joint_torque")
 _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
@@ -49,7 +49,8 @@ def _unknown(log: Log, robot: Robot, missing: list[str]) -> LogFinding:
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
     mend: Mend = {}
     way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
-    way += f" Joints that never moved are held still by lock = {missing} in robot.toml."
+    way += " Joints that never moved are held still by a line at the top of robot.toml:"
+    way += f"\n    lock = {missing}"
     if len(strange) == len(missing):
         order, sure = match_joints(robot, log, missing, strange)
         mend = {
@@ -86,8 +87,8 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
                 "",
                 f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
                 "their position drives.",
-                "State kp [N m/rad] and kd [N m s/rad] of these gears in robot.toml, or duty_gain "
-                "[1/rad] of drives that set the voltage: they make the commanded torque.",
+                "State them (of drives that set the voltage: duty_gain instead of kp and kd): "
+                + "\n".join(state_gear(joint, "kp", "kd") for joint in lacking),
             )
         )
     elif lacking:
@@ -117,7 +118,7 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
                 "no_torque_constant",
                 "",
                 f"the log gives currents of {', '.join(silent)}, and the robot no torque constant.",
-                "State torque_constant [N m/A] of these gears in robot.toml.",
+                "State it: " + "\n".join(state_gear(j, "torque_constant") for j in silent),
             )
         )
     return found
