@@ -1,13 +1,14 @@
 """Ticks on hostile states and inputs: what they cost beside good ones, and what they command.
 
-    python -m benchmarks.controller_hostile [ticks] [robot ...]
+    python -m benchmarks.controller_hostile [ticks] [robot ...] [--kept FILE]
 
 Good ticks are slow states around the stance. Hostile ones have joint speeds from 0.3 to 1e8 rad/s,
 poses far off, single wild encoders, contacts that come and go, and inputs that make no sense. Times
 are of the thread's processor time. Hostile ticks are given as multiples of the median good one; the
 worst once as measured and once as the least of four runs of the same ten worst ticks, which takes
-out what other programs did to the caches. A line per robot is printed every 2500 ticks. 2000 ticks
-per robot by default.
+out what other programs did to the caches. The ticks come in parts of 2500, each with a seed of its
+own, and a line is printed after each. With `--kept` every part is written to a file, and parts that
+stand there are not run again: a long run may stop and go on. 2000 ticks per robot by default.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import json
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -39,58 +42,92 @@ OVERSHOOT = 10 + 2 * 4 * 4
 
 def main():
     ticks = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    rest = sys.argv[2:]
+    kept = None
+    if "--kept" in rest:
+        at = rest.index("--kept")
+        kept = Path(rest[at + 1])
+        rest = rest[:at] + rest[at + 2 :]
     print(machine(), flush=True)
-    for name in sys.argv[2:] or ROBOTS:
-        run(name, ticks, tell=lambda found, name=name: print(line(name, found), flush=True))
+    for name in rest or ROBOTS:
+        sizes = dict(enumerate(min(EVERY, ticks - start) for start in range(0, ticks, EVERY)))
+        parts = [part for part in read(kept) if part["robot"] == name]
+        parts = [part for part in parts if sizes.get(part["seed"]) == part["ticks"]]
+        done = {part["seed"] for part in parts}
+        for seed, size in sizes.items():
+            if seed in done:
+                continue
+            parts.append(run(name, size, seed) | {"robot": name})
+            if kept is not None:
+                with kept.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(parts[-1]) + "\n")
+            print(line(name, parts), flush=True)
+        if sizes.keys() <= done:
+            print(line(name, parts), flush=True)
 
 
-def line(name, found):
+def read(kept):
+    """Return the parts that an earlier run wrote."""
+    if kept is None or not kept.exists():
+        return []
+    return [json.loads(text) for text in kept.read_text(encoding="utf-8").splitlines()]
+
+
+def line(name, parts):
     """Return what is known of a robot so far, as one line."""
-    base, hostile = np.median(found["good"]), found["hostile"]
-    median, most, worst = np.percentile(hostile, (50, 99, 100)) / base
-    told = ", ".join(f"{count} {status}" for status, count in found["statuses"].most_common())
-    broken = ", ".join(f"{kind} {found['broken'][kind]}" for kind in BROKEN)
+    statuses = sum((Counter(part["statuses"]) for part in parts), Counter())
+    told = ", ".join(f"{count} {status}" for status, count in statuses.most_common())
+    broken = ", ".join(f"{kind} {sum(part['broken'][kind] for part in parts)}" for kind in BROKEN)
+    good = np.median([part["good"] for part in parts])
+    median = np.median([part["median"] for part in parts])
+    most, once, worst = (max(part[key] for part in parts) for key in ("most", "worst", "repeated"))
     return (
-        f"{name}: {len(hostile)} hostile ticks, good median {base:.0f} us; hostile median "
-        f"{median:.1f}, 99 % {most:.1f}, worst {worst:.1f}, repeated "
-        f"{found['repeated'] / base:.1f} times that; rounds {found['rounds']}, iterations "
-        f"{found['iterations']}; {told}; broken promises: {broken}"
+        f"{name}: {sum(part['ticks'] for part in parts)} hostile ticks, good median {good:.0f} us; "
+        f"hostile median {median:.1f}, 99 % {most:.1f}, worst {once:.1f}, repeated {worst:.1f} "
+        f"times that; rounds {max(part['rounds'] for part in parts)}, iterations "
+        f"{max(part['iterations'] for part in parts)}; {told}; broken promises: {broken}"
     )
 
 
-def run(name, ticks, seed=0, tell=None):
-    """Return times [us], statuses and broken promises of good and hostile ticks of one robot.
+def run(name, ticks, seed=0):
+    """Return times, statuses and broken promises of good and hostile ticks of one robot.
 
-    `tell` is called with what is known after every `EVERY` ticks and at the end.
+    Times of hostile ticks are multiples of the median good one [us] of the same part.
     """
     robot = load_robot(name)
     ours, generator = controller(robot), np.random.default_rng(seed)
     good = [timed(ours, (quiet(robot, generator),))[0] for _ in range(GOOD)][GOOD // 10 :]
     cases = hostile_inputs(robot, ours, generator)
-    times, worst = np.zeros(ticks), []
-    found = {"good": np.array(good), "statuses": Counter(), "broken": Counter()}
-    found |= {"rounds": 0, "iterations": 0}
+    times, worst, base = np.zeros(ticks), [], float(np.median(good))
+    statuses, broken, most = Counter(), Counter(dict.fromkeys(BROKEN, 0)), Counter()
     for tick in range(ticks):
         arguments = next(cases)
         try:
             times[tick], command = timed(ours, arguments)
         except Exception as cause:  # a promise is broken; go on and count
-            found["broken"]["raised"] += 1
-            print(f"{name}: tick {tick} raised {cause!r}", flush=True)
+            broken["raised"] += 1
+            print(f"{name}: seed {seed}, tick {tick} raised {cause!r}", flush=True)
             continue
-        found["statuses"][command.status.value] += 1
-        found["broken"].update(violations(robot, command))
+        statuses[command.status.value] += 1
+        broken.update(violations(robot, command))
         for count in ("rounds", "iterations"):
-            found[count] = max(found[count], getattr(command, count))
+            most[count] = max(most[count], int(getattr(command, count)))
         worst = sorted([*worst, (times[tick], tick, arguments)], key=lambda case: -case[0])[:10]
-        if (tick + 1) % EVERY == 0 or tick + 1 == ticks:
-            found["hostile"] = times[: tick + 1]
-            found["repeated"] = max(
-                min(case[0], *(timed(ours, case[2])[0] for _ in range(3))) for case in worst
-            )
-            if tell is not None:
-                tell(found)
-    return found
+    repeated = max(min(case[0], *(timed(ours, case[2])[0] for _ in range(3))) for case in worst)
+    median, high, once = (np.percentile(times, (50, 99, 100)) / base).tolist()
+    return {
+        "seed": seed,
+        "ticks": ticks,
+        "good": base,
+        "median": median,
+        "most": high,
+        "worst": once,
+        "repeated": float(repeated / base),
+        "statuses": dict(statuses),
+        "broken": dict(broken),
+        "rounds": most["rounds"],
+        "iterations": most["iterations"],
+    }
 
 
 def timed(ours, arguments):

@@ -9,20 +9,15 @@ those of the process, whatever else the machine does; ratios count.
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import time
 from collections.abc import Sequence
-from importlib.metadata import version
-from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.results import finish
 from wbc import load_robot
 from wbc.effects import EFFECTS, CoulombFriction, PayloadMass
-from wbc.files import write_text
 from wbc.identification import diagnose
 from wbc.identification.model.yielding import deflects
 from wbc.measurement import Log
@@ -48,12 +43,7 @@ def main() -> None:
         table.add_row(*(f"{value:.4g}" for value in row.values()))
     table.caption = "CPU seconds for 4 logs of the two-joint leg at 500 Hz"
     console.print(table)
-    console.print(
-        f"wbc {version('wbc')}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"{platform.machine()}"
-    )
-    if options.json:
-        write_text(Path(options.json), json.dumps(rows, indent=2) + "\n")
+    finish(console, rows, options.json)
 
 
 def measure(duration: float, seed: int, console: Console) -> dict[str, float]:

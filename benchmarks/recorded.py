@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 from collections.abc import Callable
-from importlib.metadata import version
 from math import inf
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.results import finish
 from wbc import load_robot
-from wbc.files import write_text
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 
@@ -60,9 +56,4 @@ def run_on_machines(
         logs = load_logs([str(path)], ROBOTS / name / "columns.toml")
         results[name], table = measure(name, load_robot(name).lossless(), logs, options.budget)
         console.print(table)
-    console.print(
-        f"wbc {version('wbc')}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"{platform.machine()}"
-    )
-    if options.json:
-        write_text(Path(options.json), json.dumps(results, indent=2) + "\n")
+    finish(console, results, options.json)

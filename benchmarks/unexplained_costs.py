@@ -11,16 +11,12 @@ it slid since it turned round (Dahl). `arm` has two logs of 20 s at 200 Hz of a 
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
-import platform
 import resource
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from math import inf
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,11 +24,11 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.results import finish
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.dynamics.batch import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
-from wbc.files import write_text
 from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Robot
@@ -62,12 +58,7 @@ def main() -> None:
         table.add_row(name, *(str(value) for value in row.values()))
     console = Console()
     console.print(table)
-    console.print(
-        f"wbc {version('wbc')}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"{platform.machine()}"
-    )
-    if options.json:
-        write_text(Path(options.json), json.dumps(results, indent=2) + "\n")
+    finish(console, results, options.json)
 
 
 def measure(name: str, budget: float, trace: bool = False) -> dict[str, Any]:

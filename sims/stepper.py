@@ -39,6 +39,9 @@ _DOUBLE = 0.3  # [s] that both do
 _CLEARANCE = 0.05  # [m] of a swing
 _EARLY = 0.7  # share of a swing after which a foot that touches stands
 _DOWN = 0.1  # [m/s] at which a foot that is late goes on down
+_STIFFNESS = 5.0  # [1/s] with which the capture point follows the plan
+_REACH = np.array([0.3, 0.2])  # [m] that a foothold may move, ahead or back and outwards
+_INWARDS = 0.03  # [m] that it may move towards the other foot
 _TOUCH = 1e-3  # [m] above the ground within which a corner of a sole counts as touching
 
 
@@ -97,6 +100,7 @@ class Stepper:
         steps: number of steps, the left foot first.
         length: [m] of a step; 0 on the spot.
         tick: time between two calls [s].
+        adjusts: whether footholds answer to an error of the capture point that a sole cannot hold.
     """
 
     model: Robot
@@ -104,6 +108,7 @@ class Stepper:
     steps: int = 4
     length: float = 0.0
     tick: float = 1e-3
+    adjusts: bool = True
     commands: list[Command] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -126,7 +131,7 @@ class Stepper:
         self._ramp = ContactRamp(list(SIDES), 1.5 * weight, _DOUBLE)
         frames = {s: corner[names[s][0]].frame for s in SIDES}
         tasks = [
-            CapturePointTask(weight=100.0, stiffness=5.0, height=float(center[2])),
+            CapturePointTask(weight=100.0, stiffness=_STIFFNESS, height=float(center[2])),
             CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=100.0),
             FrameOrientationTask(name="trunk", frame=TRUNK, weight=10.0, stiffness=100.0),
             FrameOrientationTask(name="pelvis", frame=PELVIS, weight=10.0, stiffness=100.0),
@@ -145,14 +150,20 @@ class Stepper:
         self._controller = Controller(self.model, tasks, soles)
         self._starts: dict[str, FloatArray] = {}
         self._time, self.done = 0.0, 0
+        corners = self._corners["left"][:, :2]
+        half = 0.5 * (corners.max(axis=0) - corners.min(axis=0))
+        self._held = half / (1.0 + _STIFFNESS / self._pole)
+        self._moved, self._aside = np.zeros(2), np.zeros(2)  # of the whole plan, of this step
 
     def __call__(self, state: State) -> FloatArray:
         """Return the rotor torque for a state, one tick after the last call."""
         self._read(state.position, state.velocity)
         standing, swinging, share = self._phases()
         now = min(round(self._time / self.tick), len(self.plan.point) - 1)
+        if swinging is not None and share <= 1.0 and self.adjusts:
+            self._aside = self._answer(swinging, now, (1.0 - share) * _SINGLE)
         references = {
-            "capture_point": Reference(self.plan.point[now], self.plan.rate[now]),
+            "capture_point": Reference(self.plan.point[now] + self._moved, self.plan.rate[now]),
             "height": Reference(self._height),
             "trunk": Reference(np.eye(3)),
             "pelvis": Reference(np.eye(3)),
@@ -171,9 +182,26 @@ class Stepper:
 
     def point_error(self) -> FloatArray:
         """Return the capture point less the planned one (2,) [m] at the last call's state."""
-        now = min(round(self._time / self.tick) - 1, len(self.plan.point) - 1)
+        return self._error(min(round(self._time / self.tick) - 1, len(self.plan.point) - 1))
+
+    def _error(self, now: int) -> FloatArray:
         point = self._data.com[0][:2] + self._data.vcom[0][:2] / self._pole
-        return np.array(point - self.plan.point[now])
+        return np.array(point - self.plan.point[now] - self._moved)
+
+    def _answer(self, side: str, now: int, left: float) -> FloatArray:
+        """Return how far the foothold moves, (2,) [m], with `left` [s] of the swing to go.
+
+        Against an error e of the capture point the task moves the centre of pressure by
+        e (1 + stiffness / pole), at most by half the sole: it takes back errors up to d. What is
+        beyond grows, to (e - d) exp(pole left) when the foot lands, and that is where it lands.
+        """
+        error = self._error(now)
+        beyond = np.sign(error) * np.maximum(np.abs(error) - self._held, 0.0)
+        moved = np.clip(beyond * exp(self._pole * left), -_REACH, _REACH)
+        inwards = -1.0 if side == "left" else 1.0
+        if moved[1] * inwards > _INWARDS:
+            moved[1] = inwards * _INWARDS
+        return np.asarray(moved)
 
     def _read(self, q: FloatArray, v: FloatArray) -> None:
         pin.centerOfMass(self.model.model, self._data, q, v)
@@ -205,13 +233,15 @@ class Stepper:
             self._starts = {side: np.array(self._data.oMf[self._frame[side]].translation)}
         if share > _EARLY and self._sole(side)[:, 2].min() < _TOUCH:
             self.done, self._starts = step + 1, {}
+            self._moved, self._aside = self._moved + self._aside, np.zeros(2)
             return set(SIDES), None, 0.0
         return rest, side, share
 
     def _swing(self, side: str, share: float) -> Reference:
         """Return where a foot in the air should be."""
         start, index = self._starts[side], SIDES.index(side)
-        hold = self.plan.holds[self.done + 1][index] - self._middle[index][:2]
+        hold = self.plan.holds[self.done + 1][index] + self._moved + self._aside
+        hold = hold - self._middle[index][:2]
         end = np.array([*hold, self._level])
         if share > 1.0:
             down = np.array([0.0, 0.0, _DOWN])

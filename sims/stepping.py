@@ -17,6 +17,7 @@ from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 
 TICK = 1e-3  # [s]
+_PUSHED = 1.9  # [s], while the second foot swings
 SETTLED = 0.5  # [s] of standing, after which figures count
 LENGTHS = {"on the spot": 0.0, "forward": 0.135}  # [m] a step of 0.9 s: 0.15 m/s
 MODELS = ("dissipative", "conservative")
@@ -24,13 +25,19 @@ FELL, DONE, POINT = "fell", "steps", "capture point, rms error [mm]"
 HEIGHT, WAY = "pelvis, largest change of height [mm]", "way [m]"
 
 
-def walk(engine: Engine, robot: Robot, stepper: Stepper) -> dict[str, float]:
-    """Step until the plan is over or the pelvis is below half its height; return the figures."""
+def walk(
+    engine: Engine, robot: Robot, stepper: Stepper, push: Sequence[float] = (0.0, 0.0, 0.0)
+) -> dict[str, float]:
+    """Step until the plan is over or the pelvis is below half its height; return the figures.
+
+    `push` is a force (3,) [N] on the pelvis, for 0.1 s while the second foot swings.
+    """
     errors, heights, torques = [], [], []
     first, last = stepper.pose[:3], engine.motion.position
     for tick in range(len(stepper.plan.point)):
         torque: FloatArray = stepper(engine.motion)
-        engine.advance(torque, np.zeros(3), TICK)
+        pushed = _PUSHED <= tick * TICK < _PUSHED + 0.1
+        engine.advance(torque, np.array(push) if pushed else np.zeros(3), TICK)
         last = engine.motion.position
         if tick * TICK >= SETTLED:
             errors.append(stepper.point_error())
@@ -65,6 +72,16 @@ def main(
                 stepper = Stepper(model, pose, steps, LENGTHS[way], TICK)
                 found[name, way, kind] = walk(_engine(name, robot, pose), robot, stepper)
     return found
+
+
+def pushed(
+    push: Sequence[float], *, adjusts: bool = True, steps: int = 6, engine: str = "wbc.sim"
+) -> dict[str, float]:
+    """Return the figures of steps on the spot with a push (3,) [N], losses known."""
+    robot = load_robot("talos")
+    pose = np.array(robot.poses["half_sitting"])
+    stepper = Stepper(robot, pose, steps, 0.0, TICK, adjusts)
+    return walk(_engine(engine, robot, pose), robot, stepper, push)
 
 
 def _engine(name: str, robot: Robot, pose: FloatArray) -> Engine:

@@ -16,12 +16,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+# These run line by line, as at the prompt.
+PASTED = ("README.md", "docs/guide/tutorial.md", "docs/guide/tutorial-logs.md")
 PAGES = [
     path
     for path in sorted((ROOT / "docs").rglob("*.md"))
-    if "_build" not in path.parts and path.name != "tutorial.md"
+    if "_build" not in path.parts and str(path.relative_to(ROOT)) not in PASTED
 ]
-PASTED = ("README.md", "docs/guide/tutorial.md")  # these run line by line, as at the prompt
 BLOCK = re.compile(r"^```python\n(.*?)^```$(?:\n+^```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 

@@ -14,6 +14,7 @@ NEWCOMERS = [
     "../README",
     "index",
     "guide/tutorial",
+    "guide/tutorial-logs",
     "diagnosis/describe-your-robot",
     "diagnosis/bring-your-logs",
     "diagnosis/logs-without-torque",

@@ -66,7 +66,7 @@ def carrying(robot: Robot) -> Robot:
     for gear, housing in enumerate(robot.mounting.housing.tolist()):
         if housing:
             body = rotor_body(robot.mounting.axis[gear], robot.transmission.rotor_inertia[gear])
-            loaded = loaded.with_added_inertia(housing, body)
+            loaded = loaded.with_inertia(housing, loaded.model.inertias[housing] + body)
     return loaded
 
 

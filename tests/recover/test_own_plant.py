@@ -136,6 +136,18 @@ def test_friction_that_is_gone_at_usual_speeds_is_found(
     assert found["stribeck_friction", "knee"]["speed"] == pytest.approx(0.15, rel=0.3)
 
 
+@pytest.mark.parametrize("noise", [60, 110])
+def test_friction_near_rest_that_noise_hides_is_taken_for_nothing_else(noise: int) -> None:
+    """It was a ripple of 250 periods per turn, or something unknown, that was named before."""
+    flaw, _ = NEAR_REST["friction near rest"]
+    lanes = [Lane(flaw, excitation=30 + run, noise=noise + run) for run in range(RUNS)]
+    logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
+    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    found = {(effect.name, effect.where) for effect in diagnosis.effects}
+    assert diagnosis.verdict == ("named" if found else "none")
+    assert found <= {("stribeck_friction", "knee")}
+
+
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_what_is_outside_the_list_is_called_unknown(
     diagnoses: dict[str, Diagnosis], name: str

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.reference.event_exact import integrate_exactly
 from tests.reference.lossygear import DATA, demo, reference
 from wbc.sim import Plant
-from wbc.sim.exact import integrate_exactly
 
 pytestmark = pytest.mark.skipif(
     not DATA.is_dir(), reason=f"the Dymola results are not at {DATA} (they are outside data)"

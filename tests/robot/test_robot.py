@@ -53,7 +53,9 @@ def test_unknown_names_list_those_that_exist() -> None:
 def test_copies_leave_the_original_alone() -> None:
     robot = load_robot("planar_leg")
     mass = robot.model.inertias[4].mass
-    heavier = robot.with_added_inertia(4, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))))
+    heavier = robot.with_inertia(
+        4, robot.model.inertias[4] + pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3)))
+    )
     moon = robot.with_gravity([0.0, 0.0, -1.62])
     assert heavier.model.inertias[4].mass == mass + 1.0
     assert robot.model.inertias[4].mass == mass

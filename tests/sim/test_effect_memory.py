@@ -12,11 +12,11 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.reference.event_exact import integrate_exactly
 from wbc import Robot, load_robot
 from wbc.effects import ActuationDelay, JointEffect, ThermalDrift
 from wbc.errors import EffectError, SimulationError
 from wbc.sim import Plane, Plant, SimState, simulate
-from wbc.sim.exact import integrate_exactly
 
 START = np.array([0.3, -0.6])
 RATIO = 20.0

@@ -12,7 +12,7 @@ from sims.legged import CenterOfMass
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate, redundant_model
 from wbc.effects import CoulombFriction
-from wbc.sim import Plant
+from wbc.sim import Plane, Plant
 
 
 def _arm(**changes) -> Robot:
@@ -113,3 +113,41 @@ def test_the_damping_of_a_soft_gear_is_no_source_of_energy() -> None:
         assert not [event for event in result.events if event.kind == "energy"]
     assert min(lost) >= -1e-12
     assert max(lost) > 1e-6
+
+
+@pytest.mark.parametrize("play", [0.0, 0.01])
+def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) -> None:
+    """What passes the gear in a short step is `Flanks.torque`, pushing and let go of."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    gears = robot.transmission
+    loose = {"stiffness": [np.inf, 800.0], "damping": [0.0, 3.0], "backlash": [0.0, play]}
+    robot = robot.with_transmission(gears.replace(**{k: np.array(v) for k, v in loose.items()}))
+    plant, law, seen = Plant(robot, Plane(height=-9.0)), robot.transmission.flanks("knee"), set()
+    for ahead in (-0.02, -0.006, -0.002, 0.003, 0.0052, 0.03):
+        for rate in (-20.0, -0.5, 0.0, 0.5, 20.0):
+            state = plant.state([0.3, 0.4]).replace(
+                deflection=np.array([0.0, ahead]), motor_velocity=np.array([0.0, rate])
+            )
+            torque = plant.step(state, [0.0, 0.0], 1e-7).mesh_torque[1]
+            expected = float(law.torque(-ahead, -rate))
+            assert torque == pytest.approx(expected, rel=1e-3, abs=1e-3)
+            seen.add(expected == 0.0)
+    assert seen == ({True, False} if play else {False})
+    bent = np.array([0.0, 0.02])
+    before, after = (plant.mechanical_energy(state.replace(deflection=d)) for d in (0 * bent, bent))
+    assert after - before == pytest.approx(float(law.energy(0.02)), abs=1e-12)
+
+
+def test_a_gear_that_hangs_in_its_play_loses_and_makes_nothing() -> None:
+    """Its rotor's friction, taken at the end of the step, was an event of energy in every step."""
+    robot = _arm(backlash=0.5)
+    gears = robot.transmission
+    rubbing = gears.replace(rotor_viscous_friction=np.full(2, 1e-4))
+    plant = Plant(robot.with_transmission(rubbing))
+    state = plant.state([0.3, 0.4], [0.5, -1.0])
+    for _ in range(20):
+        result = plant.step(state, [0.0, 0.0], 1e-3)
+        state = result.state
+        assert result.energy.gear_damping == result.energy.mesh == 0.0
+        assert not result.events
+    assert result.energy.rotor_friction > 0.0

@@ -33,6 +33,11 @@ class EffectTorques:
         """Whether any effect adds torque on the rotors."""
         return bool(self._rotor)
 
+    @property
+    def act_on_drives(self) -> bool:
+        """Whether any effect stands between the torque on the rotors and the drive command."""
+        return bool(self._rotor or self._drive)
+
     def true_motion(self, motion: Motion) -> Motion:
         """Return the motion behind what the encoders report."""
         for effect in self._truth:

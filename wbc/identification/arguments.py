@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from wbc.errors import IdentificationError
-from wbc.measurement import Log
+from wbc.measurement import Log, SuspiciousLogError
+from wbc.measurement.checks.robot_check import unknown_joints
+from wbc.measurement.columns.mend import say_so
 from wbc.robot import Robot
+
+_BEYOND = 3.0  # times the limit of a joint
 
 
 def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
@@ -24,7 +30,10 @@ def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
     if not robot.transmission.size:
         raise IdentificationError(
             f"'{robot.name}' has no gears, so no joint is driven and nothing can be compared; "
-            "describe them in robot.toml: [gears.JOINT] with gear_ratio and rotor_inertia."
+            "describe each driven joint in robot.toml:\n"
+            "    [gears.JOINT]\n"
+            '    gear_ratio = { value = VALUE, unit = "1", source = "data sheet" }\n'
+            '    rotor_inertia = { value = VALUE, unit = "kg m^2", source = "data sheet" }'
         )
 
 
@@ -40,4 +49,46 @@ def require_logs(logs: Sequence[Log]) -> None:
         if not isinstance(log, Log):
             raise IdentificationError(
                 f"a log is expected, not {log!r}; read files with load_logs([...])."
+            )
+
+
+def require_readable(robot: Robot, log: Log) -> None:
+    """Check that a log is long enough, and holds every joint's position in the right unit.
+
+    Raises:
+        IdentificationError: too short a log, or a position far beyond the joint's limits.
+        SuspiciousLogError: a joint without position; the message says what to do.
+    """
+    if log.duration < 0.5 or len(log) < 50:
+        raise IdentificationError(
+            f"{log.source.label}: {log.duration:g} s with {len(log)} rows are too short to say "
+            "anything; record at least a few seconds of motion."
+        )
+    _require_reachable(robot, log)
+    unknown = unknown_joints(log, robot)
+    if unknown is not None:
+        raise SuspiciousLogError(f"{log.source.label}: {unknown.text} {unknown.way_out}", [unknown])
+
+
+def _require_reachable(robot: Robot, log: Log) -> None:
+    """Raise where a joint stands so far beyond its limits that the unit must be another."""
+    for name in robot.single_joints:
+        row = robot.position_index(name)
+        low = float(robot.model.lowerPositionLimit[row])
+        high = float(robot.model.upperPositionLimit[row])
+        seen = log.column(f"{name}.position") if log.has(f"{name}.position") else np.zeros(1)
+        farthest = float(seen[np.argmax(np.abs(seen))])
+        if high > low and abs(farthest) > _BEYOND * max(abs(low), abs(high)):
+            units = {"position": "deg", "velocity": "deg/s", "acceleration": "deg/s^2"}
+            degrees = {
+                "columns": {
+                    f"{name}.{quantity}": {"unit": unit}
+                    for quantity, unit in units.items()
+                    if log.has(f"{name}.{quantity}")
+                }
+            }
+            raise IdentificationError(
+                f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
+                f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the joint turns on, "
+                f"widen its limits in the URDF. If the log holds degrees, {say_so(degrees)}"
             )

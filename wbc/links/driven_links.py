@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from wbc.arrays import FloatArray
 from wbc.links.response import LinkFriction, LinkResponse
 from wbc.transmission import Flanks
+from wbc.transmission.flanks import rate_weights
 
 FINEST = 5e-4
 """The shortest step [s], of a link on stiff flanks."""
@@ -112,13 +113,14 @@ class DrivenLinks:
         parts = self._parts(gears, coarsest)
         h = self.step / parts
         late = np.where(stiffness * h**2 < self.least_inertia, 0.5, 1.0)
+        before, after = rate_weights(stiffness, damping, h, late, late)
         d, v, dry = np.zeros((3, *self.load.shape, starts.shape[2]))
         d[0], v[0] = starts
         whole = np.ascontiguousarray
         follow_links(
             whole(self.inertia), whole(self.drag), whole(self.pull),
             whole(self._loads(parts)), whole(self.speed), whole(self.level),
-            self.step, parts, late, stiffness, damping, half, _FARTHEST, d, v, dry,
+            self.step, parts, late, stiffness, before, after, half, _FARTHEST, d, v, dry,
         )  # fmt: skip
         return d, v, dry
 

@@ -85,7 +85,7 @@ def _rub(
     *(_Cube, _Cube, _Cube),
     *(Dense, Dense, Dense),
     *(Number, Count),
-    *(_Row, _Row, _Row, _Row, Number),
+    *(_Row, _Row, _Row, _Row, _Row, Number),
     *(_OutCube, _OutCube, _OutCube),
 )
 def follow_links(
@@ -99,7 +99,8 @@ def follow_links(
     parts: int,
     late: FloatArray,
     stiffness: FloatArray,
-    damping: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
     half: FloatArray,
     farthest: float,
     d: FloatArray,
@@ -121,7 +122,8 @@ def follow_links(
         step: distance of the samples [s].
         parts: steps per sample.
         late: theta of each link, the weight of a step's end (n,).
-        stiffness, damping, half: of the flanks, and half of the play (n,); none makes a spring.
+        stiffness, half: of the flanks, and half of the play (n,); none makes a spring.
+        before, after: what a flank's impulse owes to the rates (n,): `rate_weights`.
         farthest: [rad].
         d, v: deflections and their rates (N, n, S) to write. The first of each is given.
         dry: (N, n, S) to write, the mean of each interval; the last one stays.
@@ -169,17 +171,15 @@ def follow_links(
                             for b in range(n):
                                 whole[a, b] = m[a, b]
                             if (pattern >> a) & 1:
-                                give = damping[a] + h * late[a] * stiffness[a]
-                                whole[a, a] += h * late[a] * give
+                                whole[a, a] += after[a]
                         _invert(whole, gain)
                     for a in range(n):
                         total = -push[a] - h * rubs[s, a]
                         for b in range(n):
                             total += by_rate[a, b] * rate[s, b] - by_place[a, b] * at[s, b]
                         if (pattern >> a) & 1:
-                            early = 1.0 - late[a]
-                            give = early * (damping[a] + h * late[a] * stiffness[a]) * rate[s, a]
-                            total -= h * (give + stiffness[a] * (at[s, a] - side[a] * half[a]))
+                            bent = at[s, a] - side[a] * half[a]
+                            total -= h * stiffness[a] * bent + before[a] * rate[s, a]
                         right[a] = total
                     for a in range(n):
                         new[a] = 0.0
@@ -190,9 +190,9 @@ def follow_links(
                     released = False
                     for a in range(n):
                         if half[a] > 0.0 and (pattern >> a) & 1:
-                            mean = (1.0 - late[a]) * rate[s, a] + late[a] * new[a]
-                            stretch = at[s, a] - side[a] * half[a] + h * late[a] * mean
-                            if side[a] * (stiffness[a] * stretch + damping[a] * mean) < 0.0:
+                            carried = h * stiffness[a] * (at[s, a] - side[a] * half[a])
+                            carried += before[a] * rate[s, a] + after[a] * new[a]
+                            if side[a] * carried < 0.0:
                                 pattern -= 1 << a
                                 released = True
                     if not released:

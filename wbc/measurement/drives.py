@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
 from wbc.measurement.log import Log
+from wbc.robot import state_gear
 from wbc.transmission import Transmission
 
 
@@ -77,8 +78,8 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     if not np.isfinite(kp):
         raise LogError(
             f"{log.source.label}: there is a target of '{joint}' and no torque, and the robot "
-            "states no gains of its position drive; add kp (N m/rad) and kd (N m s/rad) of "
-            f"[gears.{joint}] to robot.toml, or duty_gain (1/rad) of a drive that sets the voltage."
+            "states no gains of its position drive (of one that sets the voltage: duty_gain "
+            f"instead of kp and kd); {state_gear(joint, 'kp', 'kd')}"
         )
     wanted = kp * _at_motor(log, transmission, row, "target_position")
     if kd > 0.0:
@@ -127,19 +128,19 @@ def _winding_law(
     """Return the law of a winding under the duty clip(wanted - gain psi, 1)."""
     joint = transmission.joints[row]
     ratio, limit = float(transmission.gear_ratio[row]), float(transmission.torque_limit[row])
-    constant = known_number(transmission, row, "torque_constant", "N m/A")
-    resistance = known_number(transmission, row, "resistance", "ohm")
+    constant = known_number(transmission, row, "torque_constant")
+    resistance = known_number(transmission, row, "resistance")
     if log.has(f"{joint}.voltage"):
         supply = log.column(f"{joint}.voltage")
     else:
-        supply = np.full(len(log), known_number(transmission, row, "supply_voltage", "V"))
+        supply = np.full(len(log), known_number(transmission, row, "supply_voltage"))
     on = _powered(log, joint) * constant / resistance
     full = on * supply
     bound = np.abs(full) if gain else np.full(len(log), np.inf)
     return DriveLaw(full * wanted, full * gain, on * constant * ratio, bound, limit)
 
 
-def known_number(transmission: Transmission, row: int, name: str, unit: str) -> float:
+def known_number(transmission: Transmission, row: int, name: str) -> float:
     """Return a number of a gear that its robot.toml may leave out.
 
     Raises:
@@ -149,8 +150,8 @@ def known_number(transmission: Transmission, row: int, name: str, unit: str) -> 
     joint = transmission.joints[row]
     if not np.isfinite(value):
         raise LogError(
-            f"the torque of '{joint}' needs {name}, which the robot does not state; add {name} "
-            f"({unit}) of [gears.{joint}] to robot.toml."
+            f"the torque of '{joint}' needs {name}, which the robot does not state; "
+            + state_gear(joint, name)
         )
     return value
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import LogError
+from wbc.measurement.columns.mend import say_so
 
 
 def checked_time(values: ArrayLike, label: str) -> FloatArray:
@@ -24,11 +25,13 @@ def checked_time(values: ArrayLike, label: str) -> FloatArray:
     bad = np.flatnonzero(steps <= 0.0)
     if bad.size:
         row = int(bad[0]) + 1
-        kind = "repeats" if steps[row - 1] == 0.0 else "goes back"
+        back = steps < 0.0
+        kind = "goes back" if back[row - 1] else "repeats"
+        keep = say_so({"time": {"repeated": "first"}}, "keep the first of such rows")
+        way = "Sort the rows." if back.any() else f"Drop them; of a file, {keep}"
         raise LogError(
             f"{label}: time {kind} at row {row} ({time[row - 1]:.9g} s, then {time[row]:.9g} s; "
-            f"{bad.size} such rows). Sort the file, or drop the rows with a column map: "
-            '[time] repeated = "first".'
+            f"{bad.size} such rows). {way}"
         )
     return time
 
@@ -56,10 +59,10 @@ def checked_series(values: ArrayLike, name: str, rows: int | None, label: str) -
         bad = np.flatnonzero(~np.isfinite(series))
         if bad.size:
             row = int(bad[0])
+            drop = say_so({"columns": {name: {"missing": "drop_rows"}}}, "drop these rows")
             raise LogError(
                 f"{label}: column '{name}' holds {series[row]} at row {row} ({bad.size} such rows "
-                f"of {series.size}). Repair the file, or let a column map deal with it: "
-                'missing = "omit" or "drop_rows".'
+                f"of {series.size}). Repair them; of a file, {drop}"
             )
     return series
 

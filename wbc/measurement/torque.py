@@ -57,7 +57,7 @@ def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     if quantity == "motor_torque":
         told = told / transmission.gear_ratio[row]
     elif quantity == "current":
-        told = told * known_number(transmission, row, "torque_constant", "N m/A")
+        told = told * known_number(transmission, row, "torque_constant")
     nothing, unbounded = np.zeros(len(log)), np.full(len(log), np.inf)
     return DriveLaw(told, nothing, nothing, unbounded, np.inf)
 

@@ -8,6 +8,7 @@ from wbc.robot.effect import (
     MemoryEnergy,
     Parameter,
     Quantity,
+    Usual,
     small_steps,
 )
 from wbc.robot.joint_map import BaseState, JointMap
@@ -18,8 +19,9 @@ from wbc.robot.loading.description import (
     read_description,
     with_gear_numbers,
 )
+from wbc.robot.loading.gear_lines import state_gear
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
-from wbc.robot.loading.solids import collision_solids, model_geometry, model_path
+from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
 from wbc.robot.robot import Robot, RobotSource
@@ -37,21 +39,23 @@ __all__ = [
     "MemoryEnergy",
     "Motion",
     "Parameter",
+    "PlacedGeometry",
     "Quantity",
     "Robot",
     "RobotDescription",
     "RobotSource",
     "RotorMounting",
     "Screen",
+    "Usual",
     "bare_robot",
     "build_robot",
     "collision_solids",
     "find_description",
-    "model_geometry",
-    "model_path",
+    "placed_geometry",
     "read_description",
     "robot_names",
     "robots_directory",
     "small_steps",
+    "state_gear",
     "with_gear_numbers",
 ]

@@ -39,6 +39,28 @@ ContactForces = Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
+class Usual:
+    """How the numbers of machines spread: a density that is flat and falls off at both ends.
+
+    Attributes:
+        low, high: range that machines usually have.
+        spread: standard deviation of what lies outside it, of the logarithm if `factor`.
+        factor: whether numbers are compared by their ratio.
+    """
+
+    low: float
+    high: float
+    spread: float
+    factor: bool = False
+
+    def cost(self, value: float) -> float:
+        """Return by how much less likely a number is than one in the range [nats]."""
+        nearest = min(max(value, self.low), self.high)
+        off = float(np.log(value / nearest)) if self.factor else value - nearest
+        return 0.5 * (off / self.spread) ** 2
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One number of an effect.
 
@@ -50,6 +72,7 @@ class Parameter:
         scale: a typical size, also the step of finite differences times 1e-4.
         shape: True if it only shapes the effect (a frequency, a rest angle) and has no null.
         doubt: share of the number that its model is off by, however long the logs are.
+        usual: what machines have of it, None where any size is as likely.
     """
 
     name: str
@@ -60,6 +83,7 @@ class Parameter:
     scale: float
     shape: bool = False
     doubt: float = 0.0
+    usual: Usual | None = None
 
 
 @dataclass(frozen=True)
@@ -193,10 +217,17 @@ class Effect(ABC):
         """How many numbers had to be chosen to describe it; fewer are believed more easily."""
         return len(self.parameters)
 
-    @property
-    def implausibility(self) -> float:
-        """What its numbers cost that no machine is likely to have [nats]."""
-        return 0.0
+    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
+        """Return what its numbers cost that no machine is likely to have [nats].
+
+        By default the sum over the parameters of what is `usual`.
+
+        Args:
+            robot: with the effect.
+            motions: of the logs from which the numbers were taken.
+        """
+        values = self.values
+        return sum(p.usual.cost(values[p.name]) for p in self.parameters if p.usual is not None)
 
     @property
     def departures(self) -> FloatArray:

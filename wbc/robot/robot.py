@@ -258,12 +258,6 @@ class Robot:
         """Return a copy with other gears."""
         return replace(self, transmission=transmission, source=None, before_effects=None)
 
-    def with_added_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
-        """Return a copy with `inertia`, given in the frame of that joint, added to its link."""
-        model = self.model.copy()
-        model.inertias[joint_number] = model.inertias[joint_number] + inertia
-        return replace(self, model=model, source=None, before_effects=None)
-
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
         return self.with_inertias({joint_number: inertia})

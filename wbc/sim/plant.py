@@ -22,7 +22,7 @@ from wbc.sim.laws.motor_motion import MotorMotion, rotor_motion
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
 from wbc.sim.step.collision import settle
-from wbc.sim.step.flow import Flow, flow
+from wbc.sim.step.flow import Flow, PartInput, flow
 from wbc.sim.step.forces import checked_memory
 from wbc.sim.step.impact import Impact
 from wbc.sim.step.overlap import lifted_out
@@ -142,11 +142,11 @@ class Plant:
         struck = kept = np.zeros(setup.barriers.size, dtype=bool)
         start, left = state, dt
         if len(state.closed) != setup.barriers.size:
-            state, impact, fresh = settle(setup, state)
+            state, impact, fresh = settle(setup, state, dt)
             if impact is not None:
                 impacts, struck = [impact], fresh
         while True:
-            part = flow(setup, state, command, left, external, kept)
+            part = flow(PartInput(setup, state, command, left, external, kept))
             if part.landed:
                 landing = ~state.closed & ~kept & (part.gap < -TOUCH)
                 found = self._until_landing(state, command, part, left, external, kept)
@@ -158,7 +158,7 @@ class Plant:
             left -= part.state.time - state.time
             if left <= 1e-9 * dt:
                 break
-            state, impact, fresh = settle(setup, part.state, ~struck)
+            state, impact, fresh = settle(setup, part.state, left, ~struck)
             impacts += [impact] if impact is not None else []
             kept, struck = kept | (struck & fresh), struck | fresh
         return StepResult(part.state, dt, command, tuple(parts), tuple(impacts), start, setup)
@@ -239,7 +239,7 @@ class Plant:
     ) -> Flow | None:
         """Return the flow that ends where the first barrier is reached (regula falsi).
 
-        None where the gap jumps, so that there is no such place.
+        The whole part where none is; None where the gap jumps, so that there is no such place.
         """
         space, barriers = self._setup.space, self._setup.barriers
         pin.forwardKinematics(space.model, space.data, state.position)
@@ -248,11 +248,13 @@ class Plant:
         gap_early = barriers.clearance(state.position, state.time).gap[ahead]
         level = np.minimum(gap_early, 0.0)
         gap_early, gap_late = gap_early - level, part.gap[ahead] - level
+        if not np.any(gap_late < 0.0):
+            return part  # What is inside was inside, and is on its way out.
         for i in range(_TRIES):
             # Every third try halves, lest one end of the interval never move.
             share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
             trial = early + share * (late - early)
-            part = flow(self._setup, state, command, trial, external, kept)
+            part = flow(PartInput(self._setup, state, command, trial, external, kept))
             gap = part.gap[ahead] - level
             if abs(gap.min()) <= 0.5 * TOUCH:
                 return part

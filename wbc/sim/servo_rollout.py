@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import RobotError
-from wbc.robot import Effect, Motion, Robot
+from wbc.robot import Effect, Motion, Robot, state_gear
 from wbc.robot.dc_drive import DcDrive, next_rise, winding_current
 from wbc.sim.servo_run import ServoRun
 
@@ -187,7 +187,7 @@ def _numbers(robot: Robot, drive: DcDrive) -> dict[str, float]:
     }
     for key, value in motor.items():
         if not value > 0.0:
-            raise RobotError(f"'{robot.name}' has no {key}; give it in robot.toml.")
+            raise RobotError(f"'{robot.name}' has no {key}; {state_gear(gears.joints[0], key)}")
     if gears.self_locking[0]:
         raise RobotError(f"the gear of '{robot.name}' is self-locking; use the simulator's step.")
     zero, quarter, half = (_gravity(robot, q) for q in (0.0, np.pi / 2.0, np.pi))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.controller_modes import modes
 from tests.control.scenes import CERTAIN, arm, leg_controller, random_state
 from wbc.control import (
     CenterOfMassTask,
@@ -16,7 +17,8 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.solvers import ForeignSolver, QPStatus, make_solver
+from wbc.control.solvers import BlockProblem, DualActiveSet, ForeignSolver, QPStatus, make_solver
+from wbc.control.solvers.cascade import Cascade
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -104,3 +106,33 @@ def test_residuals_see_a_wrong_solution():
     assert off.dual_residual(problem) > 0.1
     fresh = make_solver("proxqp", 3, 0, 3, tolerance=1e-9, max_iterations=100).solve(problem)
     np.testing.assert_allclose(fresh.x, solution.x, atol=1e-4)
+
+
+def test_a_swinging_foot_is_guessed_within_a_few_steps():
+    """Noise changes which feet slip from tick to tick; the whole program is not needed for it."""
+    label, ours, states, more = modes("solo12")[2]
+    assert "one foot swings" in label
+    commands = [ours.step(state, **more) for state in states[:200]]
+    assert all(command.status is Status.SOLVED for command in commands)
+    assert max(command.iterations for command in commands) <= 28  # 34 without the dual steps
+
+
+@pytest.mark.parametrize(("size", "asked"), [(1.0, 1), (1e6, 1), (1e8, 0)])
+def test_no_other_solver_for_numbers_beyond_its_reach(monkeypatch, size, asked):
+    """Behind the own solver ProxQP would take milliseconds and not solve it: a tick is bounded."""
+    made = []
+
+    def counted(*arguments, **settings):
+        made.append(make_solver(*arguments, **settings))
+        return made[-1]
+
+    monkeypatch.setattr("wbc.control.solvers.cascade.make_solver", counted)
+    own = DualActiveSet(2, 2, 1, tolerance=1e-7, max_iterations=128)
+    cascade = Cascade(own, "proxqp", own_first=True, tolerance=1e-7, max_iterations=128)
+    twice = np.array([[1.0, 0.0], [1.0, 0.0]])  # rows that repeat each other
+    program = BlockProblem(
+        *(np.ones(2), np.zeros(2), twice, np.full(2, size), np.zeros(2), 0),
+        *(np.eye(2)[:1], np.full(1, -1e9), np.full(1, 1e9)),
+    )
+    cascade.solve(program)
+    assert len(made) == asked

@@ -23,6 +23,7 @@ from wbc.control import (
 )
 from wbc.control.checking import check_task
 from wbc.control.kinematics import Kinematics
+from wbc.control.tasks.balance import point_foot_feedback as feedback
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
@@ -246,3 +247,31 @@ def test_levels_are_whole_numbers():
         GazeTask(frame="base_link", axis=(0.0, 0.0, 0.0))
     with pytest.raises(ControlError, match="height"):
         CapturePointTask(height=0.0)
+
+
+def test_the_balance_feedback_agrees_with_pinocchio_s_frames():
+    """Rows, places and pitch that the compiled feedback makes itself, against pinocchio's."""
+    robot, generator = load_robot("planar_leg_strong"), np.random.default_rng(4)
+    kinematics = Kinematics(robot)
+    foot, base = kinematics.fixed_frame("foot"), kinematics.fixed_frame("base")
+    number = kinematics.frame_id("foot"), kinematics.frame_id("base")
+    for _ in range(10):
+        step = generator.normal(size=robot.model.nv)
+        kinematics.update(pin.integrate(robot.model, robot.neutral(), step), step)
+        place = feedback.placed(kinematics.joint_places, foot.joint, foot.offset)
+        np.testing.assert_allclose(place, kinematics.placement(number[0]).translation, atol=1e-12)
+        rotation = kinematics.placement(number[1]).rotation
+        pitch = feedback.pitch_of(kinematics.joint_places, base.joint, base.offset)
+        assert abs(pitch - np.arctan2(rotation[0, 2], rotation[2, 2])) < 1e-12
+        rows = np.empty((6, robot.model.nv))
+        feedback.place_rows(
+            *(foot.columns, base.columns, kinematics.joint_jacobian, kinematics.momentum_matrix()),
+            *(place[0], place[2], kinematics.mass, rows),
+        )
+        com, spin = kinematics.center_of_mass_jacobian(), kinematics.momentum_matrix()[4]
+        expected = [
+            *kinematics.frame_jacobian(number[0])[[0, 2]],
+            *(com[0], com[2], spin),
+            kinematics.frame_jacobian(number[1])[4],
+        ]
+        np.testing.assert_allclose(rows, expected, atol=1e-12)

@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.effects.joint_effect import JointEffect
 from wbc.identification import diagnose
-from wbc.identification.answer.remainder.attainable import attainable
+from wbc.identification.answer.remainder.attainable import Attainable, attainable
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
@@ -68,3 +68,16 @@ def test_a_certain_cause_beside_one_outside_the_list_is_partial() -> None:
     assert knee.attainable < 0.7 * knee.after < knee.before
     assert "knee" in diagnosis.remainder
     assert "knee" in diagnosis.next_experiment
+
+
+def test_what_is_left_counts_as_noise_by_the_share_in_which_it_forgets_itself() -> None:
+    """No step where what is left is nearly white: logs that hardly differ get the same answer."""
+
+    def excess(whiteness: float) -> float:
+        one = np.array([4.0]), np.array([4.0]), np.array([200.0]), np.array([whiteness])
+        return float(Attainable(*one, 1).excess[0])
+
+    assert excess(0.0) == 3.0
+    steps = np.diff([excess(share) for share in np.linspace(0.0, 1.0, 101)])
+    assert np.all((steps < 0.0) & (steps > -0.05))
+    assert excess(1.0) < 0.05

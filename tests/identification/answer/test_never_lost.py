@@ -12,7 +12,7 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
 from wbc.identification import diagnose
-from wbc.identification.choice.search.find_causes import Found
+from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
 
@@ -78,7 +78,7 @@ def test_a_search_without_time_says_so() -> None:
 def test_time_that_ends_after_the_search_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     answering = importlib.import_module("wbc.identification.answer.diagnosis.diagnose")
 
-    def late(found: Found, *rest: object) -> Found:
+    def late(found: SearchResult, *rest: object) -> SearchResult:
         found.trials.until = 0.0
         return found
 

@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
+from tests.swinging_leg import swing
 from wbc import Robot, load_robot
-from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, PayloadMass, RotorInertia
 from wbc.identification import compare, rank_robots
-from wbc.measurement import Log
-from wbc.robot import Motion
 
 BELIEVED = load_robot("planar_leg_fixed")
 TRUTH = BELIEVED.lossless().with_effects(CoulombFriction("hip", 0.7), PayloadMass("shin", 0.3))
 
 
-def run(seed: int) -> Log:
-    random = np.random.default_rng(seed)
-    time = np.arange(0.0, 5.0, 4e-3)
-    rates = np.array([[2.3, 5.1], [3.1, 6.7]])
-    phase = rates[:, :, None] * time
-    q = np.sum(0.35 * np.sin(phase), axis=1).T
-    v = np.sum(0.35 * rates[:, :, None] * np.cos(phase), axis=1).T
-    a = np.sum(-0.35 * rates[:, :, None] ** 2 * np.sin(phase), axis=1).T
-    motion = Motion(q, v, a, time=time)
-    torque, _ = rotor_torque(TRUTH, motion, link_torque(TRUTH, motion))
-    columns = {}
-    for i, joint in enumerate(BELIEVED.joints):
-        columns[f"{joint}.position"] = q[:, i] + 2e-5 * random.standard_normal(len(time))
-        columns[f"{joint}.velocity"] = v[:, i] + 3e-3 * random.standard_normal(len(time))
-        columns[f"{joint}.rotor_torque"] = torque[:, i] + 2e-3 * random.standard_normal(len(time))
-    return Log(time, columns)
-
-
-LOGS = [run(1), run(2)]
+LOGS = [swing(TRUTH, 1, seconds=5.0), swing(TRUTH, 2, seconds=5.0)]
 ROBOTS: dict[str, Robot] = {
     "as described": BELIEVED,
     "lossless": BELIEVED.lossless(),

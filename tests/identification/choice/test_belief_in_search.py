@@ -20,7 +20,12 @@ from wbc.identification.answer.remainder.attainable import attainable
 from wbc.identification.choice.search import search as search_module
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search
-from wbc.identification.choice.weighing.certainty import BELIEVED, doubted_names, support_of
+from wbc.identification.choice.weighing.certainty import (
+    BELIEVED,
+    Support,
+    doubted_names,
+    support_of,
+)
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.odds import odds_of
 from wbc.identification.choice.weighing.trials import Trials
@@ -87,6 +92,26 @@ def test_derivatives_doubt_the_names_that_fits_doubt(tried: tuple[Effect, ...]) 
         if all(s.probability < BELIEVED for key, s in support.items() if key[0] == name)
     }
     assert {*doubted_names(trials, h)} == expected
+
+
+def test_an_effect_at_every_joint_may_imitate_what_sits_in_every_joint() -> None:
+    """Rotor inertias at five of six joints imitated an unknown memory of friction: 0.996 each."""
+    five = 4 * 5 / 6
+
+    def probability(expected: float, remainder: float) -> float:
+        support = Support(1.0, 1.0, remainder, five, explained=False, expected=expected)
+        return support.probability
+
+    assert probability(expected=1.0, remainder=1.1) < 0.95  # a rotor's inertia
+    assert probability(expected=2.0, remainder=1.1) > 0.95  # friction, which most robots have
+
+
+def test_an_effect_at_all_joints_that_are_judged_is_at_all_joints() -> None:
+    problem = _problem(CoulombFriction("hip", 0.5))
+    knee = LEG.transmission.index("knee")
+    assert problem.judged_joints == ("hip", "knee")
+    aside = replace(problem, floor=replace(problem.floor, aside=(knee,)))
+    assert aside.judged_joints == ("hip",)
 
 
 def test_nothing_is_added_beside_a_wrong_drawing_that_is_not_believed(

@@ -8,14 +8,16 @@ import pytest
 from wbc.effects import (
     CoulombFriction,
     PayloadMass,
+    ThermalDrift,
     TorqueConstant,
+    TorqueRipple,
     TransmissionEfficiency,
     load_robot,
 )
 from wbc.identification import diagnose
 from wbc.identification.choice.weighing.prior import asked, implausible
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.robot import Effect
+from wbc.robot import Effect, Usual
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
@@ -67,6 +69,44 @@ def test_an_efficiency_that_no_gear_has_is_not_believed(problem: EstimationProbl
     impossible = cost(problem, TransmissionEfficiency("hip", 0.8, -3.0))
     assert usual < 0.5
     assert impossible > 15.0
+
+
+def test_what_is_usual_is_flat_in_its_range_and_falls_off_outside() -> None:
+    plain, ratio = Usual(1.0, 2.0, 0.5), Usual(1.0, 2.0, 0.5, factor=True)
+    assert [plain.cost(x) for x in (0.0, 1.0, 1.5, 2.0, 3.0)] == [2.0, 0.0, 0.0, 0.0, 2.0]
+    assert ratio.cost(0.5) == pytest.approx(ratio.cost(4.0)) == 0.5 * (np.log(2.0) / 0.5) ** 2
+
+
+def test_a_motor_warms_up_neither_in_a_second_nor_to_its_advantage(
+    problem: EstimationProblem,
+) -> None:
+    usual = cost(problem, ThermalDrift("hip", rate=0.02, time_constant=10.0))
+    short = cost(problem, ThermalDrift("hip", rate=0.02, time_constant=1.2))
+    stronger = cost(problem, ThermalDrift("hip", rate=-0.3, time_constant=5.0))
+    assert usual < 0.1
+    assert short == pytest.approx(0.5 * (np.log(5.0 / 1.2) / 0.4) ** 2, rel=0.01)
+    assert stronger > 6.9  # one in a thousand
+
+
+def test_a_wave_costs_by_the_number_of_waves_that_it_was_chosen_among(
+    problem: EstimationProblem,
+) -> None:
+    position = problem.records[0].motion.position[:, 0]
+    span = max(r.motion.position[:, 0].max() for r in problem.records) - min(
+        r.motion.position[:, 0].min() for r in problem.records
+    )
+    assert np.ptp(position) > 0.0
+    for periods in (1.0, 7.0, 50.0):
+        wave = TorqueRipple("hip", 0.1, 2.0 * np.pi * periods / span, 0.0)
+        assert cost(problem, wave) == pytest.approx(np.log(periods))
+
+
+def test_what_only_the_first_second_shows_is_no_drift_with_time() -> None:
+    """On a recorded arm friction that changed in the first second was called a warm motor."""
+    start = ThermalDrift("hip", rate=-0.3, time_constant=1.2)
+    logs = record_with(LEG, [CoulombFriction("hip", 0.5), start], duration=6.0)
+    diagnosis = diagnose(LEG, logs, [ThermalDrift, CoulombFriction])
+    assert "thermal_drift" not in [effect.name for effect in diagnosis.effects]
 
 
 def test_what_is_only_explained_by_impossible_numbers_is_not_named() -> None:

@@ -55,7 +55,7 @@ def test_milliseconds_for_seconds_are_refused_with_and_without_velocity(swing: L
     late = Log(1e3 * swing.time, swing.columns)
     with pytest.raises(LogError, match="time is in ms"):
         require_plausible_units(late)
-    with pytest.raises(LogError, match=r"2 s apart.*unit = \"ms\""):
+    with pytest.raises(LogError, match=r"2 s apart(?s:.*)unit = \"ms\""):
         require_plausible_units(late.select(["hip.position"]))
 
 

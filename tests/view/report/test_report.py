@@ -6,11 +6,10 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import wbc
-from wbc.dynamics import link_torque, rotor_torque
+from tests.swinging_leg import swing
 from wbc.effects import CoulombFriction, ViscousFriction, effect_class
 from wbc.identification import (
     Alternative,
@@ -26,29 +25,10 @@ from wbc.identification import (
 from wbc.identification.answer.diagnosis.sentence import what_to_do
 from wbc.identification.answer.numbers import plain, with_interval
 from wbc.measurement import Log, load_logs
-from wbc.robot import Motion, Robot
+from wbc.robot import Robot
 from wbc.view.report import verdict_sentence, write_report
 
 COEFFICIENT = 0.4
-
-
-def swing(robot: Robot, seed: int, phase: float) -> Log:
-    """Six seconds of the fixed leg, exact torques of `robot` plus sensor noise."""
-    time = np.arange(0.0, 6.0, 4e-3)
-    rng = np.random.default_rng(seed)
-    rates = np.array([[2.3, 5.1], [3.1, 6.7]])
-    parts = rates[:, :, None] * time + phase * rates[:, ::-1, None]
-    q = np.sum(0.35 * np.sin(parts), axis=1).T
-    v = np.sum(0.35 * rates[:, :, None] * np.cos(parts), axis=1).T
-    a = np.sum(-0.35 * rates[:, :, None] ** 2 * np.sin(parts), axis=1).T
-    motion = Motion(q, v, a, time=time)
-    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
-    columns = {}
-    for i, joint in enumerate(robot.joints):
-        columns[f"{joint}.position"] = q[:, i] + 2e-5 * rng.standard_normal(len(time))
-        columns[f"{joint}.velocity"] = v[:, i] + 3e-3 * rng.standard_normal(len(time))
-        columns[f"{joint}.rotor_torque"] = torque[:, i] + 2e-3 * rng.standard_normal(len(time))
-    return Log(time, columns)
 
 
 @pytest.fixture(scope="module")

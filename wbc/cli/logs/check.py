@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.padding import Padding
 from rich.table import Table
 
 from wbc.cli.shared.inputs import (
@@ -20,7 +19,7 @@ from wbc.cli.shared.inputs import (
     write_json,
 )
 from wbc.cli.shared.outputs import require_outputs
-from wbc.cli.shared.printout import Part, print_out
+from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.measurement import LogQuality, check_logs, find_repeats
 from wbc.measurement import read_logs as read_suspicious
 from wbc.measurement.guessing.robot_guess import guessed_numbers
@@ -57,7 +56,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             + ", ".join(guessed)
         )
     answer = [_answer(qualities, bool(said))]
-    parts = [Part("remarks", Padding(text, (0, 0, 0, 2))) for text in said]
+    parts = [Part("remarks", Spoken(text, 2)) for text in said]
     for group in find_repeats(logs):
         names = ", ".join(_short(qualities[k]) for k in group)
         parts.append(Part("repeats", f"repeats of one run: {names}"))

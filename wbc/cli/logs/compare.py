@@ -23,7 +23,7 @@ from wbc.cli.shared.inputs import (
 )
 from wbc.cli.shared.open_loop import open_loop_table
 from wbc.cli.shared.outputs import require_outputs
-from wbc.cli.shared.printout import Part, print_out
+from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
 from wbc.identification.answer.numbers import plain
@@ -71,7 +71,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
     parts = [
         Part("the error of every output", error_table(comparison)),
         Part("the open-loop error", open_loop_table([simulated])),
-        Part("warnings", "\n".join(comparison.warnings)),
+        *(
+            [Part("warnings", Spoken("\n".join(comparison.warnings)))]
+            if comparison.warnings
+            else []
+        ),
         Part("where it fails", where_table(comparison)),
     ]
     content = comparison.to_json() | {
@@ -84,7 +88,6 @@ def run(options: argparse.Namespace, console: Console) -> int:
         ranked = rank_robots(robots, logs)
         parts.insert(0, Part("the robots", contest_table(ranked)))
         content["robots"] = [contestant.to_json() for contestant in ranked]
-    parts = [part for part in parts if part.shown]
     answer = [comparison.sentence]
     print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
     write_json(options.json, content, console)

@@ -25,7 +25,7 @@ from wbc.cli.shared.inputs import (
 )
 from wbc.cli.shared.open_loop import open_loop_table
 from wbc.cli.shared.outputs import require_outputs
-from wbc.cli.shared.printout import Part, print_out
+from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
@@ -159,7 +159,7 @@ def print_diagnosis(
         ("what the rest looks like", diagnosis.remainder),
         ("warnings", "\n".join(diagnosis.warnings)),
     ):
-        parts += [Part(name, text)] if text else []
+        parts += [Part(name, Spoken(text))] if text else []
     if simulated:
         parts.append(Part("the open-loop error", open_loop_table(simulated)))
     parts += [Part("how the error falls", _steps_table(diagnosis))]

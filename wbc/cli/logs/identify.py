@@ -17,6 +17,7 @@ from wbc.cli.shared.inputs import (
     write_json,
 )
 from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.printout import Spoken
 from wbc.identification.answer.numbers import plain, with_interval
 from wbc.identification.classic import ClassicFit, identify
 
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     shown.print(_LEGEND)
     shown.print(_errors(fit))
     for warning in fit.warnings:
-        shown.print(warning)
+        shown.print(Spoken(warning), crop=False)
     write_json(options.json, fit.to_json(), console)
     return 0
 

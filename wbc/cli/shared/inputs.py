@@ -114,7 +114,7 @@ def write_fix(
         return
     said = [line for finding in findings if finding.mend for line in finding.text.splitlines()]
     path = write_map(options.fix, merged(read_table(options.columns), mend), said)
-    console.print(f"wrote {path}; give it with --columns {path}")
+    console.print(f"wrote {path}; give it with --columns {path}", soft_wrap=True)
 
 
 def require_one_robot(logs: Sequence[Log]) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.padding import Padding
 from rich.segment import Segment, Segments
 
 LINES = 54
@@ -24,6 +25,30 @@ class Part:
 
     name: str
     shown: RenderableType
+
+
+@dataclass(frozen=True)
+class Spoken:
+    """A message whose indented lines are to be copied: they are never broken.
+
+    Attributes:
+        text: prose, and lines that begin with four spaces.
+        indent: spaces before every line.
+    """
+
+    text: str
+    indent: int = 0
+
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> Iterator[RenderableType | Segment]:
+        """Yield the prose wrapped, and the other lines whole."""
+        for line in self.text.split("\n"):
+            if line.startswith("    "):
+                yield Segment(" " * self.indent + line)
+                yield Segment.line()
+            else:
+                yield Padding(line, (0, 0, 0, self.indent), expand=False)
 
 
 def add_depth_options(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +86,7 @@ def print_out(
         lines = _lines(console, part.shown)
         room = max(left - 2, 0)  # for what is said of the parts left out
         if verbose or (len(lines) <= room and not absent):
-            console.print(part.shown)
+            console.print(part.shown, crop=not isinstance(part.shown, Spoken))
         else:
             kept = lines[: room if room > 3 and not absent else 0]
             _print_lines(console, kept)
@@ -73,9 +98,11 @@ def print_out(
 
 
 def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:
+    if isinstance(shown, Spoken):
+        return list(Segment.split_lines(console.render(shown)))
     return console.render_lines(shown, pad=False)
 
 
 def _print_lines(console: Console, lines: Sequence[Sequence[Segment]]) -> None:
     segments = [segment for line in lines for segment in (*line, Segment.line())]
-    console.print(Segments(segments), end="")
+    console.print(Segments(segments), end="", crop=False)

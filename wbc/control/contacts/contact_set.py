@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -48,7 +48,7 @@ class ContactSet:
         self.rows = start
         self.rank = start if rank is None else rank
         self._wrenches = [
-            (contact.name, contact.wrench, rows)
+            (contact.name, _own_wrench(contact), rows)
             for contact, rows in zip(self.contacts, self.slices, strict=True)
         ]
         self.jacobian = np.zeros((start, nv))
@@ -116,10 +116,19 @@ class ContactSet:
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
         """Return the force of every contact as users see it, of all components (k,) [N, N m]."""
-        return {name: wrench(force[rows]) for name, wrench, rows in self._wrenches}
+        return {
+            name: force[rows] if wrench is None else wrench(force[rows])
+            for name, wrench, rows in self._wrenches
+        }
 
     def load_share(self, weight: float) -> FloatArray:
         """Return forces (k,) [N] that share `weight` [N] equally among the normals."""
         if not self.contacts:
             return np.zeros(0)
         return np.asarray(self.normals.sum(axis=0) * (weight / len(self.contacts)))
+
+
+def _own_wrench(contact: BoundContact) -> Callable[[FloatArray], FloatArray] | None:
+    """Return what turns a contact's force into what users see, None where it is the same."""
+    probe = np.zeros(contact.rows)
+    return None if contact.wrench(probe) is probe else contact.wrench

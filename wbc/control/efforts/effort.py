@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import ControlError
-from wbc.robot import Robot
+from wbc.robot import Robot, state_gear
 
 
 class GearCost(NamedTuple):
@@ -55,9 +55,10 @@ class Effort(ABC):
         for number in self.needs:
             unknown = np.flatnonzero(np.isnan(getattr(gears, number)))
             if unknown.size:
+                joint = gears.joints[int(unknown[0])]
                 raise ControlError(
-                    f"effort '{self.name}': the motor of '{gears.joints[int(unknown[0])]}' has no "
-                    f"{number}; give it in robot.toml, or use RotorTorqueEffort."
+                    f"effort '{self.name}': the motor of '{joint}' has no "
+                    f"{number}. Use RotorTorqueEffort, or {state_gear(joint, number)}"
                 )
 
     @abstractmethod

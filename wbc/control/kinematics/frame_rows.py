@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -87,10 +87,19 @@ class FrameTable:
         self.plan, self._offsets = plan, frozen(offsets)
         self.places, self.used = np.zeros((len(wanted), 12)), np.ones(len(wanted), dtype=np.int_)
         self._starts, self._columns = joint_columns(model)
+        self._read: Kinematics | None = None
+        self._sources: tuple[Any, ...] = ()
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J and dJ/dt v into rows of (k, nv) and (k,); columns that never move stay zero."""
-        place_state_rows(
+        if self._read is not kinematics:
+            self._read, self._sources = kinematics, self._memory_of(kinematics)
+        written: tuple[Any, ...] = jacobian, drift, self.places
+        place_state_rows(*(self._sources + written))
+
+    def _memory_of(self, kinematics: Kinematics) -> tuple[Any, ...]:
+        """Return what the rows are made of: memory that `kinematics` overwrites in place."""
+        return (
             *(self.plan, self._offsets, self._starts, self._columns, self.used),
             *(kinematics.joint_jacobian, kinematics.joint_places),
             *(kinematics.joint_rates, kinematics.joint_drifts),
@@ -98,7 +107,6 @@ class FrameTable:
             kinematics.momentum_matrix(),
             kinematics.mass,
             kinematics.center_of_mass_drift(),
-            *(jacobian, drift, self.places),
         )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
-from wbc.arrays import FloatArray, frozen
+from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.kinematics.tree import place_joint_motion
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
@@ -16,6 +17,20 @@ from wbc.robot import Robot
 
 _PLACE = 12 * 8  # bytes of a placement
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class FixedFrame(NamedTuple):
+    """Where a frame is fixed.
+
+    Attributes:
+        joint: that carries it.
+        offset: its placement there (12,), rotation column by column before the translation.
+        columns: of J that move it.
+    """
+
+    joint: int
+    offset: FloatArray
+    columns: IntArray
 
 
 class Kinematics:
@@ -61,6 +76,7 @@ class Kinematics:
         self._com_drift = np.zeros(3)
         self._momentum: FloatArray = data.Ag.reshape(6, nv)  # one column comes as a vector
         self._frames: dict[str, int] = {}
+        self._fixed: dict[str, FixedFrame] = {}
         self._moved = self._momentum_drift_ready = False
         self.joint_jacobian: FloatArray = data.J.reshape(6, nv)
         self.joint_places = _places(model, data)
@@ -121,6 +137,23 @@ class Kinematics:
             number = int(self.model.getFrameId(name))
             self._frames[name] = number
         return number
+
+    def fixed_frame(self, name: str) -> FixedFrame:
+        """Return where a frame is fixed, by name.
+
+        Raises:
+            ControlError: no such frame; the message lists those there are.
+        """
+        found = self._fixed.get(name)
+        if found is None:
+            frame = self.model.frames[self.frame_id(name)]
+            joint, placement = int(frame.parentJoint), frame.placement
+            supports = [self.model.joints[i] for i in self.model.supports[joint] if i]
+            moves = [row for s in supports for row in range(s.idx_v, s.idx_v + s.nv)]
+            offset = np.concatenate([placement.rotation.T.reshape(-1), placement.translation])
+            found = FixedFrame(joint, frozen(offset), frozen(moves, np.int_))
+            self._fixed[name] = found
+        return found
 
     def joint_place(self, joint: int) -> pin.SE3:
         """Return the placement of a joint in the world."""

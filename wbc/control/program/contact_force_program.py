@@ -265,7 +265,8 @@ class ContactForceProgram:
 
     def forces_of(self, x: FloatArray) -> FloatArray:
         """Return the contact forces (k,) [N, N m] at a solution."""
-        return np.asarray(x[self.nv :] * self._force_scales)
+        forces: FloatArray = x[self.nv :] * self._force_scales
+        return forces
 
     def output_torque(self, x: FloatArray) -> FloatArray:
         """Return T (m,) [N m] at a solution."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import inf
 
 import numpy as np
 
@@ -80,16 +79,25 @@ class ProgramLibrary:
         self._all = tuple(recipe.contacts)
         self._ranks = ContactRanks(recipe.plant.robot, recipe.kinematics, recipe.contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
+        self._last: tuple[dict[str, float] | None, tuple[Level, ...]] | None = None
         if len(self._all) <= _FEW:
             for count in range(len(self._all) + 1):
                 for names in combinations(self._all, count):
-                    self.levels(dict.fromkeys(names, inf))
+                    self._of(names)
 
     def levels(self, active: Mapping[str, float] | None) -> tuple[Level, ...]:
         """Return the levels for the contacts that may carry force, all when None."""
+        if self._last is not None and active == self._last[0]:
+            return self._last[1]
         names = self._all
         if active is not None:
             names = tuple([name for name in names if active.get(name, 0.0) > 0.0])
+        levels = self._of(names)
+        self._last = None if active is None else dict(active), levels
+        return levels
+
+    def _of(self, names: tuple[str, ...]) -> tuple[Level, ...]:
+        """Return the levels for some contacts, in the order of all."""
         levels = self._made.get(names)
         if levels is None:
             recipe = self._recipe

@@ -36,18 +36,18 @@ def place_rates(
 
 @compiled(
     Nothing,
-    *(Table, Places, Dense, Dense, Matrix, Vector, Places, Vector, Places, Vector),
+    *(Vector, Vector, Table, Places, Dense, Dense, Matrix, Places, Places, Vector),
     *(OutDense, Dense, Vector, OutVector, OutVector),
 )
 def place_wanted(
+    position: FloatArray,
+    velocity: FloatArray,
     plan: IntArray,
     used: IntArray,
     places: FloatArray,
     targets: FloatArray,
     jacobian: FloatArray,
-    velocity: FloatArray,
     chosen: IntArray,
-    position: FloatArray,
     positions: IntArray,
     goals: FloatArray,
     parts: FloatArray,
@@ -62,11 +62,11 @@ def place_wanted(
     the chosen coordinates, are summed by weight (c,) into `pull` (nv,).
 
     Args:
+        position, velocity: q (nq,) and v (nv,).
         plan, used, places: of the `FrameTable` (e, ..).
-        targets: placements wanted (e, 12).
-        jacobian, velocity: J (k, nv) and v (nv,).
+        targets: placements wanted, (e, 12) or more.
+        jacobian: J (k, nv).
         chosen: coordinates of the last rows (c,).
-        position: q (nq,).
         positions, goals: where those rows find their position in q, -1 where their task says it
             itself, and where it should be (c,).
         parts, gains: (5, k + c) error, rate, drift, velocity and acceleration.

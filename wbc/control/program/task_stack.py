@@ -27,6 +27,7 @@ class _Entry(NamedTuple):
         task, name, size: the task, its name, and how many rows it has.
         own: whether it commands in its own way.
         number: place of its target in the table of frames, -1 for a task that is asked itself.
+        place: memory of its target in that table (12,), None where it has none.
         goals: its part of the joints' targets (k,), None unless it is of joints.
         weights: of its rows (k,).
         jacobian: memory of J (k, nv), None for a task that selects joints.
@@ -38,6 +39,7 @@ class _Entry(NamedTuple):
     size: int
     own: bool
     number: int
+    place: FloatArray | None
     goals: FloatArray | None
     weights: FloatArray
     jacobian: FloatArray | None
@@ -91,18 +93,23 @@ class TaskStack:
         self._goals = np.zeros(whole - total)
         self._positions = np.full(whole - total, -1)
         self._entries: list[_Entry] = []
+        self._targets = np.zeros((len(self.tasks), 12))  # one for every row of the table, or more
         table: list[tuple[StateRows, int]] = []
         start = 0
         for i in [*rowed, *selecting]:
             self._place(self.tasks[i], slice(start, start + sizes[i]), table, model)
             start += sizes[i]
         self._table = FrameTable(model, [rows for rows, _ in table], [first for _, first in table])
-        self._targets = np.zeros((len(table), 12))
         self._packed: dict[str, Target] = {}
         self.chosen = np.concatenate(
             [np.arange(nv)[selections[i]] for i in selecting] or [np.zeros(0, np.int_)]
         )
         self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
+        table_memory = self._table.plan, self._table.used, self._table.places, self._targets
+        self._memory = (
+            *(*table_memory, self.jacobian, self.chosen, self._positions, self._goals),
+            *(self._parts, self._gains, self._chosen_weight, self._all_wanted, self.pull),
+        )
         self._held: dict[str, Target] = {}
         self._pending: dict[str, Target] = {}
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
@@ -120,11 +127,12 @@ class TaskStack:
             self._gains[3, rows] = gain
         size, total = rows.stop - rows.start, len(self.wanted)
         weights = np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
-        jacobian, number, goals = None, -1, None
+        jacobian, number, place, goals = None, -1, None, None
         if rows.start < total:
             jacobian, known = self.jacobian[rows], task.state_rows
             if known is not None:
                 number = len(table)
+                place = self._targets[number]
                 table.append((known, rows.start))
         elif task.positions is not None:
             chosen = slice(rows.start - total, rows.stop - total)
@@ -132,7 +140,7 @@ class TaskStack:
             self._positions[chosen] = np.arange(model.nq)[task.positions]
         views = (self._parts[part, rows] for part in (1, 0, 2, 3, 4))
         self._entries.append(
-            _Entry(task, task.name, size, own, number, goals, weights, jacobian, *views)
+            _Entry(task, task.name, size, own, number, place, goals, weights, jacobian, *views)
         )
 
     def weigh(
@@ -202,12 +210,7 @@ class TaskStack:
         self._table.fill(kinematics, self.jacobian, self._parts[2])
         if self._own:
             self._ask_own(kinematics, references)
-        place_wanted(
-            *(self._table.plan, self._table.used, self._table.places, self._targets),
-            *(self.jacobian, kinematics.velocity, self.chosen),
-            *(kinematics.position, self._positions, self._goals),
-            *(self._parts, self._gains, self._chosen_weight, self._all_wanted, self.pull),
-        )
+        place_wanted(kinematics.position, kinematics.velocity, *self._memory)
 
     def _ask_own(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
         """Take the accelerations of the tasks that command in their own way."""
@@ -231,8 +234,8 @@ class TaskStack:
             )
         if entry.goals is not None:
             entry.goals[:] = target
-        elif entry.number >= 0:
-            task.pack(target, self._targets[entry.number])
+        elif entry.place is not None:
+            task.pack(target, entry.place)
         else:
             if entry.jacobian is not None:
                 entry.jacobian[:] = task.jacobian(kinematics)

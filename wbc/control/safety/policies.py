@@ -26,13 +26,13 @@ class Statics(NamedTuple):
     Attributes:
         hold: torque (m,) [N m] that keeps the joints at rest under gravity, on the contacts of the
             last good tick.
-        inertia: (m, m) [kg m^2] that the motors feel, rotors included, without any contact.
-        mobility: (m, m) [1/(kg m^2)], accelerations per torque while the contacts rest.
+        free: (m, m) [1/(kg m^2)], accelerations per torque without any contact, rotors included.
+        rested: (m, m) [1/(kg m^2)], the same while the contacts rest.
     """
 
     hold: FloatArray
-    inertia: FloatArray
-    mobility: FloatArray
+    free: FloatArray
+    rested: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +78,19 @@ class Situation:
     def braking(self, rate: float) -> FloatArray:
         """Return a torque (m,) [N m] that slows all motions alike at `rate` [1/s].
 
-        It is -L R L' dpsi, with L L' the inertia without contacts and R what the rate asks with
-        the contacts at rest, where the motors feel more inertia; but no motion loses more than a
-        quarter of its speed in a tick, should the contacts be gone. Zero where a speed is unknown.
+        With F and C the accelerations per torque, free and with the contacts at rest, and h the
+        time in which a quarter of the speed may go in every tick, it is
+        -((1 / rate - h) C + h F)^-1 dpsi. What no contact hinders (C = F) slows at `rate`; with the
+        contacts at rest, where the motors feel more inertia, nothing slows faster; and should the
+        contacts be gone, nothing loses more than a quarter of its speed in a tick. The matrix is
+        positive definite: the torque only takes energy. Zero where a speed is unknown.
         """
-        _, inertia, mobility = self.statics
-        if not np.isfinite(self.speed).all() or not inertia.any():
+        _, free, rested = self.statics
+        if not np.isfinite(self.speed).all() or not free.any() or rate == 0.0:
             return np.zeros(self.speed.shape)
-        root = np.linalg.cholesky(inertia)
-        ease, turn = np.linalg.eigh(root.T @ mobility @ root)  # 1 for what no contact hinders
-        rates = np.minimum(rate / np.maximum(ease, 1e-6), _SHARE / self.dt)
-        along = root @ turn
-        return np.asarray(-along @ (rates * (along.T @ self.speed)))
+        least = self.dt / _SHARE
+        slowing = max(1.0 / rate - least, 0.0) * rested + least * free
+        return np.asarray(-np.linalg.solve(slowing, self.speed))
 
 
 class SafetyPolicy(Protocol):
@@ -201,5 +202,5 @@ class Hold:
 
 def _sampled(gain: float, situation: Situation) -> float:
     """Return the gain, or the greatest that takes a quarter of a speed away within a tick."""
-    smallest = float(np.linalg.eigvalsh(situation.statics.inertia)[0])
-    return min(gain, _SHARE * max(smallest, 0.0) / situation.dt)
+    easiest = float(np.linalg.eigvalsh(situation.statics.free)[-1])
+    return min(gain, _SHARE / (situation.dt * easiest)) if easiest > 0.0 else 0.0

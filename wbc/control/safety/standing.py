@@ -13,6 +13,8 @@ from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.effects import EffectTorques
 from wbc.control.kinematics import Kinematics
 from wbc.control.safety.policies import Statics
+from wbc.control.safety.statics import place_hold, place_mobilities, place_pushed
+from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -29,11 +31,12 @@ class Standing:
         self._rest = np.zeros(robot.model.nv)
         self._sets: dict[tuple[str, ...], ContactSet] = {}
         gears = robot.transmission
-        self._from_joints = gears.motor_from_joint
+        B, m = gears.motor_from_joint, robot.actuated
+        serial = bool(np.array_equal(gears.topology, np.eye(gears.size)))
+        self._from_joints = None if serial else B
         self._topology = np.array(gears.topology)
-        self._reflected = self._from_joints.T @ (
-            gears.reflected_inertia[:, None] * self._from_joints
-        )
+        self._reflected = np.zeros((robot.model.nv, robot.model.nv))
+        self._reflected[np.ix_(m, m)] = B.T @ (gears.reflected_inertia[:, None] * B)
 
     def statics(self, position: FloatArray, contacts: tuple[BoundContact, ...]) -> Statics:
         """Return what holds the robot at q (nq,) on some contacts.
@@ -47,27 +50,23 @@ class Standing:
         robot, kinematics, rows = self._robot, self._kinematics, self._set_of(contacts)
         kinematics.update(position, self._rest)
         rows.fill(kinematics)
-        motion = Motion(position, self._rest)
         gravity = np.array(kinematics.bias)
-        added = self._effects.on_joints(motion, self._rest)
+        added = self._effects.on_joints(Motion(position, self._rest), self._rest)
         if added is not None:
             gravity -= added
-        mass = np.array(kinematics.mass_matrix)
-        u, m = robot.unactuated, robot.actuated
-        mass[np.ix_(m, m)] += self._reflected
-        pushed = self._pushed(rows, gravity[u])
-        inverse = np.linalg.inv(mass)
-        coupling = mass[np.ix_(m, u)]
-        base = np.linalg.solve(mass[np.ix_(u, u)], (pushed - gravity)[u])
-        hold = coupling @ base + gravity[m] - pushed[m]
-        B, D = self._from_joints, self._topology
-        free = B @ inverse[np.ix_(m, m)] @ B.T
-        J = rows.jacobian
-        across = J @ inverse
-        normal = across @ J.T
-        normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(J))
-        rested = (inverse - across.T @ np.linalg.solve(normal, across))[np.ix_(m, m)]
-        return Statics(D.T @ hold, np.asarray(np.linalg.inv(free)), B @ rested @ B.T)
+        mass = kinematics.mass_matrix + self._reflected
+        u, m, J = robot.unactuated, robot.actuated, rows.jacobian
+        pushed, hold = np.empty(len(gravity)), np.empty(len(m))
+        free, rested = np.empty((2, len(m), len(m)))
+        share = rows.load_share(kinematics.mass * kinematics.gravity)
+        place_pushed(J, gravity, u, share, _SOFT, pushed)
+        sound = place_hold(mass, gravity, pushed, u, m, hold)
+        if not sound or not place_mobilities(mass, J, _SOFT, m, free, rested):
+            raise ControlError(f"the inertia of '{robot.name}' is not positive definite.")
+        if self._from_joints is None:
+            return Statics(hold, free, rested)
+        B = self._from_joints
+        return Statics(self._topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
 
     def _set_of(self, contacts: tuple[BoundContact, ...]) -> ContactSet:
         """Return the rows of some contacts, made when they are first asked for."""
@@ -75,14 +74,3 @@ class Standing:
         if names not in self._sets:
             self._sets[names] = ContactSet(contacts, self._kinematics.model)
         return self._sets[names]
-
-    def _pushed(self, rows: ContactSet, undriven: FloatArray) -> FloatArray:
-        """Return J' f (nv,) of forces that carry `undriven` (u,), nearest to an equal share."""
-        if not rows.rows:
-            return np.zeros(self._robot.model.nv)
-        J, weight = rows.jacobian, self._kinematics.mass * self._kinematics.gravity
-        share = rows.load_share(weight)
-        across = J[:, self._robot.unactuated]
-        normal = across.T @ across + _SOFT * np.eye(across.shape[1])
-        force = share + across @ np.linalg.solve(normal, undriven - across.T @ share)
-        return np.asarray(J.T @ force)

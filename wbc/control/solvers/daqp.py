@@ -63,3 +63,6 @@ class ActiveSetSolver:
             _STATUS.get(int(flag), QPStatus.FAILED),
             int(info["iterations"]),
         )
+
+    def forget(self) -> None:
+        """Do nothing: every solve starts from nothing."""

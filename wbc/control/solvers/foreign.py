@@ -49,6 +49,9 @@ class ForeignSolver:
         y = np.zeros(len(problem.b)) if found.y is None else np.asarray(found.y)
         return QPSolution(np.asarray(found.x), y, z, QPStatus.SOLVED, 0)
 
+    def forget(self) -> None:
+        """Do nothing: every solve starts from nothing."""
+
 
 def _nothing(problem: QPProblem, status: QPStatus) -> QPSolution:
     n = len(problem.g)

@@ -16,6 +16,9 @@ class Solver(Protocol):
     def solve(self, problem: QPProblem) -> QPSolution:
         """Return the solution of a program whose numbers are finite and bounds ordered."""
 
+    def forget(self) -> None:
+        """Start the next solve from nothing."""
+
 
 def check_solver(name: str) -> None:
     """Raise ControlError unless `name` is a native solver or an installed backend of qpsolvers."""

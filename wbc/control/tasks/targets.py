@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.compiled import Matrix, Number, compiled
 from wbc.errors import ControlError
 
+_FLOAT = np.dtype(np.float64)
 _TURNED = 1e-4  # single precision leaves 1e-7, four printed digits 1e-4
 
 
@@ -20,7 +21,7 @@ def vector_target(target: Any, size: int) -> FloatArray:
     Raises:
         ControlError: another shape, or no numbers.
     """
-    if isinstance(target, np.ndarray) and target.dtype == np.float64 and target.shape == (size,):
+    if isinstance(target, np.ndarray) and target.dtype is _FLOAT and target.shape == (size,):
         return target.copy()
     try:
         values = np.array(target, dtype=np.float64)
@@ -37,6 +38,8 @@ def number_target(target: Any) -> float:
     Raises:
         ControlError: no number, or several.
     """
+    if type(target) is float:
+        return target
     try:
         values = np.asarray(target, dtype=np.float64)
     except (TypeError, ValueError) as cause:

@@ -74,7 +74,9 @@ class Motors:
 
     def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""
-        rotor = torque * self._inverse_ratio
+        rotor: FloatArray = torque * self._inverse_ratio
+        if not self._effects.act_on_drives:
+            return rotor
         added = self._effects.on_rotors(motion)
         if added is not None:
             rotor = rotor - added

@@ -14,7 +14,7 @@ MARGIN = 0.02  # [m] that links keep, as `CollisionLimit` does
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance:
+class LinkDistances:
     """Pairs of links that must keep a distance.
 
     Links that a joint joins, and those that are nearer than the margin in the pose about which
@@ -31,7 +31,7 @@ class Clearance:
     margin: float
 
     @classmethod
-    def of(cls, robot: Robot, centre: FloatArray, margin: float = MARGIN) -> Clearance | None:
+    def of(cls, robot: Robot, centre: FloatArray, margin: float = MARGIN) -> LinkDistances | None:
         """Return the clearance of a robot, None where its model file holds no pair of solids.
 
         Args:

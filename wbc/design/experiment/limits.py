@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.clearance import Clearance
+from wbc.design.experiment.clearance import LinkDistances
 from wbc.errors import DesignError
 from wbc.robot import Robot
 
@@ -31,7 +31,7 @@ class MotionLimits:
     acceleration: FloatArray
     torque: FloatArray
     centre: FloatArray
-    clearance: Clearance | None = None
+    clearance: LinkDistances | None = None
 
     @classmethod
     def of(
@@ -82,7 +82,7 @@ class MotionLimits:
             acceleration=np.full(gears.size, acceleration),
             torque=np.array(gears.torque_limit),
             centre=middle,
-            clearance=Clearance.of(robot, middle),
+            clearance=LinkDistances.of(robot, middle),
         )
 
     def used(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -9,9 +10,16 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Usual
 
 _LEAST = 0.05  # share of the torque that is always left
+
+# Windings of motors from a finger's to an arm's size warm up in 2 to 60 s, their housings in
+# minutes to an hour (makers' data sheets); a longer time is a steady drift.
+_WARMS_UP_IN = Usual(5.0, 1e5, 0.4, factor=True)  # [s]
+# Magnets lose 0.1 (rare earths) to 0.2 % (ferrite) of their torque per kelvin; windings of a motor
+# that is fed a voltage lose 0.4 %. A motor that was warm and cools down gains some of it back.
+_LOST = Usual(0.0, 0.2, 0.15)
 
 
 @final
@@ -34,7 +42,7 @@ class ThermalDrift(JointEffect):
     name: ClassVar[str] = "thermal_drift"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rate", "1/s", 0.0, -0.5, 0.5, 0.005),
-        Parameter("time_constant", "s", 60.0, 1.0, 1e5, 10.0, shape=True),
+        Parameter("time_constant", "s", 60.0, 1.0, 1e5, 10.0, shape=True, usual=_WARMS_UP_IN),
     )
     explanation: ClassVar[str] = (
         "Magnets and windings lose torque as they warm up: the same motion asks for more and "
@@ -58,6 +66,11 @@ class ThermalDrift(JointEffect):
             return Screen((unit,), lambda c: {"rate": 1e-5 * float(c[0]), "time_constant": tau})
 
         return tuple(screen(float(np.clip(s * length, 1.0, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
+
+    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
+        """Return what the time constant costs, and the torque lost at the end of the logs."""
+        lost = max((self.rate * float(np.max(self._warm(m, 0.5))) for m in motions), key=_LOST.cost)
+        return super().implausibility(robot, motions) + _LOST.cost(lost)
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return how warm the motor is, as the drift's warm seconds (1,): cold."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Usual
 
 # Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
-_SPREAD = 0.2  # standard deviation of the logarithm of the factor
+_USUAL = Usual(1.0, 1.0, 0.2, factor=True)
 
 
 @final
@@ -27,7 +27,9 @@ class TorqueConstant(JointEffect):
     factor: float
 
     name: ClassVar[str] = "torque_constant"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("factor", "1", 1.0, 0.2, 5.0, 0.1),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("factor", "1", 1.0, 0.2, 5.0, 0.1, usual=_USUAL),
+    )
     explanation: ClassVar[str] = (
         "The torque constant in the drive is wrong, or the motor saturates: every torque is "
         "off by the same factor, in both directions of power."
@@ -36,11 +38,6 @@ class TorqueConstant(JointEffect):
         "Hang a known weight on the joint and hold it still from above and from below: the "
         "mean torque is off by the factor."
     )
-
-    @property
-    def implausibility(self) -> float:
-        """Half of the squared deviation of the factor's logarithm."""
-        return float(0.5 * (np.log(self.factor) / _SPREAD) ** 2)
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return factor * torque for this gear, (..., m)."""

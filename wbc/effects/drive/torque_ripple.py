@@ -71,11 +71,23 @@ class TorqueRipple(JointEffect):
 
         return tuple(screen(order) for order in orders)
 
+    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
+        """Return log n of a wave that passed n periods: as many longer ones are told from it.
+
+        Orders are as likely on any scale (teeth, slots, either side of any gear). Motions tell two
+        waves apart that differ by a period over their range, so that the density 1 / order holds
+        one n-th for each; the one that fits best was sought among all.
+        """
+        periods = self.order * self._span(robot, motions) / (2.0 * np.pi)
+        return float(np.log(max(periods, 1.0)))
+
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the joint passed a whole period, within a twentieth."""
+        return self.order * self._span(robot, motions) > 0.95 * 2.0 * np.pi * LEAST_PERIODS
+
+    def _span(self, robot: Robot, motions: Sequence[Motion]) -> float:
         positions = [self.joint_position(robot, motion) for motion in motions]
-        span = max(float(p.max()) for p in positions) - min(float(p.min()) for p in positions)
-        return self.order * span > 0.95 * 2.0 * np.pi * LEAST_PERIODS
+        return max(float(p.max()) for p in positions) - min(float(p.min()) for p in positions)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""

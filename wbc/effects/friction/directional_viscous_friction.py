@@ -12,8 +12,6 @@ from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
 
-_SHARE = 0.1  # of the greatest speed that a direction must reach to show its own factor
-
 
 @final
 @dataclass(frozen=True)
@@ -47,8 +45,7 @@ class DirectionalViscousFriction(JointEffect):
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the joint moved in both directions: in one alone this is viscous friction."""
         speeds = np.concatenate([self.joint_velocity(robot, motion) for motion in motions])
-        fastest = float(np.max(np.abs(speeds)))
-        return bool(min(np.max(speeds), -np.min(speeds)) > _SHARE * fastest)
+        return bool(np.min(speeds) < 0.0 < np.max(speeds))
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""

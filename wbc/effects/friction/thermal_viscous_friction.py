@@ -16,7 +16,6 @@ _REFERENCE = 40.0  # [deg C], at which ISO 3448 gives the viscosity of lubricant
 # Oils and greases halve their viscosity every 12 to 45 K near 40 deg C (ASTM D341 for the
 # viscosity indices 0 to 200); a fit goes on between these.
 _RATES = (0.015, 0.03, 0.06)  # [1/K]
-_LEAST_CHANGE = 0.1  # share by which the friction must have changed to tell it from viscous
 
 
 @final
@@ -64,9 +63,9 @@ class ThermalViscousFriction(JointEffect):
         return tuple(screen(rate) for rate in _RATES)
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the friction changed by a tenth or more: else this is viscous friction."""
+        """Whether the temperature changed: at one temperature this is viscous friction."""
         warmest, coldest = _range(robot, self.where, motions)
-        return bool(-np.expm1(-self.rate * (warmest - coldest)) > _LEAST_CHANGE)
+        return warmest > coldest
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""

@@ -9,11 +9,11 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Parameter, Robot, Screen
+from wbc.robot import Evidence, Parameter, Robot, Screen, Usual
 from wbc.transmission import wedge_backward_efficiency
 
 # Gears lose from one per cent to half of the power, and some are self-locking, hardly beyond.
-_FORWARD_SPREAD, _BACKWARD_SPREAD = 0.5, 0.7
+_FORWARD, _BACKWARD = Usual(1.0, 1.0, 0.5, factor=True), Usual(1.0, 1.0, 0.7)
 _WEDGE = 0.02  # efficiencies this close to the wedge's relation are taken for it
 
 
@@ -33,8 +33,8 @@ class TransmissionEfficiency(JointEffect):
 
     name: ClassVar[str] = "transmission_efficiency"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1),
-        Parameter("backward_efficiency", "1", 1.0, -20.0, 1.0, 0.1),
+        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
+        Parameter("backward_efficiency", "1", 1.0, -20.0, 1.0, 0.1, usual=_BACKWARD),
     )
     explanation: ClassVar[str] = (
         "Sliding teeth lose a share of the power they carry; driving the joint from the motor "
@@ -96,13 +96,6 @@ class TransmissionEfficiency(JointEffect):
         """One where the wedge's relation between the two efficiencies holds, else two."""
         wedge = float(wedge_backward_efficiency(self.forward_efficiency))
         return 1 if abs(self.backward_efficiency - wedge) < _WEDGE else 2
-
-    @property
-    def implausibility(self) -> float:
-        """Half of squared deviations: forward losses are below a factor, backward below one."""
-        forward = np.log(self.forward_efficiency) / _FORWARD_SPREAD
-        backward = (1.0 - self.backward_efficiency) / _BACKWARD_SPREAD
-        return float(0.5 * (forward**2 + backward**2))
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with these efficiencies."""

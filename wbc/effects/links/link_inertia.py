@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -10,7 +11,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.effects.links.pseudo_inertia import PARAMETERS, DrawnInertia, departures, excess
-from wbc.robot import Effect, Parameter, Quantity, Robot
+from wbc.robot import Effect, Motion, Parameter, Quantity, Robot
 
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
 _ABOUT_ORIGIN = "inertia_"
@@ -67,9 +68,8 @@ class LinkInertia(Effect):
         """(10,) distance from the drawing, in units of how wrong drawings usually are."""
         return departures(tuple(self.values.values()))
 
-    @property
-    def implausibility(self) -> float:
-        """What a drawing costs that is more wrong than drawings usually are [nats]."""
+    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
+        """Return what a drawing costs that is more wrong than drawings usually are [nats]."""
         return excess(self.departures)
 
     def quantities(self, robot: Robot) -> dict[str, Quantity]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
@@ -20,7 +20,7 @@ from wbc.effects.links.pseudo_inertia import (
     excess,
 )
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import Effect, Evidence, Parameter, Quantity, Robot, Screen, small_steps
+from wbc.robot import Effect, Evidence, Motion, Parameter, Quantity, Robot, Screen, small_steps
 
 _COUNT = len(LOG_CHOLESKY)
 
@@ -115,9 +115,8 @@ class LinkInertias(Effect):
         """(10 n,) distances from the drawing, in units of how wrong drawings usually are."""
         return np.concatenate([departures(numbers) for _, numbers in self.links])
 
-    @property
-    def implausibility(self) -> float:
-        """What links cost that are more wrong than drawings usually are [nats], each its own."""
+    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
+        """Return what links cost whose drawings are worse than usual [nats], each its own."""
         return sum(excess(departures(numbers)) for _, numbers in self.links)
 
     def quantities(self, robot: Robot) -> dict[str, Quantity]:

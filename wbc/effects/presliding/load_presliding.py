@@ -16,6 +16,7 @@ from wbc.effects.presliding.presliding import TRAVELS, travel_of
 from wbc.errors import EffectError
 from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen
 
+_FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
 _SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
 
 
@@ -48,8 +49,8 @@ class LoadPresliding(JointEffect):
     claims: ClassVar[int] = 2  # losses, and that they build up
     name: ClassVar[str] = "load_presliding"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1),
-        Parameter("backward_efficiency", "1", 1.0, 0.01, 1.0, 0.1),
+        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
+        Parameter("backward_efficiency", "1", 1.0, 0.01, 1.0, 0.1, usual=_BACKWARD),
         Parameter("length", "rad", 0.0, 0.0, 10.0, 0.02, shape=True),
     )
     explanation: ClassVar[str] = (
@@ -65,11 +66,6 @@ class LoadPresliding(JointEffect):
     def freedom(self) -> int:
         """The length, and the numbers that the efficiencies are."""
         return 1 + self._efficiencies.freedom
-
-    @property
-    def implausibility(self) -> float:
-        """That of the efficiencies."""
-        return self._efficiencies.implausibility
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:

@@ -15,7 +15,9 @@ from wbc.errors import EffectError
 from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen
 
 _SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
-TRAVELS = 3.0  # lengths after which z is within exp(-3) = 5 % of its end
+# Lengths after which z is within exp(-3) = 5 % of its end. Where the joint never travels so far the
+# bristle never lets go, and acts as a spring does.
+TRAVELS = 3.0
 
 
 @final

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-import numpy as np
-
-from wbc.robot import ContactForces, Effect, Parameter, Robot
+from wbc.robot import ContactForces, Effect, Parameter, Robot, Usual
 
 # Force sensors that are mounted and wired as described are off by some per cent.
-_SPREAD = 0.1  # standard deviation of the logarithm of the gain
+_USUAL = Usual(1.0, 1.0, 0.1, factor=True)
 
 
 @final
@@ -25,7 +23,9 @@ class ForceSensorGain(Effect):
     gain: float
 
     name: ClassVar[str] = "force_sensor_gain"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gain", "1", 1.0, 0.2, 5.0, 0.05),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "1", 1.0, 0.2, 5.0, 0.05, usual=_USUAL),
+    )
     explanation: ClassVar[str] = (
         "The force sensor of a contact is calibrated wrongly: it reports the same share too much "
         "or too little of every force."
@@ -40,11 +40,6 @@ class ForceSensorGain(Effect):
     def places(cls, robot: Robot) -> tuple[str, ...]:
         """Every contact."""
         return tuple(contact.name for contact in robot.contacts)
-
-    @property
-    def implausibility(self) -> float:
-        """Half of the squared deviation of the gain's logarithm."""
-        return float(0.5 * (np.log(self.gain) / _SPREAD) ** 2)
 
     def measured_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
         """Return the forces with this contact's multiplied by the gain."""

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.arguments import require_robot_and_logs
+from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.fit import Fit, refine
 from wbc.identification.model.friction_sides import best_sides
@@ -27,14 +27,16 @@ from wbc.identification.records.noise.noise_floor import (
     noise_floor,
     with_even_noise,
 )
-from wbc.identification.records.outputs import output_count, output_names
+from wbc.identification.records.outputs import output_names
 from wbc.identification.records.preparation import REVERSAL, prepare
 from wbc.identification.records.record import Record
 from wbc.identification.records.torque_sensors import not_judged, sensed_joints
-from wbc.identification.silent_drives import reported_torque, silent_drives
+from wbc.identification.silent_drives import silent_drives
 from wbc.measurement import Log, cut_at_gaps, suspicions
 from wbc.robot import Effect, Robot
 
+# Of 171 generated logs whose answer explains them 92 % leave less than this, of 69 with a cause
+# outside the list six (one floor or less of it). The search ends there; it decides no verdict.
 ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for noise
 _LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 
@@ -74,6 +76,8 @@ class EstimationProblem:
         robot = robot.with_torque_sensors(sensed_joints(robot, logs))
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
+        for piece in pieces:
+            require_readable(robot, piece)
         prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
         warnings += unmeasured_forces(prepared, output_names(robot))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared))
@@ -96,14 +100,10 @@ class EstimationProblem:
         )
 
     @property
-    def torque_in_floors(self) -> float:
-        """Root mean square over the judged joints of the reported torque in noise floors."""
-        robot, count = self.robot, output_count(self.robot)
-        sensors = range(count - len(robot.torque_sensors), count)
-        judged = (*range(robot.transmission.size), *sensors)
-        kept = [k for k in judged if k not in self.floor.aside]
-        torque = np.concatenate([reported_torque(record) for record in self.records])[:, kept]
-        return float(np.sqrt(np.mean((torque / self.floor.values[kept]) ** 2)))
+    def judged_joints(self) -> tuple[str, ...]:
+        """The joints whose torque is compared."""
+        joints = enumerate(self.robot.transmission.joints)
+        return tuple(joint for k, joint in joints if k not in self.floor.aside)
 
     @property
     def silent(self) -> tuple[str, ...]:

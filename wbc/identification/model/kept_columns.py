@@ -9,7 +9,9 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
+from wbc.identification.model.added_torque import added_column
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
@@ -44,7 +46,7 @@ class KeptColumns:
 
     robot: Robot
     records: tuple[Record, ...]
-    _columns: dict[_Key, dict[_Values, FloatArray]] = field(default_factory=dict)
+    _columns: dict[_Key, dict[_Values, SparseColumns]] = field(default_factory=dict)
     _constant: set[_Key] = field(default_factory=set)
     _last: dict[tuple[Effect, ...], FloatArray] = field(default_factory=dict)
 
@@ -69,19 +71,20 @@ class KeptColumns:
         known = self._columns.setdefault(key, {})
         values = tuple(own.values.values())
         if key in self._constant:
-            return next(iter(known.values()))
+            return _single(next(iter(known.values())))
         column = known.pop(values, None)
         if column is None:
-            column = self._made(beside, own, parameter)
-            if column is None:
+            made = self._made(beside, own, parameter)
+            if made is None:
                 return None
+            column = SparseColumns.of(made[:, :, None])
             straight = not any(other.shape for other in own.parameters)
             if straight and any(_equal(column, other) for other in known.values()):
                 self._constant.add(key)
             while len(known) >= _MOST:
                 del known[next(iter(known))]
         known[values] = column  # the one used last stands last
-        return column
+        return _single(column)
 
     def _beside(
         self, effects: Sequence[Effect], own: Effect, parameter: Parameter
@@ -108,25 +111,24 @@ class KeptColumns:
         self, beside: tuple[Effect, ...], own: Effect, parameter: Parameter
     ) -> FloatArray | None:
         try:
-            before = self._residual((*beside, own))
+            if (*beside, own) not in self._last:
+                self._last.clear()
+                self._last[*beside, own] = self._residual(beside, own)
+            before = self._last[*beside, own]
             for way in (STEP, -STEP):
                 moved = _moved(own, parameter, (way,))
                 if moved is not own:
-                    after = condensed_residual(
-                        self.robot.with_effects(*beside, moved), self.records
-                    )
-                    return np.asarray((after - before) / way)
+                    return np.asarray((self._residual(beside, moved) - before) / way)
         except IMPOSSIBLE:
             pass
         return None
 
-    def _residual(self, effects: tuple[Effect, ...]) -> FloatArray:
-        if effects not in self._last:
-            self._last.clear()
-            self._last[effects] = condensed_residual(
-                self.robot.with_effects(*effects), self.records
-            )
-        return self._last[effects]
+    def _residual(self, beside: tuple[Effect, ...], own: Effect) -> FloatArray:
+        """Return what is left with an effect, up to what does not depend on its numbers."""
+        taken = None if beside else added_column(self.robot, own, self.records)
+        if taken is not None:
+            return -taken
+        return condensed_residual(self.robot.with_effects(*beside, own), self.records)
 
 
 def keeps_motion(robot: Robot) -> bool:
@@ -157,6 +159,12 @@ def _what_it_is(effect: Effect) -> tuple[object, ...]:
     return tuple(getattr(effect, f.name) for f in fields(effect) if f.name not in numbers)
 
 
-def _equal(one: FloatArray, other: FloatArray) -> bool:
-    size = float(np.sum(one**2))
-    return size > 0.0 and float(np.sum((one - other) ** 2)) < _SAME**2 * size
+def _single(column: SparseColumns) -> FloatArray:
+    return column.full()[:, :, 0]
+
+
+def _equal(one: SparseColumns, other: SparseColumns) -> bool:
+    if not np.array_equal(one.outputs, other.outputs):
+        return False
+    size = float(np.sum(one.values**2))
+    return size > 0.0 and float(np.sum((one.values - other.values) ** 2)) < _SAME**2 * size

@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import IdentificationError, LogError
 from wbc.identification.records.contacts.contact_flags import active_contacts
-from wbc.measurement import Log, feedback_torques, makes_torque, reports_torque, rotor_torques
-from wbc.measurement.checks.robot_check import check_robot
+from wbc.measurement import (
+    Log,
+    feedback_torques,
+    makes_torque,
+    reports_torque,
+    rotor_torques,
+)
 from wbc.robot import Robot
 
-_BEYOND = 3.0  # times the limit of a joint
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
 
 
@@ -57,17 +60,12 @@ class Channels:
 
 
 def read_channels(robot: Robot, log: Log) -> Channels:
-    """Return what `log` says about `robot`.
+    """Return what a log that `require_readable` let pass says about `robot`.
 
     Raises:
         LogError: the torque of a driven joint or the position of a joint is missing.
-        IdentificationError: a free base without forces, or too short a log.
+        IdentificationError: a free base without forces.
     """
-    if log.duration < 0.5 or len(log) < 50:
-        raise IdentificationError(
-            f"{log.source.label}: {log.duration:g} s with {len(log)} rows are too short to say "
-            "anything; record at least a few seconds of motion."
-        )
     step = log.sample_time
     count = int(np.floor(log.duration / step + 1e-6)) + 1
     grid = log.time[0] + step * np.arange(count)
@@ -81,7 +79,6 @@ def read_channels(robot: Robot, log: Log) -> Channels:
             found[:, k] = np.interp(grid, log.time, column)
         return found
 
-    _require_reachable(robot, log)
     joints = robot.transmission.joints
     velocity = _velocity(robot, log)
     forces = {
@@ -132,34 +129,8 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     return rotor_torques(told, gears), feedback_torques(told, gears), reported
 
 
-def _require_reachable(robot: Robot, log: Log) -> None:
-    """Raise where a joint stands so far beyond its limits that the unit must be another."""
-    for name in robot.single_joints:
-        row = robot.position_index(name)
-        low = float(robot.model.lowerPositionLimit[row])
-        high = float(robot.model.upperPositionLimit[row])
-        seen = log.column(f"{name}.position") if log.has(f"{name}.position") else np.zeros(1)
-        farthest = float(seen[np.argmax(np.abs(seen))])
-        if high > low and abs(farthest) > _BEYOND * max(abs(low), abs(high)):
-            raise IdentificationError(
-                f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
-                f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the log holds degrees, "
-                "say so in a column map; if the joint turns on, widen its limits in the URDF."
-            )
-
-
-def _require_positions(robot: Robot, log: Log) -> None:
-    """Raise where joints of the robot have no position, with what to do about them."""
-    joints = robot.single_joints
-    found = [] if all(log.has(f"{name}.position") for name in joints) else check_robot(log, robot)
-    for one in found:
-        if one.kind == "joints_unknown":
-            raise LogError(f"{log.source.label}: {one.text} {one.way_out}")
-
-
 def _position(robot: Robot, log: Log) -> FloatArray:
     single = [(name, robot.position_index(name)) for name in robot.single_joints]
-    _require_positions(robot, log)
     position = np.tile(robot.neutral(), (len(log), 1))
     for name, row in single:
         position[:, row] = log.column(f"{name}.position")

@@ -100,7 +100,7 @@ def _reading(log: Log) -> list[LogFinding]:
         found.append(LogFinding("warning", "missing", ", ".join(columns), text, ""))
     if log.source.ignored:
         text = f"columns that were not read: {', '.join(log.source.ignored)}."
-        way_out = "Map them if they matter (--columns MAP.toml)."
+        way_out = "If one matters, give it the name of a channel."
         found.append(LogFinding("info", "unread", "", text, way_out))
     return found
 

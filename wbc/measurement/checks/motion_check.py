@@ -66,7 +66,7 @@ def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFindi
 def _delay_finding(name: str, fit: VelocityFit, sample_time: float) -> LogFinding:
     aligned: Mend = {"time": {"align_velocity": True}}
     left_out: Mend = {"columns": {name: False}}
-    way_out = f"To take it out, {say_so(aligned)}; to use the position instead, {say_so(left_out)}"
+    way_out = f"To take it out, {say_so(aligned)}\nTo use the position instead, {say_so(left_out)}"
     if fit.filtered:
         text = f"it has gone through a low-pass with a time constant of {1e3 * fit.delay:.1f} ms."
         return LogFinding("warning", "velocity_filtered", name, text, way_out, aligned)

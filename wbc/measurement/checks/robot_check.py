@@ -9,7 +9,7 @@ from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.matching import match_joints
 from wbc.measurement.torque import REPORTED, makes_torque
-from wbc.robot import Robot
+from wbc.robot import Robot, state_gear
 
 _TORQUES = (*REPORTED, "joint_torque")
 _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
@@ -17,9 +17,9 @@ _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     """Return findings about joints without position, drives without torque, and no motion."""
-    missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
-    if missing:
-        return [_unknown(log, robot, missing)]
+    unknown = unknown_joints(log, robot)
+    if unknown is not None:
+        return [unknown]
     found = _without_torque(log, robot)
     positions = [
         log.column(f"{name}.position")
@@ -43,13 +43,18 @@ def _known(log: Log, name: str) -> bool:
     return log.has(name) or name in log.source.unusable
 
 
-def _unknown(log: Log, robot: Robot, missing: list[str]) -> LogFinding:
+def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
+    """Return what to do about joints without position, None where every joint has one."""
+    missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
+    if not missing:
+        return None
     strange = [name for name in log.with_quantity("position") if name not in robot.joints]
     seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
     mend: Mend = {}
     way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
-    way += f" Joints that never moved are held still by lock = {missing} in robot.toml."
+    way += " Joints that never moved are held still by a line at the top of robot.toml:"
+    way += f"\n    lock = {missing}"
     if len(strange) == len(missing):
         order, sure = match_joints(robot, log, missing, strange)
         mend = {
@@ -102,8 +107,8 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
                 "",
                 f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
                 "their position drives.",
-                "State kp [N m/rad] and kd [N m s/rad] of these gears in robot.toml, or duty_gain "
-                "[1/rad] of drives that set the voltage: they make the commanded torque.",
+                "State them (of drives that set the voltage: duty_gain instead of kp and kd): "
+                + "\n".join(state_gear(joint, "kp", "kd") for joint in lacking),
             )
         )
     elif lacking:
@@ -133,7 +138,7 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
                 "no_torque_constant",
                 "",
                 f"the log gives currents of {', '.join(silent)}, and the robot no torque constant.",
-                "State torque_constant [N m/A] of these gears in robot.toml.",
+                "State it: " + "\n".join(state_gear(j, "torque_constant") for j in silent),
             )
         )
     return found

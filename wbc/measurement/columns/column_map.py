@@ -103,7 +103,9 @@ def parse_column_map(
             raise LogError(f"{label}: " + unknown_name("section", key, _SECTIONS))
     columns = table.get("columns", {})
     if not isinstance(columns, Mapping):
-        raise LogError(f"{label}: columns: a table is expected, such as [columns] with entries.")
+        raise LogError(
+            f'{label}: columns: a table is expected, such as columns."hip.position" = "q1".'
+        )
     trusted = table.get("trusted", False)
     if not isinstance(trusted, bool):
         raise LogError(f"{label}: trusted: true or false expected, got {trusted!r}.")

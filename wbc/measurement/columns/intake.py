@@ -130,7 +130,7 @@ class Intake:
             f"{self._source.label}: time {fault} at row {self._seen + place} "
             f"({time[place]:.9g} s). Sort the file"
             + (
-                f"; or {say_so({'time': {'repeated': 'first'}}, 'keep the first of such rows')}"
+                f", or {say_so({'time': {'repeated': 'first'}}, 'keep the first of such rows')}"
                 if steps[bad[0]] == 0.0
                 else "."
             )

@@ -8,11 +8,14 @@ from dataclasses import replace
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.columns.column_map import ColumnMap
 from wbc.measurement.columns.column_rule import ColumnRule, identity_rule
+from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.formats.table import Table
 from wbc.measurement.schema import TIME, column_units, is_column, known_as, likely_meant
 
 _EFFORT = ".effort"
+_CLOCK: Mend = {"time": {"from": "CLOCK"}}
+_RATE: Mend = {"time": {"rate": 100}}
 
 
 def patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...], tuple[str, ...]]:
@@ -73,11 +76,19 @@ def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
         target = name.removesuffix(_EFFORT) + ".motor_torque"
         if name.endswith(_EFFORT) and len(name) > len(_EFFORT) and target not in rules:
             rules[target] = replace(identity_rule(name), target=target)
-            notes[target] = (
-                f"{name} is taken for {target}. If it is a current or the rotor's torque, say so "
-                "in a column map."
-            )
+            notes[target] = _taken(name, target)
     return rules, notes
+
+
+def _taken(name: str, target: str) -> str:
+    """Return the note on an effort, with what to say if it is something else."""
+    joint = name.removesuffix(_EFFORT)
+    torque: Mend = {"columns": {f"{joint}.rotor_torque": {"from": name}}}
+    current: Mend = {"columns": {f"{joint}.current": {"from": name}}}
+    return (
+        f"{name} is taken for {target}. If it is the rotor's torque, {say_so(torque)}\n"
+        f"If it is a current [A], {say_so(current)}"
+    )
 
 
 def _in_unit(rule: ColumnRule, unit: str) -> ColumnRule:
@@ -102,24 +113,28 @@ def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
         meant = likely_meant(name)
         if meant is None or meant in given or name in used | set(rules.left_out):
             continue
-        section = "time" if meant == TIME else f'columns."{meant}"'
+        found: Mend = {"time": {"from": name}}
+        if meant != TIME:
+            found = {"columns": {meant: {"from": name}}}
         raise LogError(
-            f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or say so in "
-            f'a column map (--columns MAP.toml):\n    {section} = {{ from = "{name}" }}'
+            f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or "
+            + say_so(found)
         )
 
 
 def _require_clock(rules: ColumnMap, table: Table) -> None:
     if rules.time.source == TIME and TIME not in table.names:
         raise LogError(
-            f"{table.path}: " + unknown_name("column", TIME, table.names) + " Name the clock in a "
-            "column map (--columns MAP.toml): in [time], from with the name of its column, or "
-            "rate in Hz for a file without one."
+            f"{table.path}: "
+            + unknown_name("column", TIME, table.names)
+            + f" Put the name of the clock's column in place of CLOCK, and {say_so(_CLOCK)}\n"
+            + f"If the file has no clock, put its rate [Hz] in place of 100, and {say_so(_RATE)}"
         )
     if not rules.rules:
         raise LogError(
-            f"{table.path}: none of its columns has a name of a log (<joint>.position, ...); map "
-            f"them with --columns MAP.toml. There are: {', '.join(table.names)}."
+            f"{table.path}: none of its columns has a name of a log (<joint>.position, ...). "
+            f"There are: {', '.join(table.names)}. Let `wbc init MODEL {table.path}` write a first "
+            "column map for the URDF, MJCF or robot MODEL."
         )
 
 

@@ -24,11 +24,12 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def say_so(mend: Mend, what: str = "say so") -> str:
-    """Return the sentence that ends a message: what to do, and the lines of the map that do it."""
-    stated = lines(mend)
-    if len(stated) == 1:
-        return f"{what} in a column map (--columns MAP.toml): {stated[0]}"
-    return f"{what} in a column map (--columns MAP.toml):\n    " + "\n    ".join(stated)
+    """Return how to do something in a column map, with the lines of the map that do it.
+
+    The lines stand below the sentence, indented, so that they can be copied into a file; what
+    follows them belongs on a new line.
+    """
+    return f"{what} in a column map (--columns MAP.toml):\n    " + "\n    ".join(lines(mend))
 
 
 def lines(mend: Mend) -> list[str]:

@@ -12,6 +12,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.errors import LogError
 from wbc.measurement.columns.column_map import ColumnMap
 from wbc.measurement.columns.intake import Intake
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.formats.table import Chunk, Table
 from wbc.measurement.gaps import GAP_STEPS
 from wbc.measurement.log import Log
@@ -54,7 +55,7 @@ def find_parts(table: Table, rules: ColumnMap, pattern: str) -> Parts:
         if pattern:
             raise LogError(
                 f"{table.path}: '#{pattern}' picks one of several logs, but nothing splits the "
-                'file; name the column in a map: [rows] split = "...".'
+                f"file. {_splitting(table, pattern)}"
             )
         if not table.rows:
             raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
@@ -85,6 +86,18 @@ def find_parts(table: Table, rules: ColumnMap, pattern: str) -> Parts:
             f"There are: {', '.join(counts) or '(none)'}."
         )
     return Parts(wanted, starts)
+
+
+def _splitting(table: Table, pattern: str) -> str:
+    """Return how to split a file: by the column that holds what a pattern names."""
+    for name in table.names:
+        try:
+            values = next(iter(table.chunks([], [name])))[name]
+        except (LogError, StopIteration):
+            continue
+        if any(fnmatchcase(str(value), pattern) for value in np.unique(values)):
+            return f"Its column '{name}' has such values; " + say_so({"rows": {"split": name}})
+    return f"Leave '#{pattern}' out: no column begins with rows that it names."
 
 
 def read_parts(

@@ -58,7 +58,7 @@ def parse_rows(table: Any, place: str) -> RowChoice:
         LogError: a key or value that does not fit.
     """
     if not isinstance(table, Mapping):
-        raise LogError(f"{place}: a table is expected, such as [rows] with split = 'log'.")
+        raise LogError(f'{place}: a table is expected, such as rows.split = "log".')
     for key in table:
         if key not in _KEYS:
             raise LogError(f"{place}: " + unknown_name("key", key, _KEYS))

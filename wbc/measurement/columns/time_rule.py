@@ -42,7 +42,7 @@ def parse_time(table: Any, place: str) -> TimeRule:
         LogError: a key, unit or number that does not fit.
     """
     if not isinstance(table, Mapping):
-        raise LogError(f"{place}: a table is expected, such as [time] with from = 't'.")
+        raise LogError(f'{place}: a table is expected, such as time.from = "t".')
     for key in table:
         if key not in _KEYS:
             raise LogError(f"{place}: " + unknown_name("key", key, _KEYS))

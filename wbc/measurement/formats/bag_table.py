@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import LogError, unknown_name
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.formats.table import Chunk, Table
 from wbc.measurement.schema import TIME
 
@@ -105,8 +106,8 @@ class BagTable(Table):
             raise LogError(f"{self.path}: no topic of type {_TYPE}.")
         if not topic and len(counts) > 1:
             raise LogError(
-                f"{self.path} has several JointState topics ({', '.join(counts)}); choose one in a "
-                'column map: [rows] topic = "...".'
+                f"{self.path} has several JointState topics ({', '.join(counts)}); "
+                + say_so({"rows": {"topic": next(iter(counts))}}, "choose one, such as the first,")
             )
         chosen = topic or next(iter(counts))
         if chosen not in counts:

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 
 from wbc.errors import LogError
 from wbc.extras import needs
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.formats.arrow_columns import batch_columns
 from wbc.measurement.formats.table import Chunk, Table
@@ -92,11 +93,11 @@ class CsvTable(Table):
         above = self._cells(head[first - 1].lstrip("".join(_COMMENT)).strip()) if first else []
         if len(above) == len(cells):
             return tuple(name.strip() for name in above)
-        listed = ", ".join(f'"column_{k}"' for k in range(2, len(cells) + 1))
+        names = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
+        named = say_so({"rows": {"header": names}}, "give their true names")
         raise LogError(
             f"'{self.path}' has no header line: its first line holds numbers. Write a line with "
-            f"the names of the {len(cells)} columns above them, or give their true names in a "
-            f'column map (--columns MAP.toml):\n    rows.header = ["time", {listed}]'
+            f"the names of the {len(cells)} columns above them, or {named}"
         )
 
     def _cells(self, line: str) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.errors import LogError
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.column_map import parse_column_map
-from wbc.measurement.columns.mend import merged
+from wbc.measurement.columns.mend import merged, say_so
 from wbc.measurement.formats.open_table import open_table
 from wbc.measurement.formats.table import Table
 from wbc.measurement.guessing.names import NameGuess, guess_name
@@ -64,8 +64,9 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
     owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == "position"))
     if not owners:
         raise LogError(
-            f"{path}: no column looks like the position of a joint; write a column map. There are: "
-            f"{', '.join(table.names)}."
+            f"{path}: no column looks like the position of a joint. There are: "
+            f"{', '.join(table.names)}. Put the name of one in place of COLUMN, and "
+            + say_so({"columns": {f"{name}.position": {"from": "COLUMN"} for name in joints[:1]}})
         )
     named, by_name = _joints_of(owners, joints)
     reasons = [
@@ -187,7 +188,8 @@ def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
     times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
     if not times:
         raise LogError(
-            f"{table.path}: no column looks like a clock; write a column map with time.rate in Hz."
+            f"{table.path}: no column looks like a clock. Put the rate [Hz] in place of 100, and "
+            + say_so({"time": {"rate": 100}})
         )
     first = times[0]
     clock: dict[str, Any] = {} if first.name == TIME else {"from": first.name}

@@ -65,8 +65,10 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
 
     Raises:
         SuspiciousLogError: a column holds something else than it says. The message says which, and
-            what a column map must say; that the columns are trusted, if they are right.
+            what a column map must say; that the columns are trusted, if they are right. Or no joint
+            moves in any of the logs.
     """
+    _require_motion(robot, logs)
     each = find_suspicions(logs, robot)
     found: dict[str, LogFinding] = {}
     where: dict[str, list[str]] = {}
@@ -88,6 +90,19 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
             [found[text] for text in certain],
         )
     return [f"{text} {found[key].way_out}" for key, text in texts.items()]
+
+
+def _require_motion(robot: Robot, logs: Sequence[Log]) -> None:
+    """Raise where no joint moves, neither within the logs nor from one to the next."""
+    names = [f"{joint}.position" for joint in robot.single_joints]
+    held = [[log.column(name) for log in logs if log.has(name)] for name in names]
+    known = [values for values in held if values]
+    if not known or any(np.ptp(np.concatenate(values)) > 0.0 for values in known):
+        return
+    text = "no joint moves in these logs: every position is constant."
+    way = "Record the robot in motion; if it moved, the position columns are not connected."
+    finding = LogFinding("error", "constant_log", "", text, way)
+    raise SuspiciousLogError(f"{logs[0].source.label}: {text} {way}", [finding])
 
 
 def require_plausible_units(log: Log) -> None:

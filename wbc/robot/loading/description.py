@@ -21,7 +21,7 @@ from wbc.robot.loading.table import check_keys, number_in, numbers_in, table_in
 from wbc.robot.robot import Robot, RobotSource
 from wbc.transmission import Transmission, wedge_backward_efficiency
 
-_GEAR_UNITS = {
+GEAR_UNITS = {
     "gear_ratio": "1",
     "rotor_inertia": "kg m^2",
     "forward_efficiency": "1",
@@ -40,6 +40,8 @@ _GEAR_UNITS = {
     "damping": "N m s/rad",
     "backlash": "rad",
 }
+"""Key of [gears.JOINT] -> unit."""
+
 _FIELDS = {"kp": "position_gain", "kd": "velocity_gain"}
 _TOP_LEVEL = (
     "name",
@@ -153,7 +155,7 @@ def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
     changed = robot.transmission
     for joint, gear in gears.items():
         place = f"{path}: gear of '{joint}'"
-        for key in table_in(gear, tuple(_GEAR_UNITS), place):
+        for key in table_in(gear, tuple(GEAR_UNITS), place):
             value = _gear_number(gear, key, place)
             changed = changed.with_value(_FIELDS.get(key, key), joint, value)
     return robot.with_transmission(changed)
@@ -173,7 +175,7 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
     only = _sensor_only(gears)
     for joint, gear in gears.items():
         place = f"{path}: gear of '{joint}'"
-        table_in(gear, (*_GEAR_UNITS, "housing", _SENSOR), place)
+        table_in(gear, (*GEAR_UNITS, "housing", _SENSOR), place)
         if not isinstance(gear.get(_SENSOR, False), bool):
             raise RobotError(f"{place}: {_SENSOR}: true or false expected, got {gear[_SENSOR]!r}.")
         for key in ("gear_ratio", "rotor_inertia"):
@@ -186,7 +188,7 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
         _FIELDS.get(key, key): [
             _gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()
         ]
-        for key in _GEAR_UNITS
+        for key in GEAR_UNITS
     }
     if topology is not None:
         arrays["topology"] = numbers_in(topology, "1", f"{path}: topology")
@@ -208,7 +210,7 @@ def _sensor_only(gears: Any) -> tuple[str, ...]:
 def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:
     """Return a gear's number in SI, or what stands for a key that is left out."""
     if key in gear:
-        return number_in(gear[key], _GEAR_UNITS[key], f"{place}: {key}")
+        return number_in(gear[key], GEAR_UNITS[key], f"{place}: {key}")
     if key == "backward_efficiency":
         return float(wedge_backward_efficiency(_gear_number(gear, "forward_efficiency", place)))
     return _LEFT_OUT.get(key, 0.0)

@@ -130,17 +130,17 @@ def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[Fl
     discretisation, and part of the residual. A rotor that hits the rigid flank of its
     play jumps within the step, for which impulse times final speed would be wrong by more than
     O(h): there the loss of mesh and flank together is what the rotor gives and the joint does not
-    get, and the mesh has no more than that of it.
+    get, and the mesh has no more than that of it. A gear that hangs in its play loses nothing.
     """
     drive, mesh, before, after = part.drive, part.mesh, part.motor, part.motor_after
     damped = 0.5 * mesh * (before.relative + after.relative)
-    flanks = drive.loose & ~np.isfinite(drive.stiffness)
+    held = np.zeros(drive.size, dtype=bool)
+    held[part.gears.engaged] = True
+    flanks = held & drive.loose & ~np.isfinite(drive.stiffness)
     stored = 0.5 * drive.inertia * (after.speed**2 - before.speed**2)
     balance = work - stored - 0.5 * mesh * (before.speed + after.speed)
     together = balance + damped
     own = np.minimum(np.maximum(balance, 0.0), np.maximum(together, 0.0))
-    held = np.zeros(drive.size, dtype=bool)
-    held[part.gears.engaged] = True
     late = 0.5 * part.step * drive.damping * after.relative * (after.relative - before.relative)
     damped += np.where(held & np.isfinite(drive.stiffness), late, 0.0)
     springs = drive.spring_energy(after.deflection) - drive.spring_energy(before.deflection)

@@ -11,7 +11,7 @@ from wbc.robot import Robot
 from wbc.sim.ground.barriers import TOUCH, Barriers
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.terrain import Terrain
-from wbc.sim.inner.part import FAILED, LANDED, first_half, second_half, whole_part
+from wbc.sim.inner.part import FAILED, LANDED, first_half, part_of_step
 from wbc.sim.inner.tables import GearTables, Obstacles, packed_plant
 from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.solve.solver import TOLERANCE
@@ -173,11 +173,7 @@ class Inner:
             if not self._direct or np.count_nonzero(forces.friction) != np.count_nonzero(dry):
                 return None
         force = forces.joint if external is None else forces.joint + external
-        closed, v = np.empty(len(kept), dtype=np.bool_), np.ascontiguousarray(state.velocity)
-        before = state.closed, kept, state.impulse, v
-        acting = forces.rotor, force, dry, step
-        arguments: tuple[Any, ...] = (*self._packed, *before, *acting, out, closed)
-        return self._ended(second_half(*arguments), out, closed)
+        return self._solved(state, out, (forces.rotor, force, dry, step, True), kept)
 
     def part(
         self,
@@ -189,14 +185,17 @@ class Inner:
     ) -> Ended | None:
         """Return the end of a part whose forces do not depend on its middle, like `from_middle`."""
         force = forces.joint if external is None else forces.joint + external
-        out, closed = np.empty(self._size), np.empty(len(kept), dtype=np.bool_)
+        acting = forces.rotor, force, self._dry, step, False
+        return self._solved(state, np.empty(self._size), acting, kept)
+
+    def _solved(
+        self, state: SimState, out: FloatArray, acting: tuple[Any, ...], kept: BoolArray
+    ) -> Ended | None:
+        closed = np.empty(len(kept), dtype=np.bool_)
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         before = state.closed, kept, state.impulse, q, v
-        acting = forces.rotor, force, self._dry, step
         arguments: tuple[Any, ...] = (*self._packed, *before, *acting, out, closed)
-        return self._ended(whole_part(*arguments), out, closed)
-
-    def _ended(self, result: int, out: FloatArray, closed: BoolArray) -> Ended | None:
+        result = part_of_step(*arguments)
         if result == FAILED:
             return None
         return Ended(out, self._ends, closed, abs(result) == LANDED, result < 0)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
+    Flag,
     Flags,
     Nothing,
     Number,
@@ -15,6 +18,7 @@ from wbc.compiled import (
     OutRow,
     Row,
     compiled,
+    group,
     several,
 )
 from wbc.sim.inner.arrival import arrive
@@ -40,6 +44,32 @@ from wbc.sim.step.momentum import part_on_joints
 from wbc.sim.tree.inertia import bias_at
 from wbc.sim.tree.tree import Tree
 
+
+class Acting(NamedTuple):
+    """What acts on a plant in one part of a step.
+
+    Attributes:
+        before: (2 j + c,) barriers closed at the start.
+        kept: (2 j + c,) barriers that may close within the part.
+        stored: row impulses of the last step in the plant's layout; empty for none.
+        v: (nv,) at the start.
+        torque: (m,) on the rotors.
+        force: (nv,) from effects and from outside.
+        dry: (m,) level of dry friction at the gears' joints.
+        step: h [s].
+    """
+
+    before: BoolArray
+    kept: BoolArray
+    stored: FloatArray
+    v: FloatArray
+    torque: FloatArray
+    force: FloatArray
+    dry: FloatArray
+    step: float
+
+
+ACTING = group(Acting, Flags, Flags, Row, Row, Row, Row, Row, Number)
 MIDDLE = several(OutRow, OutRow, OutRow)
 FAILED, SMOOTH, LANDED = range(3)
 """No solution by Newton; a part to the end; one in which a barrier was passed on the way."""
@@ -91,40 +121,20 @@ def row_places(
                 row += 1
 
 
-@compiled(
-    Count, OPENED, Flags, Flags, Row, Row, Row, Row, Row, Number, OutRow, OutFlags
-)  # fmt: skip
-def from_middle(
-    plant: Opened,
-    before: BoolArray,
-    kept: BoolArray,
-    stored: FloatArray,
-    v: FloatArray,
-    torque: FloatArray,
-    force: FloatArray,
-    dry: FloatArray,
-    step: float,
-    out: FloatArray,
-    closed: BoolArray,
-) -> int:
+@compiled(Count, OPENED, ACTING, OutRow, OutFlags)
+def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArray) -> int:
     """Write the end of a smooth part from its middle, where the memory stands.
 
     Args:
         plant: what moves, and its memory, with which `to_middle` stands at the middle.
-        before: (2 j + c,) barriers closed at the start.
-        kept: (2 j + c,) barriers that may close within the part.
-        stored: row impulses of the last step in the plant's layout; empty for none.
-        v: (nv,) at the start.
-        torque: (m,) on the rotors.
-        force: (nv,) from effects and from outside.
-        dry: (m,) level of dry friction at the gears' joints.
-        step: h [s].
+        acting: what acts on it.
         out: what `Ended` holds, one after the other: the middle to read, the rest to write.
         closed: (2 j + c,) barriers that stay closed, to write.
 
     Returns:
         FAILED, SMOOTH or LANDED; and minus SMOOTH or LANDED where some overlap is left.
     """
+    before, kept, v, step = acting.before, acting.kept, acting.v, acting.step
     tree, bases, placed, gears = plant.tree, plant.flight.bases, plant.placed, plant.gears
     obstacles, ends = plant.obstacles, plant.ends
     q_end, v_end, motor = out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]]
@@ -138,7 +148,7 @@ def from_middle(
     bias, free, lower = np.empty(n), np.empty(n), np.empty((n, n))
     bias_of(tree, plant.flight, placed, speed, bias)
     for i in range(n):
-        bias[i] = force[i] - bias[i]
+        bias[i] = acting.force[i] - bias[i]
     if not free_velocity(placed.inertia, speed, bias, step, free, lower):
         return FAILED
     # Barriers.
@@ -158,7 +168,7 @@ def from_middle(
     )  # fmt: skip
     # Gear rows.
     laws = np.empty((m, 7))
-    gear_laws(gears.numbers, gears.rows, v, torque, dry, step, laws)
+    gear_laws(gears.numbers, gears.rows, v, acting.torque, acting.dry, step, laws)
     for i in range(m):
         for c in range(n):
             matrix[i, c] = gears.rows[i, c]
@@ -166,9 +176,9 @@ def from_middle(
     places = np.empty(total, dtype=np.int64)
     row_places(m, n, size, 2 * j, d, closed, places)
     start, solved, moved = np.zeros(total), np.zeros(total), np.zeros(total)
-    if len(stored) == len(impulse):
+    if len(acting.stored) == len(impulse):
         for i in range(total):
-            start[i] = stored[places[i]]
+            start[i] = acting.stored[places[i]]
     accuracy = plant.bounds[ACCURACY]
     used = solve_rows(
         matrix, lower, laws, targets, frictions, d, free, start, accuracy, solved, moved, after
@@ -218,31 +228,10 @@ def first_half(
 
 
 @compiled(
-    Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Row, Row, Number, OutRow, OutFlags
+    Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Row, Row, Row, Number, Flag, OutRow,
+    OutFlags,
 )  # fmt: skip
-def second_half(
-    whole: IntArray,
-    numbers: FloatArray,
-    before: BoolArray,
-    kept: BoolArray,
-    stored: FloatArray,
-    v: FloatArray,
-    torque: FloatArray,
-    force: FloatArray,
-    dry: FloatArray,
-    step: float,
-    out: FloatArray,
-    closed: BoolArray,
-) -> int:
-    """Do what `from_middle` does; the plant as `packed_plant` wrote it."""
-    plant = opened(whole, numbers)
-    return from_middle(plant, before, kept, stored, v, torque, force, dry, step, out, closed)
-
-
-@compiled(
-    Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Row, Row, Row, Number, OutRow, OutFlags
-)  # fmt: skip
-def whole_part(
+def part_of_step(
     whole: IntArray,
     numbers: FloatArray,
     before: BoolArray,
@@ -254,14 +243,20 @@ def whole_part(
     force: FloatArray,
     dry: FloatArray,
     step: float,
+    begun: bool,
     out: FloatArray,
     closed: BoolArray,
 ) -> int:
-    """Do both halves, where no force depends on the middle: q (nq,) is that of the start."""
+    """Do both halves from q (nq,), or the second where `first_half` has `begun`.
+
+    The plant is as by `packed_plant`; see `Acting` and `from_middle` for the rest.
+    """
     plant = opened(whole, numbers)
     middle, speed, rate = middle_of(out, plant.ends)
-    to_middle(
-        plant.tree, plant.flight, plant.obstacles, plant.placed, q, v, 0.5 * step, before, middle,
-        speed, rate,
-    )  # fmt: skip
-    return from_middle(plant, before, kept, stored, v, torque, force, dry, step, out, closed)
+    if not begun:
+        to_middle(
+            plant.tree, plant.flight, plant.obstacles, plant.placed, q, v, 0.5 * step, before,
+            middle, speed, rate,
+        )  # fmt: skip
+    acting = Acting(before, kept, stored, v, torque, force, dry, step)
+    return from_middle(plant, acting, out, closed)

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.robot import Robot
+from wbc.transmission import Flanks
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class Drivetrain:
         stiffness: (m,) [N m/rad], infinite where rigid.
         damping: (m,) beside it.
         play: (m,) [rad] backlash.
+        springs: the gears that are compliant, each with its number.
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
         any_loose: whether any of them may.
         rubs: whether any rotor has friction.
@@ -46,6 +48,7 @@ class Drivetrain:
     stiffness: FloatArray
     damping: FloatArray
     play: FloatArray
+    springs: tuple[tuple[int, Flanks], ...]
     loose: BoolArray
     any_loose: bool
     rubs: bool
@@ -62,9 +65,7 @@ class Drivetrain:
 
     def spring_energy(self, deflection: FloatArray) -> float:
         """Return the energy stored in the compliant gears at deflections (m,) [J]."""
-        stretch = np.maximum(np.abs(deflection) - 0.5 * self.play, 0.0)
-        soft = np.isfinite(self.stiffness)
-        return float(0.5 * self.stiffness[soft] @ stretch[soft] ** 2)
+        return float(sum(flanks.energy(deflection[i]) for i, flanks in self.springs))
 
 
 def drivetrain(robot: Robot) -> Drivetrain:
@@ -91,6 +92,11 @@ def drivetrain(robot: Robot) -> Drivetrain:
         stiffness=gears.stiffness,
         damping=gears.damping,
         play=gears.backlash,
+        springs=tuple(
+            (i, gears.flanks(joint))
+            for i, joint in enumerate(gears.joints)
+            if np.isfinite(gears.stiffness[i])
+        ),
         loose=frozen(loose, np.bool_),
         any_loose=bool(loose.any()),
         rubs=bool(gears.rotor_coulomb_friction.any() or gears.rotor_viscous_friction.any()),

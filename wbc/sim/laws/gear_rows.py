@@ -11,6 +11,7 @@ from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.laws.elements import Elements, meeting_speed, modes_at
 from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.solve.solution import StepSolution
+from wbc.transmission.flanks import rate_weights
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -108,8 +109,8 @@ def _hold(
     """Put springs and play into the rows; leave out gears that hang in their play.
 
     A spring takes the mean deflection of the step (trapezoidal rule, which keeps its energy), its
-    damper the final speed. A rigid flank that is reached stops the relative motion; what it is
-    overrun by, at most one step, stays.
+    damper the final speed: `rate_weights`. A rigid flank that is reached stops the relative motion;
+    what it is overrun by, at most one step, stays.
     """
     relative, deflection, half = motor.relative, motor.deflection, 0.5 * drive.play
     middle = deflection + 0.5 * step * relative
@@ -117,11 +118,11 @@ def _hold(
     free = drive.loose & (drive.play > 0.0) & ((np.abs(middle) < half) | released)
     soft = np.isfinite(drive.stiffness)
     stiffness = np.where(soft, drive.stiffness, 1.0)
-    gain = 0.25 * step**2 * stiffness + step * drive.damping
-    stretch = deflection - side * half + 0.25 * step * relative
-    compliance = np.where(soft, 1.0 / gain, 0.0)
-    offset = np.where(soft, -step * stiffness * stretch / gain, 0.0)
     zero = drive.zero
+    before, after = rate_weights(stiffness, drive.damping, step, zero + 0.5, zero + 1.0)
+    given = step * stiffness * (deflection - side * half) + before * relative
+    compliance = np.where(soft, 1.0 / after, 0.0)
+    offset = np.where(soft, -given / after, 0.0)
     alone = meeting_speed(elements, modes_at(elements, zero, zero), zero, zero)
     engaged = np.flatnonzero(~free)
     names = Elements.__slots__

@@ -34,15 +34,18 @@ _FINEST = 1e-3
 
 
 def settle(
-    setup: Setup, state: SimState, springy: BoolArray | None = None
+    setup: Setup, state: SimState, left: float, springy: BoolArray | None = None
 ) -> tuple[SimState, Impact | None, BoolArray]:
     """Take the impact on barriers that have just been reached.
 
-    A barrier counts as reached where its gap is closed and the state does not know it to be.
+    A barrier counts as reached where its gap is closed and the state does not know it to be. After
+    the impact those stay closed that part so slowly that gravity would bring them back within what
+    is left of the step: their rows let them open, and spare them an impact and a part of their own.
 
     Args:
         setup: the plant's.
         state: where the robot is.
+        left: of the step [s].
         springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
 
     Returns:
@@ -72,7 +75,8 @@ def settle(
         back[~springy[together]] = 0.0
     impact = _collide(setup, state, hit, -back * np.minimum(approach, 0.0))
     closed = together.copy()
-    closed[together] = hit.approach(impact.after) <= TOUCH
+    slow = 0.5 * float(np.linalg.norm(space.model.gravity.linear)) * left
+    closed[together] = hit.approach(impact.after) <= max(TOUCH, slow)
     return state.replace(velocity=impact.after, closed=closed), impact, fresh
 
 

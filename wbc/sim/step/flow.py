@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -116,42 +117,41 @@ class Flow:
         return flow_energy(self.transit)
 
 
-def flow(
-    setup: Setup,
-    state: SimState,
-    command: FloatArray,
-    step: float,
-    external: FloatArray | None,
-    kept: BoolArray,
-) -> Flow:
-    """Advance by `step` [s] with the barriers that are closed at its start.
+class PartInput(NamedTuple):
+    """What one smooth part starts from.
 
-    Args:
+    Attributes:
         setup: the plant's.
         state: with known `closed`, and with the memory of its effects.
         command: (m,) rotor torque [N m].
         step: h [s].
         external: generalised force (nv,), None for none.
         kept: (2 j + c,) barriers that may close within the part, without a bounce.
+        mesh: (m,) [N m] that effects take the gears to carry, None for what they remember.
     """
-    given = setup, state, command, step, external, kept
-    found = _once(*given, None)
-    return _with_mesh(found, partial(_once, *given)) if setup.meshed else found
+
+    setup: Setup
+    state: SimState
+    command: FloatArray
+    step: float
+    external: FloatArray | None
+    kept: BoolArray
+    mesh: FloatArray | None = None
 
 
-def _once(
-    setup: Setup,
-    state: SimState,
-    command: FloatArray,
-    step: float,
-    external: FloatArray | None,
-    kept: BoolArray,
-    mesh: FloatArray | None,
-) -> Flow:
-    """Return the part for a torque (m,) that effects take gears to carry."""
-    given = state, command, step, external, kept, mesh
-    found = None if setup.inner is None else _compiled(setup, setup.inner, *given)
-    return _plain(setup, *given) if found is None else found
+def flow(given: PartInput) -> Flow:
+    """Advance by `given.step` with the barriers that are closed at its start."""
+    found = _once(given)
+    if given.setup.meshed:
+        return _with_mesh(found, lambda mesh: _once(given._replace(mesh=mesh)))
+    return found
+
+
+def _once(given: PartInput) -> Flow:
+    """Return the part for what effects take the gears to carry."""
+    inner = given.setup.inner
+    found = None if inner is None else _compiled(given, inner)
+    return _plain(given) if found is None else found
 
 
 def _with_mesh(first: Flow, solve: Callable[[FloatArray], Flow]) -> Flow:
@@ -176,17 +176,9 @@ def _with_mesh(first: Flow, solve: Callable[[FloatArray], Flow]) -> Flow:
     return found
 
 
-def _compiled(
-    setup: Setup,
-    inner: Inner,
-    state: SimState,
-    command: FloatArray,
-    step: float,
-    external: FloatArray | None,
-    kept: BoolArray,
-    mesh: FloatArray | None = None,
-) -> Flow | None:
+def _compiled(given: PartInput, inner: Inner) -> Flow | None:
     """Return the part as the compiled loops find it; None where they do not."""
+    setup, state, command, step, external, kept, mesh = given
     if setup.robot.effects:
         half = inner.to_middle(state, 0.5 * step)
         at = *inner.middle(half), state.time + 0.5 * step
@@ -208,27 +200,20 @@ def _compiled(
         found.motor_speed,
         forces.memory,
     )
-    details = partial(_rebuilt, setup, state, forces, external, kept, step, found)
+    details = partial(_rebuilt, given, forces, found)
     return Flow(following, found.landed, found, forces, step, details)
 
 
-def _rebuilt(
-    setup: Setup,
-    state: SimState,
-    forces: EffectForces,
-    external: FloatArray | None,
-    kept: BoolArray,
-    step: float,
-    found: Ended,
-) -> Transit:
+def _rebuilt(given: PartInput, forces: EffectForces, found: Ended) -> Transit:
     """Return how the gears passed a part that compiled loops solved.
 
     Its program is put together anew, without them: what the solution misses of its laws, and the
     energy of the part, are then checks of the loops.
     """
+    setup, state, step, external = given.setup, given.state, given.step, given.external
     position, velocity, rate = found.middle
     middle = standing_at(setup.bases, setup.space, position, velocity)
-    problem = problem_of(setup, state, middle, rate, forces, external, kept, step, None)
+    problem = problem_of(setup, state, middle, rate, forces, external, given.kept, step, None)
     gears, places, program = program_of(problem, np.zeros(setup.drive.size, dtype=bool), None, None)
     reduced, impulse = reduce_program(program), found.impulse[places]
     solution = StepSolution(
@@ -251,16 +236,9 @@ def _rebuilt(
     )
 
 
-def _plain(
-    setup: Setup,
-    state: SimState,
-    command: FloatArray,
-    step: float,
-    external: FloatArray | None,
-    kept: BoolArray,
-    mesh: FloatArray | None = None,
-) -> Flow:
+def _plain(given: PartInput) -> Flow:
     """Return the part by arrays and every solver: loose gears, coupled rotors, any ground."""
+    setup, state, command, step, external, kept, mesh = given
     space, half = setup.space, 0.5 * step
     rate = _rate_at_start(setup, state)
     middle = to_middle(setup.bases, space, state.position, state.velocity, half)

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, evaluate
+from wbc.identification.arguments import require_readable
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
@@ -60,6 +61,7 @@ def model_ghost(
         IdentificationError: a log that cannot be compared with the model.
         LogError: a channel is missing.
     """
+    require_readable(model, log)
     record = prepare(model, [log])[0]
     residual = condensed_residual(model, [record])
     level = _quiet_level(residual) if floor is None else np.asarray(floor)

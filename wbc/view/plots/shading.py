@@ -19,22 +19,6 @@ DIRECTION_LABELS = {
 }
 
 
-def shade_directions(axes: Axes, time: FloatArray, directions: FloatArray) -> None:
-    """Colour the background by the direction of the mesh power, run by run."""
-    for mode in Direction:
-        axes.fill_between(
-            time,
-            0.0,
-            1.0,
-            where=directions == mode,
-            transform=axes.get_xaxis_transform(),
-            color=DIRECTION_COLOURS[mode],
-            alpha=0.13,
-            linewidth=0.0,
-            step="mid",
-        )
-
-
 def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
     """Fill the area between a power and zero in the colour of its direction."""
     for mode in Direction:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.robot import Robot, model_geometry, model_path
+from wbc.robot import Robot, placed_geometry
 from wbc.view.palette import rgb
 from wbc.view.scene.geometry import along, capsule, meshcat_geometry
 
@@ -40,38 +40,14 @@ class LinkShape:
 
 
 def robot_shapes(robot: Robot) -> tuple[LinkShape, ...]:
-    """Return the visuals of the robot's model file, or capsules between its joints without any.
-
-    The links are found by their frame's name, so that a robot with a free-flyer or with welded
-    joints finds them too.
-    """
-    shapes = _visuals(robot)
-    return shapes if any(shape.joint > 0 for shape in shapes) else stick_shapes(robot)
-
-
-def _visuals(robot: Robot) -> tuple[LinkShape, ...]:
-    path = model_path(robot)
-    if path is None:
-        return ()
-    try:
-        whole, geometries = model_geometry(path, pin.GeometryType.VISUAL)
-    except (ValueError, RuntimeError):
-        # The links moved this far, so the file is sound: only its meshes are not installed.
-        return ()
+    """Return the visuals of the robot's model file, or capsules between its joints without any."""
     shapes = []
-    for item in geometries.geometryObjects:
+    for item, _, joint, placement in placed_geometry(robot, pin.GeometryType.VISUAL):
         geometry = meshcat_geometry(item.geometry)
-        frame = whole.frames[item.parentFrame]
-        if geometry is None or not robot.model.existFrame(frame.name):
-            continue
-        here = robot.model.frames[robot.model.getFrameId(frame.name)]
-        placement = here.placement * frame.placement.inverse() * item.placement
-        colour = _colour(item, here.parentJoint)
-        low, high = _box(item.geometry, placement)
-        shapes.append(
-            LinkShape(item.name, here.parentJoint, placement, geometry, colour, low, high)
-        )
-    return tuple(shapes)
+        if geometry is not None:
+            colour, box = _colour(item, joint), _box(item.geometry, placement)
+            shapes.append(LinkShape(item.name, joint, placement, geometry, colour, *box))
+    return tuple(shapes) if any(shape.joint > 0 for shape in shapes) else stick_shapes(robot)
 
 
 def _colour(item: pin.GeometryObject, joint: int) -> tuple[float, float, float]:

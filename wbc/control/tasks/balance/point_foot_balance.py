@@ -77,20 +77,19 @@ class PointFootBalanceTask(Task):
 
     def command(self, kinematics: Kinematics, reference: Reference, rate: FloatArray) -> FloatArray:
         """Return xdd, (1,) [m/s^2]: state feedback on (x, xd, k, theta)."""
-        contact, frame = kinematics.frame_id(self.contact), kinematics.frame_id(self.frame)
         target: Target = reference.position
         wanted = balancing(
-            kinematics.frame_jacobian(contact),
-            kinematics.center_of_mass_jacobian(),
+            *kinematics.fixed_frame(self.contact),
+            *kinematics.fixed_frame(self.frame),
+            kinematics.joint_places,
+            kinematics.joint_jacobian,
             kinematics.momentum_matrix(),
-            kinematics.frame_jacobian(frame),
-            kinematics.placement(contact).translation,
             kinematics.center_of_mass(),
             kinematics.velocity,
             kinematics.mass,
             kinematics.gravity,
             self.bandwidth or 0.0,
-            float(target) - self.value(kinematics),
+            float(target),
         )
         if reference.acceleration is not None:
             wanted += float(reference.acceleration[0])

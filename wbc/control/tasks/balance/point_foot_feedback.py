@@ -2,63 +2,138 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import atan2, sqrt
 
 import numpy as np
 from numba import types
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Matrix, Number, Vector, compiled
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Matrix,
+    Nothing,
+    Number,
+    OutDense,
+    Places,
+    Row,
+    Vector,
+    compiled,
+)
 from wbc.control.solvers.positive_definite import factorise, substitute
 
+_FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
 
-@compiled(types.UniTuple(Number, 2), *[Matrix] * 4)
-def pitch_rate(
-    foot: FloatArray, com: FloatArray, momentum: FloatArray, frame: FloatArray
-) -> tuple[float, float]:
+
+@compiled(types.UniTuple(Number, 3), Dense, Count, Row)
+def placed(joints: FloatArray, joint: int, offset: FloatArray) -> tuple[float, float, float]:
+    """Return the origin [m] of a frame in the world.
+
+    Args:
+        joints: placements (j, 12), rotation column by column before the translation.
+        joint, offset: where the frame is fixed, and how (12,).
+    """
+    x, y, z = offset[9], offset[10], offset[11]
+    return (
+        joints[joint, 9] + joints[joint, 0] * x + joints[joint, 3] * y + joints[joint, 6] * z,
+        joints[joint, 10] + joints[joint, 1] * x + joints[joint, 4] * y + joints[joint, 7] * z,
+        joints[joint, 11] + joints[joint, 2] * x + joints[joint, 5] * y + joints[joint, 8] * z,
+    )
+
+
+@compiled(Number, Dense, Count, Row)
+def pitch_of(joints: FloatArray, joint: int, offset: FloatArray) -> float:
+    """Return the rotation [rad] about +y of a frame; arguments as for `placed`."""
+    x, y, z = offset[6], offset[7], offset[8]
+    return atan2(
+        joints[joint, 0] * x + joints[joint, 3] * y + joints[joint, 6] * z,
+        joints[joint, 2] * x + joints[joint, 5] * y + joints[joint, 8] * z,
+    )
+
+
+@compiled(Nothing, Places, Places, Matrix, Matrix, *[Number] * 3, OutDense)
+def place_rows(
+    foot_moves: IntArray,
+    frame_moves: IntArray,
+    jacobian: FloatArray,
+    momentum: FloatArray,
+    foot_x: float,
+    foot_z: float,
+    mass: float,
+    rows: FloatArray,
+) -> None:
+    """Write what the feedback reads of each unit of v (6, nv).
+
+    The rows are x and z of the foot, x and z of the centre of mass, the angular momentum about +y,
+    and the pitch of the frame.
+
+    Args:
+        foot_moves, frame_moves: columns of J that move foot and frame.
+        jacobian: J (6, nv) of all joints, of world axes at the world's origin.
+        momentum: centroidal momentum matrix (6, nv).
+        foot_x, foot_z: where the foot is [m].
+        mass: [kg].
+        rows: result.
+    """
+    for j in range(rows.shape[1]):
+        rows[_FOOT_X, j], rows[_FOOT_Z, j], rows[_PITCH, j] = 0.0, 0.0, 0.0
+        rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
+        rows[_SPIN, j] = momentum[4, j]
+    for i in range(len(foot_moves)):
+        j = foot_moves[i]
+        rows[_FOOT_X, j] = jacobian[0, j] + jacobian[4, j] * foot_z
+        rows[_FOOT_Z, j] = jacobian[2, j] - jacobian[4, j] * foot_x
+    for i in range(len(frame_moves)):
+        rows[_PITCH, frame_moves[i]] = jacobian[4, frame_moves[i]]
+
+
+@compiled(types.UniTuple(Number, 2), Dense)
+def pitch_rate(rows: FloatArray) -> tuple[float, float]:
     """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot.
 
     Both are NaN where the foot cannot rest.
 
     Args:
-        foot, frame: Jacobians (6, nv) of the foot, whose x and z rest, and of the frame.
-        com: Jacobian (3, nv) of the centre of mass, of which x and z count.
-        momentum: centroidal momentum matrix (6, nv), of which the pitch row counts.
+        rows: as `place_rows` writes them (6, nv).
     """
-    nv = foot.shape[1]
-    rows, normal, weights = np.empty((5, nv)), np.empty((5, 5)), np.empty(5)
-    for j in range(nv):
-        rows[0, j], rows[1, j] = foot[0, j], foot[2, j]
-        rows[2, j], rows[3, j] = com[0, j], com[2, j]
-        rows[4, j] = momentum[4, j]
+    normal, weights = np.empty((5, 5)), np.empty(5)
     for i in range(5):
         weights[i] = 0.0
-        for j in range(nv):
-            weights[i] += rows[i, j] * frame[4, j]
+        for j in range(rows.shape[1]):
+            weights[i] += rows[i, j] * rows[_PITCH, j]
         for k in range(i + 1):
             normal[i, k] = 0.0
-            for j in range(nv):
+            for j in range(rows.shape[1]):
                 normal[i, k] += rows[i, j] * rows[k, j]
         normal[i, i] += 1e-12
     if not factorise(normal, 5):
         return np.nan, np.nan
     substitute(normal, 5, weights)
-    return weights[2], weights[4]
+    return weights[_COM_X], weights[_SPIN]
 
 
-@compiled(Number, *[Matrix] * 4, *[Vector] * 3, *[Number] * 4)
+@compiled(
+    Number,
+    *(Count, Row, Places, Count, Row, Places),
+    *(Dense, Matrix, Matrix, Vector, Vector),
+    *[Number] * 4,
+)
 def balancing(
-    foot: FloatArray,
-    com: FloatArray,
+    foot: int,
+    foot_offset: FloatArray,
+    foot_moves: IntArray,
+    frame: int,
+    frame_offset: FloatArray,
+    frame_moves: IntArray,
+    joints: FloatArray,
+    jacobian: FloatArray,
     momentum: FloatArray,
-    frame: FloatArray,
-    foot_place: FloatArray,
-    com_place: FloatArray,
+    com: FloatArray,
     velocity: FloatArray,
     mass: float,
     gravity: float,
     bandwidth: float,
-    pitch: float,
+    target: float,
 ) -> float:
     """Return xdd [m/s^2], the feedback on (x, xd, k, theta) with all poles at -p.
 
@@ -67,24 +142,32 @@ def balancing(
         s^4 + (k2 - Z k3) s^3 + (k1 + (a - c Z) k4) s^2 + G k3 s + c G k4 = (s + p)^4.
 
     Args:
-        foot, com, momentum, frame: as for `pitch_rate`.
-        foot_place, com_place: of foot and centre of mass (3,) [m].
+        foot, foot_offset, foot_moves: where the foot is fixed, a `FixedFrame`.
+        frame, frame_offset, frame_moves: the same of the frame whose pitch is kept.
+        joints: placements (j, 12) of all joints.
+        jacobian, momentum: J and centroidal momentum matrix (6, nv), as for `place_rows`.
+        com: the centre of mass (3,) [m].
         velocity: v (nv,).
         mass, gravity: m [kg] and g [m/s^2].
         bandwidth: p [1/s], or 0 for that of the pendulum's fall, sqrt(g/z).
-        pitch: theta that is missing [rad].
+        target: theta wanted [rad].
     """
-    from_speed, from_momentum = pitch_rate(foot, com, momentum, frame)
-    place, height = com_place[0] - foot_place[0], com_place[2] - foot_place[2]
+    nv = len(velocity)
+    x, _, z = placed(joints, foot, foot_offset)
+    rows = np.empty((6, nv))
+    place_rows(foot_moves, frame_moves, jacobian, momentum, x, z, mass, rows)
+    from_speed, from_momentum = pitch_rate(rows)
+    place, height = com[0] - x, com[2] - z
     speed, spin = 0.0, 0.0
-    for j in range(len(velocity)):
-        speed += com[0, j] * velocity[j]
-        spin += momentum[4, j] * velocity[j]
+    for j in range(nv):
+        speed += rows[_COM_X, j] * velocity[j]
+        spin += rows[_SPIN, j] * velocity[j]
     pole = bandwidth if bandwidth > 0.0 else sqrt(gravity / abs(height))
     square = pole * pole
     on_pitch = square * square / (from_momentum * mass * gravity)
     on_spin = 4.0 * square * pole / (mass * gravity)
     on_speed = 4.0 * pole + mass * height * on_spin
     on_place = 6.0 * square - (from_speed - from_momentum * mass * height) * on_pitch
+    pitch = target - pitch_of(joints, frame, frame_offset)
     wanted: float = on_pitch * pitch - on_place * place - on_speed * speed - on_spin * spin
     return wanted

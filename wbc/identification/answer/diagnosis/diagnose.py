@@ -162,13 +162,15 @@ def _believed(
         known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
         odds = odds_of(trials, known, final)
         level = attainable(problem, trials.fit(final))
-        more = unexplained(problem, first.error, final, level.excess)
+        more = unexplained(first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
         kept = [e for e in final.effects if support[e.key].group_probability >= BELIEVED]
         fewer = trials.of(kept) if len(kept) < len(final.effects) else None
         if fewer is None:
-            # Where something was found and nothing of it is believed, something else is there.
-            return final, odds, level, support, more or bool(found.final.effects and not kept)
+            # Where something was found and nothing of it is believed, something else is there,
+            # unless the logs hardly speak against the robot as given.
+            missing = not kept and 1.0 - odds_of(trials).nothing >= BELIEVED
+            return final, odds, level, support, more or missing
         doubted |= set(final.keys) - set(fewer.keys)
         final = fewer
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.choice.weighing.certainty import WHITE
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.records.outputs import output_gear, output_row
@@ -46,13 +45,13 @@ class Attainable:
     def excess(self) -> FloatArray:
         """(outputs,) mean squares above the floor that are left unexplained.
 
-        Where what is left forgets itself as fast as noise, it is noise but for the share that
-        the regression explains, or that so few samples could hide from its many numbers: then
-        the floor of the sensors was too low. Otherwise all of it is unexplained.
+        What forgets itself as fast as noise is noise but for the share that the regression
+        explains, or that so few samples could hide from its many numbers: then the floor of the
+        sensors was too low. The rest of it is unexplained.
         """
         nats = 0.5 * self.samples * np.log(self.left / np.maximum(self.attainable, 1e-300))
         hidden = 1.0 - np.exp(-2.0 * (nats + 0.5 * self.numbers) / self.samples)
-        share = np.where(self.whiteness > WHITE, hidden, 1.0)
+        share = 1.0 - self.whiteness * (1.0 - hidden)
         return np.asarray(share * np.maximum(self.left - 1.0, 0.0))
 
 
@@ -65,7 +64,7 @@ def attainable(problem: EstimationProblem, fit: Fit) -> Attainable:
     """
     left = np.mean(fit.residual**2, axis=0)
     samples = problem.independent_samples(fit.residual)
-    whiteness = samples / problem.white_samples
+    whiteness = np.minimum(samples / problem.white_samples, 1.0)
     count = len(fit.residual)
     if problem.floor.repeats:
         # The floor is known: whatever is above it is no noise.

@@ -12,9 +12,11 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
+from wbc.identification.model.added_torque import ADDS, added_torque, condensed
 from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
-from wbc.identification.model.kept_columns import lossy_gears
-from wbc.identification.model.residual import raw_residual, swinging_torque
+from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
+from wbc.identification.model.residual import noise_sizes, raw_residual, swinging_torque
+from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
@@ -22,12 +24,10 @@ from wbc.robot import Effect, Evidence, Robot, Screen
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
 _BATCH = 64  # offers filtered together; more only costs memory
 
-_ADDS: frozenset[str] = frozenset({"joint_torque", "joint_friction", "rotor_torque"})
-
 _Offer = tuple[type[Effect], str, Screen]
 _Units = tuple[tuple[tuple[str, float], ...], ...]
 ShelfKey = tuple[type[Effect], str, _Units, tuple[tuple[str, str], ...]]
-Shelf = MutableMapping[ShelfKey, FloatArray]
+Shelf = MutableMapping[ShelfKey, SparseColumns]
 """Columns (rows, outputs, r) by effect, place, units and options."""
 
 
@@ -46,8 +46,13 @@ class Regressor:
     effect: type[Effect]
     where: str
     screen: Screen
-    columns: FloatArray
+    columns: SparseColumns
     usual: FloatArray
+
+    @property
+    def size(self) -> int:
+        """r, the number of columns."""
+        return int(self.columns.values.shape[2])
 
     @property
     def key(self) -> tuple[str, str]:
@@ -121,24 +126,24 @@ def make_regressors(
         parts = [_columns(robot, record, new) for record in records]
     for offer, *columns in zip(new, *parts, strict=True):
         target = common if common is not None and offer[0] in alone else own
-        target[shelf_key(*offer)] = np.concatenate(columns)
+        target[shelf_key(*offer)] = SparseColumns.stacked(columns)
     regressors = []
     for effect, where, screen in offers:
         stacked = shelf.get(shelf_key(effect, where, screen))
-        if stacked is None or not np.isfinite(stacked).all():
+        if stacked is None or not np.isfinite(stacked.values).all():
             continue
-        size = np.sqrt(np.mean(stacked**2, axis=(0, 1)))
+        size = stacked.sizes
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
             kept = _only(screen, used)
             usual = _usual(robot, effect, where, kept)
-            regressors.append(Regressor(effect, where, kept, stacked[:, :, used], usual))
+            regressors.append(Regressor(effect, where, kept, stacked.only(used), usual))
     return regressors
 
 
 def adds(robot: Robot, effect: type[Effect]) -> bool:
     """Whether an effect only adds torque to what a robot with perfect gears and drives needs."""
-    if effect.acts_by <= _ADDS:
+    if effect.acts_by <= ADDS:
         return True
     places = effect.places(robot)
     return bool(places) and only_inertial(robot, effect.at(places[0]))
@@ -146,7 +151,7 @@ def adds(robot: Robot, effect: type[Effect]) -> bool:
 
 def alone_on(robot: Robot, given: Robot) -> bool:
     """Whether what `adds` to a robot is what it adds to the robot as given."""
-    sums = all(effect.acts_by <= _ADDS | {"change"} for effect in robot.effects)
+    sums = all(effect.acts_by <= ADDS | {"change"} for effect in robot.effects)
     return sums and not lossy_gears(robot).any() and robot.model is given.model
 
 
@@ -217,13 +222,14 @@ def _changed(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> 
 
 def _columns(
     robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
-) -> list[FloatArray]:
+) -> list[SparseColumns]:
     """Return (rows, outputs, r) what the units of every offer change, filtered all at once."""
     swinging = swinging_torque(robot, record)
     base = raw_residual(robot, record, swinging)
-    result: dict[int, FloatArray] = {}
+    result: dict[int, SparseColumns] = {}
     if swinging is None:
         result |= _inertial_columns(robot, record, offers)
+        result |= _added_columns(robot, record, offers)
     slow = [k for k in range(len(offers)) if k not in result]
     for first in range(0, len(slow), _BATCH):
         changes, sizes = [], []
@@ -236,13 +242,36 @@ def _columns(
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
         parts = np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
-        result |= dict(zip(batch, parts, strict=True))
+        result |= {k: SparseColumns.of(part) for k, part in zip(batch, parts, strict=True)}
     return [result[k] for k in range(len(offers))]
+
+
+def _added_columns(
+    robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
+) -> dict[int, SparseColumns]:
+    """Return the columns (rows, outputs, r) of the offers that only add torque.
+
+    The rest of the robot is not computed again for each of them.
+    """
+    if not keeps_motion(robot):
+        return {}
+    lossy, sizes = np.flatnonzero(lossy_gears(robot)), noise_sizes(robot, [record])[:1]
+    result = {}
+    for k, (effect, where, screen) in enumerate(offers):
+        if not effect.acts_by <= ADDS:
+            continue
+        units = [_made(effect, where, screen, values) for values in screen.units]
+        taken = [added_torque(robot, unit, record) for unit in units]
+        felt = [t for t in taken if t is not None and not t[:, lossy].any()]
+        if len(felt) == len(units):
+            columns = np.stack([condensed(record, t) / sizes for t in felt], axis=-1)
+            result[k] = SparseColumns.of(columns)
+    return result
 
 
 def _inertial_columns(
     robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
-) -> dict[int, FloatArray]:
+) -> dict[int, SparseColumns]:
     """Return the columns (rows, outputs, r) of the offers that only change the links' inertias.
 
     All of them are sums of the columns of the links' parameters.
@@ -262,7 +291,7 @@ def _inertial_columns(
         robots = _changed(robot, *offer) or []
         changes = [inertial_parameters(changed) - before for changed in robots]
         # A column is what the unit takes away from the residual.
-        result[k] = -unit @ np.stack(changes, axis=-1)
+        result[k] = SparseColumns.of(-unit @ np.stack(changes, axis=-1))
     return result
 
 

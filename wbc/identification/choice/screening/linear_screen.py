@@ -57,9 +57,9 @@ class BeamSearch:
         self.robot = fit.robot
         self.regressors = list(regressors)
         self.width = width
-        ends = np.cumsum([regressor.columns.shape[-1] for regressor in self.regressors])
+        ends = np.cumsum([regressor.size for regressor in self.regressors])
         self._slices = [
-            list(range(end - regressor.columns.shape[-1], end))
+            list(range(end - regressor.size, end))
             for regressor, end in zip(self.regressors, ends, strict=True)
         ]
         first = int(ends[-1]) if self.regressors else 0
@@ -86,9 +86,10 @@ class BeamSearch:
             rows = folds == fold
             columns = -fit.jacobian[rows]
             if self.regressors:
-                raw = np.concatenate(
-                    [regressor.columns[rows] for regressor in self.regressors], axis=-1
-                )
+                raw = np.zeros((int(rows.sum()), len(whitening), sum(map(len, self._slices))))
+                for regressor, places in zip(self.regressors, self._slices, strict=True):
+                    own = regressor.columns
+                    raw[:, own.outputs[:, None], places] = own.values[rows]
                 columns = np.concatenate([whitening.T @ raw, columns], axis=-1)
             yield columns, fit.residual[rows]
 
@@ -191,7 +192,7 @@ class BeamSearch:
             regressor = self.regressors[k]
             if regressor.where not in joints or not np.isfinite(self.error((k,))):
                 continue
-            places = best.setdefault((regressor.effect.name, regressor.columns.shape[-1]), {})
+            places = best.setdefault((regressor.effect.name, regressor.size), {})
             known = places.get(regressor.where)
             if known is None or self.error((k,)) < self.error((known,)):
                 places[regressor.where] = k

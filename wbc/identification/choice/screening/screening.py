@@ -130,7 +130,8 @@ def screen_instead(
 
 def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:
     """Whether an output that is judged feels a cause; those of drives set aside do not count."""
-    return bool(np.any(regressor.columns[:, problem.whitening.any(axis=1)]))
+    judged = np.flatnonzero(problem.whitening.any(axis=1))
+    return bool(np.isin(regressor.columns.outputs, judged).any())
 
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:

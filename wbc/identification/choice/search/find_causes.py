@@ -10,12 +10,12 @@ from wbc.identification.choice.search import moves
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search, best_of
 from wbc.identification.choice.search.yielding_search import YieldingSearch
+from wbc.identification.choice.weighing.evidence import DISTORTED
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.robot import Effect
 
-_FILTERED = 0.01  # share of the first error that filters and derivatives distort
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
@@ -85,7 +85,7 @@ def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) 
     """
     trials = everything.proposer.trials
     first, yielding = trials.nothing, YieldingSearch(everything)
-    fine = ONLY_NOISE + _FILTERED**2 * first.error
+    fine = ONLY_NOISE + DISTORTED**2 * first.error
 
     def explained(h: Hypothesis) -> bool:
         # Repeats show a floor that a link which bounces is not simulated down to.

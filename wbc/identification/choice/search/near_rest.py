@@ -9,6 +9,7 @@ from math import inf
 from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search
+from wbc.identification.choice.weighing.certainty import UNEXPLAINED_SHARE
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.identification.records.preparation import REVERSAL
@@ -39,7 +40,7 @@ def look_closer(
         report: called with a line of text as the work proceeds.
     """
     slow = tuple(c for c in classes if c.near_rest)
-    explained = found.final.error < ONLY_NOISE + (0.05**2) * found.trials.nothing.error
+    explained = found.final.error < ONLY_NOISE + UNEXPLAINED_SHARE**2 * found.trials.nothing.error
     # Where a link that is simulated strikes or swings through, it is simulated worst.
     if not slow or not explained or found.final.swings or found.stopped:
         return found

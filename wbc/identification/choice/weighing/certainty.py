@@ -11,20 +11,27 @@ from wbc.identification.choice.weighing.drop_screen import gains
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key, without
 from wbc.identification.choice.weighing.odds import Odds
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.estimation_problem import EstimationProblem
 
 # Logistic regression on 318 causes found in the generated corpus, 250 of them true; see
 # docs/measurements/data/corpus.md. Of those with a probability of 0.95 or more 95 % were true.
 # Fits to other selections of the cases give 0.58 to 0.9 for the slope of the remainder.
 _LEVEL, _REMAINDER, _COVERAGE, _EXPLAINED = -0.44, 0.8, 1.59, 2.02
+
+# Share of the causes outside the list that sit in every joint alike, as most losses of gears do: as
+# one, they look like one effect at several joints. On the six-axis arm of
+# `benchmarks.unexplained_costs` with its memory outside the list, rotor inertias that stand in for
+# it at five joints had 0.996; they have 0.93 with this share, the true frictions 0.98.
+_EVERYWHERE = 0.1
+
+# Of 242 generated logs, 173 with all causes in the list and 69 with one outside: as they are, these
+# numbers say of 2 of the first that something is unexplained and do not say it of 11 of the second
+# (in nine of these it makes less than 3 floors). The floor halved: 13 and 9, doubled: 2 and
+# 19. The share halved: 2 and 9, doubled: 2 and 17. That of simulated links changes none.
 _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as unexplained
 # In list and fitted well leaves 2 % mostly and 4.4 % at most (play 9 %), outside 6 to 28 %:
 # measured on 84 generated logs.
 _UNEXPLAINED_SHARE_SIMULATED = 0.1
-_UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
-_UNEXPLAINED_TORQUE = 0.3  # ... and as a share of the torque itself
-WHITE = 0.5
-"""Share of the independent samples of white noise from which on what is left is noise."""
+UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
 
 BELIEVED = 2.0 / 3.0
 """A cause in the answer is at least twice as probable as not."""
@@ -40,7 +47,7 @@ class Support:
         group: the same of the hypotheses that hold it or what could stand in its place.
         remainder: what is left above the floor over what the cause explains (rms), at the outputs
             that it explains.
-        coverage: (k - 1) k / n where the same effect was found at k of n joints.
+        coverage: (k - 1) k / n where the same effect was found at k of n joints that are judged.
         explained: whether too little is left altogether to ask for one cause more.
         expected: log prior odds of the effect on real machines [nats] (`Effect.expected`).
         implausible: what its numbers cost that no machine is likely to have [nats].
@@ -60,7 +67,7 @@ class Support:
 
         What is outside the list can be approached by what is in it, and then leaves a remainder
         at the same outputs, or asks for numbers that no machine has. One cause outside the list
-        does not imitate one effect at several joints.
+        does not imitate one effect at several joints, unless it is in every joint itself.
         """
         return self.odds * self._no_stand_in
 
@@ -71,7 +78,9 @@ class Support:
 
     @property
     def _no_stand_in(self) -> float:
-        score = _LEVEL + self.expected + _COVERAGE * self.coverage + _EXPLAINED * self.explained
+        single = np.exp(-_COVERAGE * self.coverage)
+        score = _LEVEL + self.expected + _EXPLAINED * self.explained
+        score -= np.log(_EVERYWHERE + (1.0 - _EVERYWHERE) * single)
         score -= _REMAINDER * np.log(max(self.remainder, _NONE)) + self.implausible
         return float(1.0 / (1.0 + np.exp(-score)))
 
@@ -90,7 +99,7 @@ def support_of(
     """
     names = [effect.name for effect in final.effects]
     first = np.maximum(trials.nothing.outputs, 1e-300)
-    joints = trials.problem.robot.transmission.size
+    joints = len(trials.problem.judged_joints)
     result = {}
     each = zip(final.effects, odds.rivals(final), final.implausible, strict=True)
     for effect, rivals, implausible in each:
@@ -110,30 +119,26 @@ def support_of(
     return result
 
 
-def unexplained(
-    problem: EstimationProblem, before: float, final: Hypothesis, excess: FloatArray
-) -> bool:
+def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:
     """Whether so much is left that a cause must lie outside the candidates.
 
     Args:
-        problem: the logs.
         before: mean square of the robot as given, in floors.
         final: what was found.
         excess: (outputs,) mean squares above the floor that it leaves.
     """
     left = np.sqrt(np.mean(excess))
     first = np.sqrt(max(before - 1.0, 0.0))
-    share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else _UNEXPLAINED_SHARE
-    most = min(share * first, _UNEXPLAINED_TORQUE * problem.torque_in_floors)
-    return bool(left > max(_UNEXPLAINED_FLOOR, most))
+    share = _UNEXPLAINED_SHARE_SIMULATED if final.swings else UNEXPLAINED_SHARE
+    return bool(left > max(_UNEXPLAINED_FLOOR, share * first))
 
 
 def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
     """Return the names in a hypothesis that would not be believed if the search ended with it.
 
-    What each cause explains is told by the derivatives of the fit. Of what is left, all counts
-    that does not look like noise. Nothing is doubted where links were simulated, whose
-    derivatives say little.
+    What each cause explains is told by the derivatives of the fit. Of what is left, the share
+    counts that does not forget itself as fast as noise. Nothing is doubted where links were
+    simulated, whose derivatives say little.
 
     Args:
         trials: of the search.
@@ -142,9 +147,9 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
     problem = trials.problem
     if h.swings or not h.effects:
         return ()
-    white = h.samples > WHITE * problem.white_samples
-    excess = np.where(white, 0.0, np.maximum(h.outputs - 1.0, 0.0))
-    if not unexplained(problem, trials.nothing.error, h, excess):
+    white = np.minimum(h.samples / problem.white_samples, 1.0)
+    excess = (1.0 - white) * np.maximum(h.outputs - 1.0, 0.0)
+    if not unexplained(trials.nothing.error, h, excess):
         return ()
     first = np.maximum(trials.nothing.outputs, 1e-300)
     names = [effect.name for effect in h.effects]
@@ -156,7 +161,7 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
             odds=1.0,
             group=1.0,
             remainder=_remainder(share, excess / first),
-            coverage=(places - 1) * places / problem.robot.transmission.size,
+            coverage=(places - 1) * places / len(problem.judged_joints),
             explained=False,
             expected=effect.expected,
             implausible=implausible,

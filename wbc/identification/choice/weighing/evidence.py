@@ -10,7 +10,7 @@ from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.estimation_problem import EstimationProblem
 
-_DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
+DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SIMULATED = 0.02  # ... that simulated links distort
 # ... that links which bounce distort: they soon forget how they began. On the practice leg, fits of
 # the play alone that began near it left 3.8 to 4.8 %, each in a valley of its own.
@@ -65,4 +65,4 @@ def _log_density(
 def _distorted_share(h: Hypothesis) -> float:
     if h.bounces:
         return _BOUNCING
-    return _SIMULATED if h.swings else _DISTORTED
+    return _SIMULATED if h.swings else DISTORTED

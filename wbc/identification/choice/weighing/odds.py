@@ -30,6 +30,12 @@ class Odds:
     evidence: tuple[float, ...]
     shares: tuple[float, ...]
 
+    @property
+    def nothing(self) -> float:
+        """How probable it is that no cause is missing, among what was tried."""
+        pairs = zip(self.hypotheses, self.shares, strict=True)
+        return sum(share for h, share in pairs if not h.effects)
+
     def of(self, key: Key) -> float:
         """Return how probable a cause is: that of the hypotheses that hold it."""
         return self.of_any((key,))

@@ -49,7 +49,7 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
     costs = _ends(problem, fit)
     motions = [record.motion for record in problem.records]
     for k, effect in enumerate(fit.effects):
-        costs[k] += effect.implausibility
+        costs[k] += effect.implausibility(fit.robot, motions)
         if not effect.recognisable(fit.robot, motions) or not _plays(problem, fit, effect):
             costs[k] += _NOT_SHOWN
         costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)

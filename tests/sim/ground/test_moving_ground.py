@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from tests.sim.bodies import ball, block
-from tests.sim.random_grounds import random_scene
 
+from tests.sim.ground.bodies import ball, block
+from tests.sim.ground.random_grounds import random_scene
 from wbc import load_robot
 from wbc.errors import SimulationError
 from wbc.sim import EnergyAudit, EnergyFlow, Moving, Plane, Plant, Together

@@ -1,0 +1,77 @@
+"""What an effect adds by itself is what it takes away from the residual of a whole robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from benchmarks.unexplained_costs import arm, quadruped
+from wbc.effects import EFFECTS, CurrentLimit, TorqueConstant, TransmissionEfficiency
+from wbc.identification.choice.screening.candidate_columns import evidence, make_regressors
+from wbc.identification.model.added_torque import ADDS, added_column
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.residual import condensed_residual
+from wbc.measurement import Log
+from wbc.robot import Effect, Robot
+
+ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
+CASES: dict[str, Callable[[], tuple[Robot, list[Log]]]] = {
+    "an arm with a coupled wrist": lambda: arm(4.0, 100.0, 1, 0.0),
+    "a quadruped on its feet": lambda: quadruped(4.0, 100.0, 0.0),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def problem(request: pytest.FixtureRequest) -> EstimationProblem:
+    return EstimationProblem.from_logs(*CASES[request.param]())
+
+
+def _some(robot: Robot, kind: type[Effect]) -> Effect:
+    """Return an effect of a kind at the last place with every number away from nothing."""
+    where = kind.places(robot)[-1]
+    values = {
+        p.name: float(np.clip(p.null + 0.7 * p.scale, p.low, p.high)) for p in kind.parameters
+    }
+    return kind.at(where, values)
+
+
+@pytest.mark.parametrize("kind", ADDING, ids=lambda kind: kind.name)
+def test_it_is_what_the_whole_residual_loses(
+    problem: EstimationProblem, kind: type[Effect]
+) -> None:
+    robot, records = problem.robot, problem.records
+    effect = _some(robot, kind)
+    alone = added_column(robot, effect, records)
+    before, after = (condensed_residual(r, records) for r in (robot, robot.with_effect(effect)))
+    assert alone == pytest.approx(before - after, abs=1e-9 * max(1.0, float(np.abs(before).max())))
+
+
+def _others(robot: Robot) -> Sequence[Effect]:
+    """Return drives, and a lossy gear, beside which columns are different ones."""
+    first, second, *_ = robot.transmission.joints
+    return (
+        TorqueConstant(first, 1.3),
+        CurrentLimit(second, 1.0),
+        TransmissionEfficiency(second, 0.7, 0.6),
+    )
+
+
+def test_columns_beside_drives_and_a_lossy_gear_are_those_of_the_residual(
+    problem: EstimationProblem,
+) -> None:
+    records = problem.records
+    robot = problem.robot.with_effects(*_others(problem.robot))
+    before = condensed_residual(robot, records)
+    regressors = make_regressors(robot, records, ADDING, evidence(robot, records))
+    assert {regressor.effect for regressor in regressors} >= {
+        EFFECTS["viscous_friction"],
+        EFFECTS["presliding"],
+    }
+    for regressor in regressors[:: max(len(regressors) // 40, 1)]:
+        for k, unit in enumerate(regressor.screen.units):
+            changed = robot.with_effect(regressor.effect.at(regressor.where, unit))
+            lost = before - condensed_residual(changed, records)
+            column = regressor.columns.full()[:, :, k]
+            assert column == pytest.approx(lost, abs=1e-6 * max(float(np.abs(lost).max()), 1e-9))

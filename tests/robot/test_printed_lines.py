@@ -1,0 +1,159 @@
+"""Every line of robot.toml that a message prints is copied into the file, and works."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.control import JouleHeatEffort
+from wbc.effects import load_robot
+from wbc.errors import WbcError
+from wbc.identification import compare
+from wbc.measurement import Log, check_log, rotor_torques
+from wbc.robot import Robot
+from wbc.robot.dc_drive import DcDrive
+from wbc.robot.loading import gear_lines
+from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_run import ServoRun
+
+ROOT = Path(__file__).resolve().parents[2]
+LEG = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
+HEAD = f'name = "leg"\nmodel = "{LEG}"\nbase = "fixed"\n'
+LOCK = 'lock = ["base_x", "base_z", "base_pitch"]\n'
+GEAR = """
+[gears.{joint}]
+gear_ratio = {{ value = 20.0, unit = "1", source = "test" }}
+rotor_inertia = {{ value = 6.7e-5, unit = "kg m^2", source = "test" }}
+"""
+GEARS = GEAR.format(joint="hip") + GEAR.format(joint="knee")
+_TIME = np.arange(400) * 0.005
+_PLACES = {joint: np.sin((4.0 + k) * _TIME) for k, joint in enumerate(("hip", "knee"))}
+
+
+def log_of(**channels: float) -> Log:
+    """Return a log of the leg in motion with some constant channels of both joints."""
+    columns = {f"{joint}.position": q for joint, q in _PLACES.items()}
+    for quantity, size in channels.items():
+        for joint, q in _PLACES.items():
+            columns[f"{joint}.{quantity}"] = size * (q + 0.1)
+    return Log(_TIME, columns)
+
+
+def torques(log: Log) -> Callable[[Robot], object]:
+    return lambda robot: rotor_torques(log, robot.transmission)
+
+
+def checked(log: Log) -> Callable[[Robot], object]:
+    def action(robot: Robot) -> None:
+        wrong = [f for f in check_log(log, robot).findings if f.severity == "error"]
+        if wrong:
+            raise WbcError(wrong[0].way_out)
+
+    return action
+
+
+def rolled(robot: Robot) -> object:
+    one = load_robot("xl330_pendulum")
+    drive = replace(
+        one.transmission,
+        torque_constant=robot.transmission.torque_constant[:1],
+        resistance=robot.transmission.resistance[:1],
+        joints=("shaft",),
+    )
+    run = ServoRun("run", 2.0, np.zeros(9), np.ones(9), np.zeros(9))
+    try:
+        return servo_rollout([(replace(one, transmission=drive), DcDrive(7.4))], [run], 1e-3)
+    except WbcError as error:
+        raise type(error)(str(error).replace("gears.shaft", "gears.hip")) from error
+
+
+TARGETS = log_of(target_position=1.1)
+CASES: dict[str, tuple[str, Callable[[Robot], object]]] = {
+    "targets without gains": (LOCK + GEARS, torques(TARGETS)),
+    "targets without gains, checked": (LOCK + GEARS, checked(TARGETS)),
+    "currents without constant": (LOCK + GEARS, torques(log_of(current=1.0))),
+    "currents without constant, checked": (LOCK + GEARS, checked(log_of(current=1.0))),
+    "duty without a winding": (
+        LOCK
+        + GEARS.replace(
+            "\nrotor", '\nduty_gain = { value = 1.0, unit = "1/rad", source = "test" }\nrotor'
+        ),
+        torques(TARGETS),
+    ),
+    "heat without resistance": (LOCK + GEARS, JouleHeatEffort(weight=1.0).check),
+    "a servo without constants": (LOCK + GEARS, rolled),
+    "positions that the log lacks": (GEARS, checked(log_of(motor_torque=1.0))),
+    "no gears": (
+        LOCK,
+        lambda robot: compare(robot, [log_of(motor_torque=1.0)]),
+    ),
+}
+
+
+def with_printed(text: str, message: str) -> str:
+    """Return a robot.toml with the lines of a message where it says that they go."""
+    message = message.replace("VALUE", "0.5")
+    for joint, printed in re.findall(r"below \[gears\.(\w+)\].*:\n((?: {4}.*(?:\n|$))+)", message):
+        text = text.replace(f"[gears.{joint}]\n", f"[gears.{joint}]\n{printed.rstrip()}\n")
+    if found := re.search(r"top of robot\.toml:\n {4}(.*)", message):
+        text = f"{found[1]}\n{text}"
+    if found := re.search(r"joint in robot\.toml:\n((?: {4}.*(?:\n|$))+)", message):
+        text += "".join(f"\n{found[1].replace('JOINT', joint)}" for joint in _PLACES)
+    return text
+
+
+def load(text: str, folder: Path) -> Robot:
+    (folder / "robot.toml").write_text(text)
+    return load_robot(folder / "robot.toml")
+
+
+def refusal(action: Callable[[Robot], object], robot: Robot) -> str:
+    try:
+        action(robot)
+    except WbcError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_printed_lines_mend_the_description(name: str, tmp_path: Path) -> None:
+    rest, action = CASES[name]
+    text = HEAD + rest
+    message = refusal(action, load(text, tmp_path))
+    assert message
+    for _ in range(8):  # each message names one lack, and each of its lines takes one away
+        changed = with_printed(text, message)
+        assert changed != text, message
+        text = changed
+        message = refusal(action, load(text, tmp_path))
+        if not message:
+            return
+    raise AssertionError(message)
+
+
+def test_every_place_that_prints_lines_of_a_gear_is_tried_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def noted(*arguments: Any) -> str:
+        tried.add(Path(sys._getframe(1).f_code.co_filename).relative_to(ROOT).as_posix())
+        return said(*arguments)
+
+    places, tried, said = set(), set(), gear_lines.state_gear
+    for path in (ROOT / "wbc").rglob("*.py"):
+        calls = [n.func for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
+        if any(isinstance(f, ast.Name) and f.id == "state_gear" for f in calls):
+            places.add(path.relative_to(ROOT).as_posix())
+    for module in [m for name, m in sys.modules.items() if name.startswith("wbc")]:
+        if getattr(module, "state_gear", None) is said:
+            monkeypatch.setattr(module, "state_gear", noted)
+    for rest, action in CASES.values():
+        refusal(action, load(HEAD + rest, tmp_path))
+    assert places == tried

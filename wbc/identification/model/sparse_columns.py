@@ -1,0 +1,58 @@
+"""Columns that few outputs feel: the others are not kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SparseColumns:
+    """Columns (rows, outputs, r) of a regression without the outputs at which all are zero.
+
+    Most causes act at one joint: of a quadruped's 18 outputs one feels them.
+
+    Attributes:
+        outputs: (k,) numbers of the outputs that feel them.
+        values: (rows, k, r).
+        count: of all outputs.
+    """
+
+    outputs: IntArray
+    values: FloatArray
+    count: int
+
+    @classmethod
+    def of(cls, columns: FloatArray) -> SparseColumns:
+        """Return columns (rows, outputs, r) without zeros; nothing is shared with them."""
+        outputs = np.flatnonzero(columns.any(axis=(0, 2)))
+        return cls(outputs, columns[:, outputs], columns.shape[1])
+
+    @classmethod
+    def stacked(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
+        """Return the rows of several logs, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        outputs = np.unique(np.concatenate([part.outputs for part in parts]))
+        values = np.concatenate([part.full()[:, outputs] for part in parts])
+        return cls(outputs, values, parts[0].count)
+
+    @property
+    def sizes(self) -> FloatArray:
+        """(r,) root mean squares over all rows and outputs."""
+        squares = np.sum(self.values**2, axis=(0, 1))
+        return np.asarray(np.sqrt(squares / (len(self.values) * self.count)))
+
+    def full(self) -> FloatArray:
+        """Return the columns (rows, outputs, r)."""
+        result = np.zeros((len(self.values), self.count, self.values.shape[2]))
+        result[:, self.outputs] = self.values
+        return result
+
+    def only(self, used: BoolArray) -> SparseColumns:
+        """Return some of the columns, by used (r,)."""
+        return self if used.all() else replace(self, values=self.values[:, :, used])
