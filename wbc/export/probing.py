@@ -27,7 +27,7 @@ class JointLaw:
 
 
 @dataclass(frozen=True)
-class DriveLaw:
+class LinearDrive:
     """A drive that delivers gain times the torque of `delay` earlier [s]."""
 
     gain: float
@@ -90,7 +90,7 @@ def rotor_offsets(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | 
     return torque[0] if _equal(torque, np.broadcast_to(torque[0], torque.shape)) else None
 
 
-def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, DriveLaw] | None:
+def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, LinearDrive] | None:
     """Return gain and delay of every drive that an effect changes, None if it does other things.
 
     A torque that grows evenly from far below any limit to far above it is delivered late by a
@@ -121,7 +121,7 @@ def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, DriveL
         rate = float(torque[-1, k] - torque[0, k]) / 10.0
         gain = float(slope) / rate
         delay = 0.0 if gain == 0.0 else -5.0 - float(shift) / float(slope)
-        laws[joint] = DriveLaw(gain, delay if abs(delay) > 1e-9 else 0.0)
+        laws[joint] = LinearDrive(gain, delay if abs(delay) > 1e-9 else 0.0)
     return laws
 
 

@@ -51,5 +51,7 @@ def test_a_log_without_the_joints_of_a_robot_says_how_to_hold_them_still() -> No
     t = np.linspace(0.0, 1.0, 200)
     names = [f"{j}.{q}" for j in ("hip", "knee") for q in ("position", "velocity", "rotor_torque")]
     log = Log(t, {name: np.sin(3.0 * t) for name in names})
-    with pytest.raises(LogError, match=r"lock = \['base_x', 'base_z', 'base_pitch'\] in robot"):
+    with pytest.raises(
+        LogError, match=r"robot\.toml:\n    lock = \['base_x', 'base_z', 'base_pitch'\]"
+    ):
         diagnose(load_robot("planar_leg"), [log])

@@ -77,7 +77,7 @@ def test_targets_and_gains_make_the_torque_that_the_drive_was_told(
     assert np.abs(error).max() < 6.0 * 2.3e-3
     limited = gears.replace(torque_limit=np.array([0.05, 0.05]))
     assert np.abs(rotor_torques(logs[0], limited)).max() == 0.05
-    with pytest.raises(LogError, match=r"add kp .* of \[gears\.hip\] to robot\.toml"):
+    with pytest.raises(LogError, match=r"below \[gears\.hip\] in robot\.toml:\n +kp = "):
         rotor_torques(logs[0], load_robot("planar_leg_fixed").transmission)
 
 

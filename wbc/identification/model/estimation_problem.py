@@ -27,7 +27,7 @@ from wbc.identification.records.noise.noise_floor import (
     noise_floor,
     with_even_noise,
 )
-from wbc.identification.records.outputs import output_names
+from wbc.identification.records.outputs import output_gear, output_names
 from wbc.identification.records.preparation import REVERSAL, prepare
 from wbc.identification.records.record import Record
 from wbc.identification.records.torque_sensors import not_judged, sensed_joints
@@ -101,9 +101,11 @@ class EstimationProblem:
 
     @property
     def judged_joints(self) -> tuple[str, ...]:
-        """The joints whose torque is compared."""
+        """The joints whose torque is compared, at the motor or behind the gear."""
+        outputs = set(range(len(self.floor.covariance))) - set(self.floor.aside)
+        gears = {output_gear(self.records[0].robot, output) for output in outputs}
         joints = enumerate(self.robot.transmission.joints)
-        return tuple(joint for k, joint in joints if k not in self.floor.aside)
+        return tuple(joint for k, joint in joints if k in gears)
 
     @property
     def silent(self) -> tuple[str, ...]:
