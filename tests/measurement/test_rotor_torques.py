@@ -27,9 +27,7 @@ def test_every_way_a_drive_reports_torque_ends_on_the_rotor() -> None:
         torque_constant=np.array([np.nan, np.nan, 0.1]),
     )
     np.testing.assert_allclose(rotor_torques(log, gears)[2], [2.0, -2.0 / 6.0, 0.2])
-    with pytest.raises(
-        LogError, match=r"needs torque_constant.* below \[gears\.c\]"
-    ):
+    with pytest.raises(LogError, match=r"needs torque_constant.* below \[gears\.c\]"):
         rotor_torques(log, gears.replace(torque_constant=np.full(3, np.nan)))
     more = Transmission(("a", "d"), np.ones(2), np.zeros(2))
     with pytest.raises(LogError, match=r"no torque of joint 'd'.*d\.current.*tau_x"):
