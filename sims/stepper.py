@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 
 from sims.legged import feet
-from sims.trotter import hump, minimum_jerk
 from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.control import (
@@ -30,6 +29,7 @@ from wbc.control import (
     Reference,
     State,
 )
+from wbc.design.trotter import hump, minimum_jerk
 
 SIDES = ("left", "right")
 TRUNK, PELVIS = "torso_2_link", "base_link"

@@ -19,10 +19,10 @@ from rich.table import Table
 from sims.closed_loop import Engine, OwnPlant
 from sims.imperfect_loop import lossy
 from sims.plots import Panel, sweep_figure, write_figures
-from sims.trotter import Step, Trotter
 from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
+from wbc.design.trotter import StepUp, Trotter
 from wbc.sim import Plant as SimPlant
 from wbc.sim import Simulation, Stairs, simulate
 from wbc.view import LIGHT, Theme, write_playback
@@ -110,7 +110,7 @@ def prepared(robot: Robot, kind: str, scene: str) -> Trotter:
     """Return the loop's controller for one of `MODELS` in one of `SCENES`."""
     model = robot.lossless() if kind == "conservative" else robot
     policy = RestPolicy.LEAST_TORQUE if kind == "least torque" else RestPolicy.NEUTRAL
-    ground = Step(0.05 if scene == "step" else 0.0)
+    ground = StepUp(0.05 if scene == "step" else 0.0)
     return Trotter(model, np.array(robot.poses["standing"]), ground=ground, policy=policy)
 
 
@@ -132,7 +132,7 @@ def main(
     return found
 
 
-def stairs(ground: Step) -> Stairs:
+def stairs(ground: StepUp) -> Stairs:
     """Return the ground for the library's plant."""
     return Stairs(edges=np.array([ground.edge]), heights=np.array([0.0, ground.height]))
 

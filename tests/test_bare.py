@@ -62,7 +62,9 @@ def draw():
     import wbc.view.plots
 
 def design():
-    import wbc.design
+    from wbc.design import Study, parse_sweep, run_study
+    pose = (0.0, 0.0, 0.0, 0.0, 1.0)
+    run_study(Study("planar_leg", (parse_sweep("reduction=6:160"),), "foot", pose), "x.parquet")
 
 print(refused(lambda: load_log("run.csv")))
 print(refused(lambda: save_log(log, "run.parquet")))

@@ -49,6 +49,34 @@ def test_four_feet_drop_too() -> None:
         simulate_design("drop", fixed, fixed.pose(), "foot")
 
 
+def test_solo12_trots_and_worse_gears_cost_more() -> None:
+    robot = load_robot("solo12")
+    costs = []
+    for eta in (0.9, 0.7):
+        gears = robot.transmission.replace(
+            forward_efficiency=np.full(12, eta), backward_efficiency=None, resistance=np.ones(12)
+        )
+        found = simulate_design("trot", robot.with_transmission(gears), robot.pose(), "FL_foot")
+        assert set(found) == set(SIMULATIONS["trot"].columns)
+        assert found["trot_speed"] == pytest.approx(0.5, abs=0.03)
+        # No motor gives less than the work without its heat, and no design trots for nothing.
+        assert 0.05 < found["trot_work_cost"] < found["trot_cost"]
+        costs.append(found["trot_work_cost"])
+    assert costs[1] > 1.1 * costs[0]
+    tired = robot.transmission.replace(torque_limit=np.full(12, 0.02))
+    weak = simulate_design("trot", robot.with_transmission(tired), robot.pose(), "FL_foot")
+    assert np.isnan(weak["trot_work_cost"])
+    with pytest.raises(DesignError, match="one in each corner"):
+        simulate_design("trot", leg(), leg().pose(), "foot")
+
+
+def test_a_larger_quadruped_trots_like_the_smaller_one() -> None:
+    robot = load_robot("anymal")
+    found = simulate_design("trot", robot, robot.pose(), "LF_foot")
+    # Equal Froude numbers: the speed grows with the root of the height, 0.479 and 0.223 m.
+    assert found["trot_speed"] == pytest.approx(0.5 * np.sqrt(0.479 / 0.223), rel=0.06)
+
+
 def test_standing_costs_the_interval_s_lower_end() -> None:
     robot = leg(efficiency=0.7)
     found = simulate_design("standing", robot, robot.pose(), "foot")
@@ -105,5 +133,5 @@ def test_the_balanced_pose_balances_on_the_ground() -> None:
 def test_every_simulation_names_its_columns() -> None:
     robot = leg()
     for name, metric in SIMULATIONS.items():
-        if name != "landing":  # tested above, and slow
+        if name not in ("landing", "trot"):  # tested above, and slow
             assert set(simulate_design(name, robot, robot.pose(), "foot")) == set(metric.columns)

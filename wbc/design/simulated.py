@@ -14,6 +14,8 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control import Reference, RestPolicy
 from wbc.design.point_leg import PointLeg, height_row, placed, standing_reference, total_mass
+from wbc.design.trot import trot
+from wbc.design.trotter import require_quadruped
 from wbc.dynamics import evaluate
 from wbc.errors import DesignError, SimulationError
 from wbc.metrics import force_capability, link_length
@@ -40,12 +42,12 @@ class SimulatedMetric:
     Attributes:
         columns: column -> unit.
         run: takes robot, pose q and contact.
-        needs: what a robot must be, for the help text.
+        require: takes robot and contact; raises DesignError for a robot of another kind.
     """
 
     columns: Mapping[str, str]
     run: Callable[[Robot, FloatArray, str], Row]
-    needs: str
+    require: Callable[[Robot, str], object]
 
 
 def drop(robot: Robot, q: FloatArray, contact: str) -> Row:
@@ -233,7 +235,7 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "drop_ground_loss": "J",
         },
         drop,
-        "a base that can fall",
+        lambda robot, contact: height_row(robot),
     ),
     "standing": SimulatedMetric(
         {
@@ -243,17 +245,22 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "standing_neutral_heat": "W",
         },
         standing,
-        "a planar leg with a point foot",
+        PointLeg.of,
     ),
     "landing": SimulatedMetric(
         {"landing_error": "m", "landing_error_high": "m", "landing_error_low": "m"},
         landing,
-        "a planar leg with a point foot",
+        PointLeg.of,
     ),
     "hop": SimulatedMetric(
         {"hop_height": "m", "hop_energy": "J", "hop_cost": "1"},
         hop,
-        "a planar leg with a point foot",
+        PointLeg.of,
+    ),
+    "trot": SimulatedMetric(
+        {"trot_speed": "m/s", "trot_cost": "1", "trot_work_cost": "1"},
+        trot,
+        lambda robot, contact: require_quadruped(robot),
     ),
 }
 
@@ -265,12 +272,8 @@ def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> Row
         DesignError: a robot of another kind than the simulation needs.
     """
     metric = SIMULATIONS[name]
+    metric.require(robot, contact)
     try:
         return metric.run(robot, q, contact)
-    except SimulationError:
-        return dict.fromkeys(metric.columns, float("nan"))
-    except DesignError:
-        if name != "drop":
-            PointLeg.of(robot, contact)  # raises for a robot of the wrong kind
-        height_row(robot)
+    except (SimulationError, DesignError):
         return dict.fromkeys(metric.columns, float("nan"))

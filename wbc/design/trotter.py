@@ -2,6 +2,9 @@
 
 All that a gait needs beside the controller. It uses positions and velocities only: that a foot
 touches the ground is known from its height above the ground, which the robot knows here.
+
+The gait is that of Solo12. Another robot trots like it by dynamic similarity: lengths grow with the
+height of its base, times with the root of it (equal Froude number v^2 / (g h)).
 """
 
 from __future__ import annotations
@@ -11,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.control import (
     Command,
@@ -25,12 +27,14 @@ from wbc.control import (
     Reference,
     RestPolicy,
     State,
+    Task,
 )
+from wbc.errors import DesignError
+from wbc.robot import Robot
 
-BASE = "base_link"
-_PERIOD = (
-    0.28  # [s] of a trot; with 0.36 it falls short of 0.5 m/s by 6 % and sways by a third more
-)
+SPEED = 0.5  # [m/s] at which Solo12 trots
+_HEIGHT = 0.222946  # [m] of the base of Solo12, for which these figures hold
+_PERIOD = 0.28  # [s] of a trot; with 0.36 it is 6 % slower than 0.5 m/s and sways a third more
 _DUTY = 0.52  # share of it that a foot stands
 _CLEARANCE = 0.05  # [m] of a swing over the higher of its two ends
 _EARLY = 0.6  # share of a swing after which a foot that touches stands
@@ -42,7 +46,7 @@ _RISE = 0.1  # [s] in which the wanted height follows the ground
 
 
 @dataclass(frozen=True)
-class Step:
+class StepUp:
     """Level ground with one step up, across the way; as the robot knows it.
 
     Attributes:
@@ -81,22 +85,25 @@ class Swing:
 
 @dataclass
 class Trotter:
-    """The loop's controller for a trot of Solo12 along x.
+    """The loop's controller for a trot along x of a robot with four point feet.
 
     Attributes:
         model: robot model that the controller obeys.
         pose: q (nq,) in which the feet stand below the hips.
-        speed: of the base along x [m/s].
+        speed: of the base along x [m/s]; like Solo12 at 0.5 m/s when left out.
         ground: what it walks on.
         policy: what the controller does with the stiction of a gear at rest.
         tick: time between two calls [s].
         start: time [s] of standing before the trot.
+
+    Raises:
+        DesignError: a robot that does not float, or has not one foot in each corner.
     """
 
     model: Robot
     pose: FloatArray
-    speed: float = 0.5
-    ground: Step = field(default_factory=Step)
+    speed: float | None = None
+    ground: StepUp = field(default_factory=StepUp)
     policy: RestPolicy = RestPolicy.NEUTRAL
     tick: float = 1e-3
     start: float = 0.1
@@ -104,42 +111,54 @@ class Trotter:
 
     def __post_init__(self) -> None:
         """Make the schedule, the tasks and the controller."""
+        require_quadruped(self.model)
         self.feet = [contact.name for contact in self.model.contacts]
         self._frame = {c.name: self.model.model.getFrameId(c.frame) for c in self.model.contacts}
-        self._pair = {name: name.startswith(("FL", "HR")) for name in self.feet}
-        self._gait = ContactSchedule(
-            _PERIOD, {name: 0.0 if self._pair[name] else 0.5 for name in self.feet}, _DUTY
-        )
-        swings = [
-            FramePositionTask(name=c.name, frame=c.frame, weight=30.0, stiffness=1500.0)
-            for c in self.model.contacts
-        ]
-        tasks = [
-            FramePositionTask(name="height", frame=BASE, axes="z", weight=100.0, stiffness=200.0),
-            FramePositionTask(name="travel", frame=BASE, axes="xy", weight=20.0, stiffness=20.0),
-            FrameOrientationTask(name="trunk", frame=BASE, weight=10.0, stiffness=300.0),
-            *swings,
-            PostureTask.of(self.model, weight=1e-2, stiffness=10.0),
-        ]
-        self._controller = Controller(
-            self.model,
-            tasks,
-            [PointContact(name=name) for name in self.feet],
-            settings=ControllerSettings(rest_policy=self.policy, time_step=self.tick),
-        )
         self._data = self.model.model.createData()
         self._read(self.pose, np.zeros(self.model.model.nv))
         self._nominal = {name: self._foot(name) - self.pose[:3] for name in self.feet}
+        self._sole = {name: float(self._foot(name)[2]) for name in self.feet}
+        self._pair = {name: bool(x * y > 0.0) for name, (x, y, _) in self._nominal.items()}
         self._height = float(self.pose[2])
+        self._large = self._height / _HEIGHT
+        self._slow = float(np.sqrt(self._large))
+        if self.speed is None:
+            self.speed = SPEED * self._slow
+        self.period = _PERIOD * self._slow
+        self._gait = ContactSchedule(
+            self.period, {name: 0.0 if self._pair[name] else 0.5 for name in self.feet}, _DUTY
+        )
+        settings = ControllerSettings(rest_policy=self.policy, time_step=self.tick)
+        points = [PointContact(name=name) for name in self.feet]
+        self._controller = Controller(self.model, self._tasks(), points, settings=settings)
         self._wanted = np.array(self.pose[:3])
         self._swings: dict[str, Swing] = {}
         self._time = 0.0
+
+    def _tasks(self) -> list[Task]:
+        """Return the tasks; a robot k times as large moves sqrt(k) times as slowly."""
+        base, stiff = self.model.bodies[0], 1.0 / self._large
+        swings = [
+            FramePositionTask(name=c.name, frame=c.frame, weight=30.0, stiffness=1500.0 * stiff)
+            for c in self.model.contacts
+        ]
+        return [
+            FramePositionTask(
+                name="height", frame=base, axes="z", weight=100.0, stiffness=200.0 * stiff
+            ),
+            FramePositionTask(
+                name="travel", frame=base, axes="xy", weight=20.0, stiffness=20.0 * stiff
+            ),
+            FrameOrientationTask(name="trunk", frame=base, weight=10.0, stiffness=300.0 * stiff),
+            *swings,
+            PostureTask.of(self.model, weight=1e-2, stiffness=10.0 * stiff),
+        ]
 
     def __call__(self, state: State) -> FloatArray:
         """Return the rotor torque for a state, one tick after the last call."""
         self._read(state.position, state.velocity)
         standing = self._phases()
-        speed = self.speed if self._time >= self.start else 0.0
+        speed = (self.speed or 0.0) if self._time >= self.start else 0.0
         references = self._base(state, speed)
         for name, swing in self._swings.items():
             references[name] = self._swing(name, swing, state, speed)
@@ -173,9 +192,10 @@ class Trotter:
             if share is not None and swing is None and share < _EARLY and not others:
                 swing = self._swings[name] = Swing(place)
             if swing is not None:
-                length = (1.0 - _DUTY) * _PERIOD
+                length = (1.0 - _DUTY) * self.period
                 swing.share = share if share is not None else swing.share + self.tick / length
-                touches = place[2] < self.ground.at(float(place[0])) + _TOUCH
+                ground = self.ground.at(float(place[0])) + self._sole[name]
+                touches = place[2] < ground + _TOUCH * self._large
                 if swing.share > _EARLY and touches:
                     del self._swings[name]
                     swing = None
@@ -185,12 +205,12 @@ class Trotter:
 
     def _base(self, state: State, speed: float) -> dict[str, Reference]:
         """Return what the base should do: ahead at the speed, level, at its height."""
-        base = np.array(state.position[:3])
+        base, leash = np.array(state.position[:3]), _LEASH * self._large
         self._wanted[0] += speed * self.tick
-        self._wanted[:2] = base[:2] + np.clip(self._wanted[:2] - base[:2], -_LEASH, _LEASH)
+        self._wanted[:2] = base[:2] + np.clip(self._wanted[:2] - base[:2], -leash, leash)
         under = np.mean([self.ground.at(float(self._foot(name)[0])) for name in self.feet])
         level = self._height + under - self._wanted[2]
-        self._wanted[2] += level * self.tick / _RISE
+        self._wanted[2] += level * self.tick / (_RISE * self._slow)
         return {
             "height": Reference(self._wanted[2:].copy()),
             "travel": Reference(self._wanted[:2].copy(), np.array([speed, 0.0])),
@@ -204,29 +224,53 @@ class Trotter:
         further ahead where the base is faster than wanted (Raibert 1986, with sqrt(h/g) for his
         gain, which is the capture point's).
         """
-        length = (1.0 - _DUTY) * _PERIOD
+        length = (1.0 - _DUTY) * self.period
         turn = pin.Quaternion(state.position[3:7]).matrix()
         rate = (turn @ state.velocity[:3])[:2]
         yaw = np.arctan2(turn[1, 0], turn[0, 0])
         c, s = np.cos(yaw), np.sin(yaw)
         hip = state.position[:2] + np.array([[c, -s], [s, c]]) @ self._nominal[name][:2]
         left = max(1.0 - swing.share, 0.0) * length
-        wanted = np.array([speed, 0.0]) + _RETURN * (self._wanted[:2] - state.position[:2])
+        wanted = np.array([speed, 0.0]) + _RETURN / self._slow * (
+            self._wanted[:2] - state.position[:2]
+        )
         lead = np.sqrt(self._height / 9.81) * (rate - wanted)
-        place = hip + rate * left + 0.5 * _DUTY * _PERIOD * rate + lead
+        place = hip + rate * left + 0.5 * _DUTY * self.period * rate + lead
         place[0] = self.ground.foothold(float(place[0]))
-        end = np.array([*place, self.ground.at(float(place[0]))])
+        end = np.array([*place, self.ground.at(float(place[0])) + self._sole[name]])
         late = swing.share - 1.0
         if late > 0.0:
-            down = np.array([0.0, 0.0, _DOWN])
+            down = np.array([0.0, 0.0, _DOWN * self._slow])
             return Reference(end - late * length * down, -down)
         path, slope, bend = minimum_jerk(swing.share)
         rise, climb, curve = hump(swing.share)
-        top = max(swing.start[2], end[2]) + _CLEARANCE - 0.5 * (swing.start[2] + end[2])
+        top = (
+            max(swing.start[2], end[2]) + _CLEARANCE * self._large - 0.5 * (swing.start[2] + end[2])
+        )
         way, up = end - swing.start, np.array([0.0, 0.0, top])
         target = swing.start + path * way + rise * up
         return Reference(
             target, (slope * way + climb * up) / length, (bend * way + curve * up) / length**2
+        )
+
+
+def require_quadruped(robot: Robot) -> None:
+    """Check that a robot floats and has one foot in each corner, seen from above.
+
+    Raises:
+        DesignError: it does not.
+    """
+    corners = set()
+    if robot.has_free_flyer:
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, robot.pose())
+        for contact in robot.contacts:
+            place = data.oMi[1].actInv(data.oMf[robot.model.getFrameId(contact.frame)])
+            corners.add((place.translation[0] > 0.0, place.translation[1] > 0.0))
+    if len(corners) != 4 or len(robot.contacts) != 4:
+        raise DesignError(
+            f"'{robot.name}' cannot trot: that needs a floating base and four contacts, one in "
+            "each corner."
         )
 
 
