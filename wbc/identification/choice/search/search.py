@@ -94,7 +94,16 @@ class Search:
             if one := self.best(moves.merges(proposer, current), current):
                 return one
         self.report(f"trying two effects more ({best})")
-        return self.best(moves.pairs(proposer, current), current)
+        return self._pair(current)
+
+    def _pair(self, current: Hypothesis) -> Hypothesis | None:
+        """Return the best pair of causes of those that add to the evidence by themselves.
+
+        Each is weighed alone against the current hypothesis first: one that explains another joint
+        must not say how many samples are independent at this one.
+        """
+        pairs = moves.pairs(self.proposer, current)
+        return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
 
     def _addition(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best hypothesis with a cause more.
