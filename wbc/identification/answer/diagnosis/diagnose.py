@@ -184,7 +184,12 @@ def _without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis
     fewer = trials.of([e for e in final.effects if e.key not in doubted])
     if fewer is not None and all(fewer is not h for h in rest):
         rest.append(fewer)
-    return rest[int(weigh(trials.problem, rest).argmax())]
+    while True:
+        best = rest[int(weigh(trials.problem, rest).argmax())]
+        ended = trials.ended(best)
+        if ended is best:
+            return best
+        rest = [ended if h is best else h for h in rest]
 
 
 def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
@@ -212,7 +217,8 @@ def _steps(trials: Trials, final: Hypothesis) -> tuple[Step, ...]:
     steps = [Step("", "", float(np.sqrt(trials.nothing.error)))]
     for count in range(1, len(final.effects) + 1):
         last = final.effects[count - 1]
-        smaller = final if count == len(final.effects) else trials.of(final.effects[:count])
-        if smaller is not None:
-            steps.append(Step(last.name, last.where, float(np.sqrt(smaller.error))))
+        whole = count == len(final.effects)
+        smaller = [final] if whole else trials.rivals_of(final, [final.effects[:count]])
+        for h in smaller:
+            steps.append(Step(last.name, last.where, float(np.sqrt(h.error))))
     return tuple(steps)

@@ -65,6 +65,18 @@ class Search:
             self.path.append(current)
         return current
 
+    def lengthen(self, start: Hypothesis) -> Hypothesis:
+        """Return the hypothesis beside which no cause more, and no pair, adds to the evidence."""
+        current = start
+        for _ in range(_MOST_MOVES):
+            better = self._addition(current) or self._pair(current)
+            if better is None:
+                break
+            self._tell(current, better)
+            current = better
+            self.path.append(current)
+        return current
+
     def best(self, pool: Iterable[Hypothesis], than: Hypothesis) -> Hypothesis | None:
         """Return the believable hypothesis with the most evidence, None where it is `than`."""
         group = [than, *(h for h in pool if h is not than and h.believable)]
