@@ -39,7 +39,7 @@ from benchmarks.corpus.experiments import RUN_FOR
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.trial import logs_of, robot_of
-from benchmarks.experiments.follow_up import ARMS, DESIGNED, WORDS, planned_runs
+from benchmarks.experiments.follow_up import ARMS, DESIGNED, WORDS, owed, planned_runs
 from benchmarks.experiments.judge import paired, share
 from benchmarks.experiments.making import Candidate, candidates, names
 from wbc.design.experiment import Cause
@@ -103,6 +103,8 @@ def judged(case: Case, seed: int) -> Result:
             tie["unplanned"] = str(reason)
             continue
         tie["said"] = {k: [d.odds[0, i] for i in range(1, len(causes))] for k, d in said.items()}
+        true = [(one.truth,), *causes[1:]]
+        tie["owed"] = owed(hidden, robot, true, said)
         arms: dict[str, tuple[Excitation, ...]] = {WORDS: _words(case, causes), **runs}
         tie["runs"] = len(arms[WORDS])
         open_ends.append((tie, hidden, logs, causes, arms))
