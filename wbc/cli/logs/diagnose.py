@@ -122,7 +122,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         }
         path = save_robot(fitted, options.save, intervals, facts)
         shown.print(f"wrote {path}")
-    write_report_file(options, robot, logs, shown, diagnosis, discovery)
+    write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
 
 
@@ -198,7 +198,7 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
         for number, e in finding.numbers.items():
             value, interval = with_interval(e.value, e.low, e.high)
             unit = "" if e.unit == "1" else e.unit
-            drawn = "" if e.drawn is None else f" (drawn {plain(e.drawn)})"
+            drawn = "" if e.drawn is None else f" (as given {plain(e.drawn)})"
             table.add_row(f"  {number}", value, interval, f"{unit}{drawn}".strip())
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))

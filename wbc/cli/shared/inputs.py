@@ -17,7 +17,7 @@ from wbc.cli.shared.printout import add_depth_options
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
-from wbc.identification import Diagnosis
+from wbc.identification import Diagnosis, OpenLoop
 from wbc.identification.formulas import Discovery
 from wbc.measurement import Log, LogFinding, load_logs, with_machine
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
@@ -185,6 +185,7 @@ def write_report_file(
     console: Console,
     diagnosis: Diagnosis | None = None,
     discovery: Discovery | None = None,
+    simulated: Sequence[OpenLoop] = (),
 ) -> None:
     """Write the HTML report if one was asked for."""
     if options.report is None:
@@ -202,5 +203,6 @@ def write_report_file(
             command=command,
             discovery=discovery,
             saved=getattr(options, "save", None),
+            simulated=simulated,
         )
     console.print(f"wrote {path}")
