@@ -9,10 +9,12 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from matplotlib.figure import Figure
 
 from wbc.cli import main
 from wbc.design import (
@@ -192,6 +194,22 @@ def test_the_command_writes_table_front_and_figures(
     }
     assert main([*command, "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["designs"] == 48
+
+
+def test_the_map_shows_what_was_simulated_and_aimed_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def spy(table: object, varied: object, units: object, **how: Any) -> Figure:
+        drawn.extend(how["columns"])
+        return Figure()
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wbc.view.plots.design_map", spy)
+    command = ["design", "planar_leg", "--sweep", "reduction=10,20", "--simulate", "drop"]
+    assert main([*command, "--objective", "forward_inertia:min", "--figures", "out"]) == 0
+    assert {"lift", "drop_impulse", "forward_inertia"} <= set(drawn)
 
 
 @pytest.mark.parametrize(

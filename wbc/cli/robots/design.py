@@ -254,11 +254,18 @@ def _draw(
 ) -> None:
     from wbc.view import DARK, LIGHT
     from wbc.view.plots import design_map, pareto_figure, write_figure
+    from wbc.view.plots.design import MAPPED
 
     theme = DARK if options.theme == "dark" else LIGHT
     varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"] or ["design"]
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
-    figures = {"map": design_map(table, varied, units, logarithmic=logarithmic, theme=theme)}
+    aimed = [objective.column for objective in objectives]
+    columns = list(dict.fromkeys([*(name for name in MAPPED if name in table), *aimed]))
+    figures = {
+        "map": design_map(
+            table, varied, units, columns=columns, logarithmic=logarithmic, theme=theme
+        )
+    }
     if len(objectives) > 1:
         aims = [objective.column for objective in objectives[:2]]
         figures["front"] = pareto_figure(table, front, aims, varied[0], units, theme=theme)

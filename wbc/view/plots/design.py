@@ -25,6 +25,8 @@ MAPPED = (
     "standing_heat",
     "hop_height",
     "hop_cost",
+    "trot_cost",
+    "trot_work_cost",
     "landing_error",
     "landing_error_high",
     "landing_error_low",
