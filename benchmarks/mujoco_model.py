@@ -39,7 +39,7 @@ def mujoco_model(
             pos=place.translation, quat=_quaternion(place.rotation)
         )
         bodies[number] = body
-        _add_joint(body, joint, armature.get(model.names[number], 0.0))
+        _add_joint(body, joint, model.names[number], armature.get(model.names[number], 0.0))
         _add_inertia(body, model.inertias[number])
     for contact in robot.contacts:
         frame = model.frames[model.getFrameId(contact.frame)]
@@ -55,9 +55,9 @@ def _quaternion(rotation: np.ndarray) -> np.ndarray:
     return np.array([w, x, y, z])
 
 
-def _add_joint(body: mujoco.MjsBody, joint: pin.JointModel, armature: float) -> None:
+def _add_joint(body: mujoco.MjsBody, joint: pin.JointModel, name: str, armature: float) -> None:
     if joint.shortname() == "JointModelFreeFlyer":
-        body.add_freejoint()
+        body.add_freejoint(name=name)
         return
     data = joint.createData()
     joint.calc(data, np.zeros(joint.nq))
@@ -65,7 +65,7 @@ def _add_joint(body: mujoco.MjsBody, joint: pin.JointModel, armature: float) -> 
     slides = np.linalg.norm(subspace[:3]) > 0.5
     kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
     axis = subspace[:3] if slides else subspace[3:]
-    body.add_joint(type=kind, axis=axis, armature=armature)
+    body.add_joint(name=name, type=kind, axis=axis, armature=armature)
 
 
 def _add_inertia(body: mujoco.MjsBody, inertia: pin.Inertia) -> None:

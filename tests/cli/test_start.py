@@ -53,3 +53,14 @@ def test_a_simulation_is_loaded_when_it_is_used() -> None:
     code = "import sys, wbc.sim; wbc.sim.Plant; print('loaded:', 'wbc.sim.plant' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "True"
+
+
+def test_no_name_of_the_plant_is_hidden_by_a_module_of_the_same_name() -> None:
+    """`from wbc.sim import simulate` gave the module once another part had loaded it."""
+    code = (
+        "import pkgutil, wbc.sim, types\n"
+        "modules = {m.name for m in pkgutil.iter_modules(wbc.sim.__path__)}\n"
+        "print(sorted(modules & set(wbc.sim.__all__)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]"]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from wbc.sim.recorder import Recorder
     from wbc.sim.sensors.sensor import Sensor
     from wbc.sim.sensors.sensor_model import SensorModel
-    from wbc.sim.simulate import Simulation, simulate
+    from wbc.sim.simulation import Simulation, simulate
     from wbc.sim.solve.residuals import Residuals
     from wbc.sim.solve.solution import StepSolution
     from wbc.sim.solve.solver import solve_program
@@ -97,7 +97,7 @@ _HOMES = {
     "recorder": ("Recorder",),
     "sensors.sensor": ("Sensor",),
     "sensors.sensor_model": ("SensorModel",),
-    "simulate": ("Simulation", "simulate"),
+    "simulation": ("Simulation", "simulate"),
     "solve.residuals": ("Residuals",),
     "solve.solution": ("StepSolution",),
     "solve.solver": ("solve_program",),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial import ConvexHull
 
 from tests.control.tasks.test_more_tasks import HALF, HAND, TALOS, talos_controller
 from wbc.control import (
@@ -142,6 +145,53 @@ def test_pairs_of_a_geometry_model():
         data.oMi[model.getJointId(f"arm_{s}_7_joint")].translation for s in ("left", "right")
     )
     assert apart(limit, HALF)[0] == pytest.approx(np.linalg.norm(one - two) - 0.1)
+
+
+def mesh(corners):
+    """Return a mesh of triangles between corners, as loaders of URDF files make it."""
+    corners, found = np.asarray(corners, dtype=np.float64), coal.BVHModelOBBRSS()
+    faces = ConvexHull(corners, qhull_options="QJ").simplices if len(corners) > 3 else [[0, 1, 1]]
+    found.beginModel(len(faces), 3 * len(faces))
+    for face in faces:
+        found.addTriangle(*corners[face])
+    found.endModel()
+    return found
+
+
+CUBE = np.array(list(product((-0.1, 0.1), repeat=3)))
+
+
+def test_a_mesh_is_its_convex_hull():
+    """Inside a mesh of triangles coal's distance is not negative and points the wrong way."""
+    places = {"outside": 0.3, "inside": 0.12}
+    for along in places.values():
+        shapes = [
+            Shape(name="mesh", geometry=mesh(CUBE), frame=HAND),
+            Shape(name="box", geometry=coal.Box(0.2, 0.2, 0.2), frame=HAND),
+            Shape(
+                name="ball",
+                geometry=coal.Sphere(0.05),
+                frame=HAND,
+                placement=pin.SE3(np.eye(3), np.array([along, 0.01, 0.02])),
+            ),
+        ]
+        limit = CollisionLimit(shapes, [("mesh", "ball"), ("box", "ball")], influence=1.0)
+        rows = CollisionRows(limit, TALOS.model)
+        JUDGE.update(HALF, np.zeros(TALOS.model.nv))
+        rows.fill(JUDGE)
+        assert rows.distances == pytest.approx(along - 0.15, abs=1e-6)
+        np.testing.assert_allclose(rows.rows[0], rows.rows[1], atol=1e-6)
+
+
+def test_what_is_no_convex_solid_is_named():
+    with pytest.raises(ControlError, match=r"'flat'.*thin box"):
+        Shape(name="flat", geometry=mesh(CUBE[:4]))
+    thin = Shape(name="thin", geometry=mesh(CUBE * [1.0, 1.0, 1e-7]))
+    assert thin.geometry.num_points == 8
+    with pytest.raises(ControlError, match=r"'edge'.*four points"):
+        Shape(name="edge", geometry=mesh(CUBE[:2]))
+    with pytest.raises(ControlError, match=r"'hand'.*str"):
+        Shape(name="hand", geometry="hand.stl")
 
 
 def test_mistakes_are_named():

@@ -16,23 +16,35 @@ from wbc.control.limits.distance_rows import place_distance_rows
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Robot
 
+_FLAT = 1e-9  # thickness over size; coal's hull of a mesh with none (4e-17) ends the process
+
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
     """A convex solid on a link, or an obstacle in the world.
 
+    A mesh becomes its convex hull. The distance of two meshes is that of their triangles: it is
+    not negative where one lies inside the other, and its direction then points the wrong way.
+
     Attributes:
         name: how messages call it.
-        geometry: of coal: `coal.Sphere`, `coal.Capsule`, `coal.Box`, a convex mesh.
+        geometry: of coal: `coal.Sphere`, `coal.Capsule`, `coal.Box`, a mesh.
         frame: name of a frame of the model; "universe" for an obstacle that stands still.
         placement: of the solid in that frame.
+
+    Raises:
+        ControlError: a geometry that coal cannot take as a convex solid.
     """
 
     name: str
     geometry: Any
     frame: str = "universe"
     placement: pin.SE3 = field(default_factory=pin.SE3.Identity)
+
+    def __post_init__(self) -> None:
+        """Take the hull of a mesh."""
+        object.__setattr__(self, "geometry", _convex(self.geometry, self.name))
 
 
 @final
@@ -81,8 +93,8 @@ class CollisionLimit:
     def of(cls, robot: Robot, geometry: pin.GeometryModel, **settings: float) -> CollisionLimit:
         """Return the limit of all collision pairs of a geometry model of the robot's own model.
 
-        Load it with `pin.buildGeomFromUrdf(robot.model, ...)` and choose its pairs first. Meshes
-        must be convex.
+        Load it with `pin.buildGeomFromUrdf(robot.model, ...)` and choose its pairs first: links
+        that a joint connects overlap, so leave their pairs out.
         """
         shapes = [
             Shape(
@@ -161,6 +173,24 @@ class CollisionRows:
             self.rows,
             self.least,
         )
+
+
+def _convex(geometry: Any, name: str) -> Any:
+    """Return a solid, or the convex hull of a mesh."""
+    if isinstance(geometry, coal.ShapeBase):
+        return geometry
+    if not isinstance(geometry, coal.BVHModelBase) or geometry.num_vertices < 4:
+        raise ControlError(
+            f"shape '{name}': {type(geometry).__name__} is no convex solid; give a sphere, a "
+            "capsule, a box, another convex shape of coal, or a mesh of at least four points."
+        )
+    points = np.array(geometry.vertices())
+    sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if not sizes[-1] > _FLAT * sizes[0]:
+        raise ControlError(f"shape '{name}': its mesh is flat; give a thin box in its place.")
+    mesh = geometry.clone()  # a mesh keeps its hull, and this one is the caller's
+    mesh.buildConvexHull(True, "Qt")
+    return mesh.convex
 
 
 def _transform(place: pin.SE3) -> coal.Transform3s:

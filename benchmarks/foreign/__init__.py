@@ -1,0 +1,1 @@
+"""The controller on robots that this project does not ship; see `__main__`."""
