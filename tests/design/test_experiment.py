@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> Non
 
 def test_the_odds_are_those_of_simulated_measurements() -> None:
     """Fit both causes to noisy torques of the true one: the mean log-odds is what was said."""
-    chosen, one = rivals(noise=0.1), path()
+    chosen, one = replace(rivals(noise=0.1), band=np.inf), path()
     said = expected(chosen, LIMITS, one, rate=100.0).odds
     time = one.times(100.0)
     q, v, a = one.at(time)
@@ -200,3 +201,24 @@ def test_a_joint_without_a_gear_behind_a_driven_one_is_refused() -> None:
     robot = Robot("chain", model, Transmission(("driven",), [10.0], [1e-5]))
     with pytest.raises(DesignError, match="loose"):
         Rivals(robot, (parse_cause("viscous_friction@driven", robot),), np.ones(1))
+
+
+def test_what_a_diagnosis_does_not_read_speaks_for_no_cause() -> None:
+    """Torques above its band, and rows about a reversal, are worth nothing."""
+    chosen, time = rivals(), np.arange(1001) / 100.0
+
+    def told(frequency: float, band: float) -> float:
+        wave = 2.0 * np.pi * frequency * time[:, None]
+        size = 2.0 / (2.0 * np.pi * frequency)  # the same speeds at every frequency
+        still = LEG.pose()[None] + size * np.sin(wave) * [[0.0, 1.0]]
+        omega = 2.0 * np.pi * frequency
+        speed = size * omega * np.cos(wave) * [[0.0, 1.0]]
+        rise = -size * omega**2 * np.sin(wave) * [[0.0, 1.0]]
+        motion = Motion(still, speed, rise, time)
+        return replace(chosen, band=band).predictions(motion).signal(0)
+
+    whole = told(1.0, np.inf)
+    assert told(8.0, np.inf) == pytest.approx(whole, rel=0.05)
+    assert told(8.0, 5.0) < 0.01 * whole
+    assert 0.7 * whole < told(1.0, 5.0) < whole
+    assert told(8.0, 40.0) > 0.7 * whole

@@ -15,6 +15,7 @@ from wbc.arrays import FloatArray
 from wbc.cli.shared.inputs import table_console, watching, write_json
 from wbc.cli.shared.outputs import require_outputs
 from wbc.design.experiment import (
+    BAND,
     Cause,
     Designed,
     FourierPath,
@@ -68,6 +69,8 @@ def add_to(commands: Any) -> None:
     add("--rate", type=float, default=100.0, metavar="HZ", help="rows per second, default 100")
     add("--noise", type=float, metavar="NM",
         help="noise of the measured rotor torque [N m]; default: 1 %% of its limit")  # fmt: skip
+    add("--band", type=float, default=BAND, metavar="HZ",
+        help=f"of torques that the diagnosis will keep, default {BAND:g}")  # fmt: skip
     add("--span", type=float, default=np.inf, metavar="RAD", help="furthest from the usual pose")
     add("--speed", type=float, default=np.inf, metavar="X", help="limit of joint speeds [rad/s]")
     add("--acceleration", type=float, default=np.inf, metavar="X", help="limit [rad/s^2]")
@@ -89,7 +92,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         raise WbcError("--rounds must be at least 1.")
     robot = load_robot(options.robot)
     robot = robot.lossless() if options.lossless else robot
-    rivals = Rivals(robot, _causes(options.between, robot), _noise(options, robot))
+    rivals = Rivals(robot, _causes(options.between, robot), _noise(options, robot), options.band)
     limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
     _require_room(limits)
     shown = table_console(options, console)

@@ -2,6 +2,7 @@
 
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
+from wbc.design.experiment.readable import BAND
 from wbc.design.experiment.rivals import (
     Cause,
     Pair,
@@ -25,6 +26,7 @@ from wbc.design.experiment.search import (
 from wbc.design.experiment.tied import tied_causes
 
 __all__ = [
+    "BAND",
     "Cause",
     "Designed",
     "FourierPath",

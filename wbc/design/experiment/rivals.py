@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wbc.arrays import FloatArray
+from wbc.design.experiment.readable import BAND, ReadableRows
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import effect_class
 from wbc.errors import DesignError, EffectError
@@ -114,11 +115,13 @@ class Rivals:
         causes: with the values at which they are expected; one alone when only its intervals
             are to shrink.
         noise: (m,) standard deviation of the measured rotor torque [N m], white from row to row.
+        band: [Hz] that the diagnosis of the log will keep of torques; infinite for all of it.
     """
 
     robot: Robot
     causes: tuple[Cause, ...]
     noise: FloatArray
+    band: float = BAND
 
     def __post_init__(self) -> None:
         """Check what can be compared."""
@@ -139,6 +142,8 @@ class Rivals:
             )
         if not np.all((self.noise > 0.0) & np.isfinite(self.noise)):
             raise DesignError("the noise of the torque must be > 0 and finite; give --noise.")
+        if not self.band > 0.0:
+            raise DesignError("the band of the diagnosis must be > 0; give --band.")
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
@@ -158,6 +163,7 @@ class Predictions:
         self.rivals, self.motion, self._links = rivals, motion, links
         self._torques: dict[int, FloatArray] = {}
         self._slopes: dict[int, FloatArray] = {}
+        self._readable = ReadableRows(rivals.robot, motion, rivals.band)
 
     def torque(self, cause: Cause) -> FloatArray:
         """Return the rotor torque (N, m) [N m] that the drives report with a cause."""
@@ -168,6 +174,11 @@ class Predictions:
         shared = robot.model is base.model and motion is self.motion
         links = self._links if shared else link_torque(robot, motion)
         return rotor_torque(robot, motion, links)[0]
+
+    def _in_noise(self, torque: FloatArray) -> FloatArray:
+        """Return what is read of torques (N, m, ...), in units of the noise."""
+        noise = self.rivals.noise.reshape(-1, *(1,) * (torque.ndim - 2))
+        return self._readable.of(torque / noise)
 
     def expected_torque(self, number: int) -> FloatArray:
         """Return the torque (N, m) of a rival with its expected values."""
@@ -192,9 +203,9 @@ class Predictions:
             step = step if value + step <= parameter.high else -step
             values = _values(cause)
             values[row] += step
-            slope = (self.torque(_moved(cause, values)) - here) / step * parameter.scale
-            columns.append((slope / self.rivals.noise).ravel())
-        self._slopes[number] = np.stack(columns, axis=1)
+            columns.append((self.torque(_moved(cause, values)) - here) / step * parameter.scale)
+        read = self._in_noise(np.stack(columns, axis=2))
+        self._slopes[number] = read.reshape(-1, len(columns))
         return self._slopes[number]
 
     def distance(self, pair: Pair) -> float:
@@ -214,7 +225,7 @@ class Predictions:
                 torque = self.torque(_moved(cause, values * scales))
             except EffectError:  # a step to what no robot can have, a negative mass for one
                 return np.full(target.size, _IMPOSSIBLE)
-            return np.asarray(((torque - target) / self.rivals.noise).ravel())
+            return self._in_noise(torque - target).ravel()
 
         inside = np.clip(_values(cause) / scales, low + 1e-9, high - 1e-9)
         found = least_squares(misfit, inside, bounds=(low, high), max_nfev=12)
@@ -234,7 +245,7 @@ class Predictions:
         The other one is taken as linear in its parameters.
         """
         true, other = pair
-        apart = (self.expected_torque(true) - self.expected_torque(other)) / self.rivals.noise
+        apart = self._in_noise(self.expected_torque(true) - self.expected_torque(other))
         slopes = self.sensitivity(other)
         fitted = slopes @ np.linalg.lstsq(slopes, apart.ravel())[0]
         return np.asarray(apart - fitted.reshape(apart.shape))
@@ -245,7 +256,7 @@ class Predictions:
 
     def signal(self, number: int) -> float:
         """Return half the squared torque that a cause adds, each row in units of its noise."""
-        added = (self.expected_torque(number) - self.torque(())) / self.rivals.noise
+        added = self._in_noise(self.expected_torque(number) - self.torque(()))
         return float(0.5 * np.sum(added**2))
 
     def information(self) -> float:
