@@ -31,9 +31,11 @@ from sims import (
     trot,
     wedge,
 )
+from sims.fleet import record_fleet
 from sims.plots import sweep_figure
-from wbc import load_robot
+from wbc import load_robot, save_robot
 from wbc.cli import main as wbc
+from wbc.effects import CoulombFriction
 from wbc.files import atomic_write
 from wbc.identification import Diagnosis
 from wbc.measurement import load_logs, save_log
@@ -121,6 +123,14 @@ ARM_DESIGN = [
 ]
 
 
+EXPERIMENTS = {
+    "planar_leg_fixed": "--speed 6 --span 1 --rounds 40 --between rotor_inertia@knee "
+    "payload_mass@shin",
+    "solo12": "--speed 6 --span 0.6 --rounds 20 --between rotor_inertia@FL_KFE "
+    "payload_mass@FL_LOWER_LEG",
+}
+
+
 def designs() -> None:
     """Draw maps and front of a sweep, and the studies of choosing a gearbox."""
     sweeps = ("reduction=6:160:40:log", "forward_efficiency=0.45:0.98:40")
@@ -132,14 +142,6 @@ def designs() -> None:
         keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
         wbc([*ARM_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
         keep(OUT / theme / "staubli_tx40_design_map.png", "design_arm" + ending)
-    command = ["experiment", "planar_leg_fixed", "--lossless", "--speed", "6", "--span", "1"]
-    command += ["--rounds", "100", "--figures", str(OUT), "--between"]
-    wbc([*command, "rotor_inertia@knee", "payload_mass@shin"])
-    keep(OUT / "planar_leg_fixed_experiment.png", "experiment")
-    command = ["experiment", "solo12", "--lossless", "--speed", "6", "--span", "0.6"]
-    command += ["--rounds", "20", "--figures", str(OUT), "--between"]
-    wbc([*command, "rotor_inertia@FL_KFE", "payload_mass@FL_LOWER_LEG"])
-    keep(OUT / "solo12_experiment.png", "experiment_quadruped")
     plots(case_study.draw, case_foot="case_foot", case_efficiency="case_efficiency")
     flow, blocks = energy_flow.main(), wedge.panels(wedge.main())
     plots(
@@ -150,6 +152,30 @@ def designs() -> None:
         energy_flow="energy_flow",
         wedge="wedge",
     )
+
+
+def experiments() -> None:
+    """Plan the motions that decide."""
+    for robot, options in EXPERIMENTS.items():
+        for theme, ending in (("light", ""), ("dark", "_dark")):
+            folder = OUT / theme
+            wbc(["experiment", robot, "--lossless", *options.split(), "--theme", theme,
+                 "--figures", str(folder)])  # fmt: skip
+            picture = folder / f"{robot}_experiment.png"
+            quadruped = "experiment_quadruped"
+            keep(picture, ("experiment" if robot == "planar_leg_fixed" else quadruped) + ending)
+
+
+def fleet() -> None:
+    """Follow the two legs of the tutorial over three weeks."""
+    record_fleet(OUT / "fleet")
+    fitted = load_robot("planar_leg_fixed").lossless().with_effect(CoulombFriction("hip", 0.3))
+    robot, logs = save_robot(fitted, OUT / "fitted.toml"), sorted((OUT / "fleet").glob("*/*.csv"))
+    for theme, ending in (("light", ""), ("dark", "_dark")):
+        picture = OUT / f"trend{ending}.png"
+        wbc(["trend", *map(str, logs), "--robot", str(robot), "--png", str(picture),
+             "--theme", theme])  # fmt: skip
+        keep(picture, "trend" + ending)
 
 
 def studies() -> None:
@@ -204,7 +230,8 @@ def keep(made: Path, name: str) -> None:
 
 
 PARTS = {
-    part.__name__: part for part in (metrics, designs, explained, stood, studies, loops, walked)
+    part.__name__: part
+    for part in (metrics, designs, experiments, fleet, explained, stood, studies, loops, walked)
 }
 
 

@@ -39,15 +39,19 @@ class LogError(WbcError):
 
 
 class DesignError(WbcError):
-    """A design study asks for what does not exist, or its results belong to another study."""
+    """A design study asks for what does not exist."""
 
 
 class IdentificationError(WbcError):
     """Logs and robot cannot be compared, or hold too little to identify anything."""
 
 
-class ParallelError(DesignError):
+class ParallelError(WbcError):
     """Work cannot be shared out as it was asked for."""
+
+
+class ResultsError(WbcError):
+    """A file of results cannot be read, or holds the results of other work."""
 
 
 class MissingPackageError(WbcError, ImportError):
@@ -56,6 +60,13 @@ class MissingPackageError(WbcError, ImportError):
 
 class ViewError(WbcError):
     """Something needed to draw or to take a picture is missing."""
+
+
+def failure_text(error: Exception) -> str:
+    """Return what a row says of a job that failed; an error of others with its kind before it."""
+    if isinstance(error, WbcError):
+        return str(error)
+    return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from itertools import islice
 from typing import TypeVar
 
 from wbc.errors import ParallelError
@@ -11,10 +13,13 @@ from wbc.extras import needs
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
+OPEN = 2
+"""Open jobs per worker: one that runs, and one that waits, so that no worker does."""
+
 
 def run_jobs(
     function: Callable[[_Item], _Result],
-    items: Sequence[_Item],
+    items: Iterable[_Item],
     *,
     workers: int = 1,
     cluster: str | None = None,
@@ -22,11 +27,13 @@ def run_jobs(
     """Yield the results of `function` on each of `items` as they come, in any order.
 
     A result says itself which item it belongs to: function, items and results travel between
-    processes.
+    processes. At most `OPEN` jobs per worker are open at a time: the next item is taken when a
+    result has been used, so memory does not grow with the number of items. A job whose Dask worker
+    is lost runs again on another one.
 
     Args:
         function: of a module, so that other processes can import it.
-        items: what it is called with.
+        items: what it is called with; may be a generator.
         workers: processes on this computer; 1 works in this process, -1 takes all cores.
         cluster: address of a Dask scheduler instead, for example "tcp://10.0.0.1:8786".
 
@@ -42,21 +49,51 @@ def run_jobs(
         raise ParallelError("workers is 0; give a number of processes, or -1 for all cores.")
     else:
         with needs("design", "working in several processes"):
-            from joblib import Parallel, delayed
-        pool = Parallel(n_jobs=workers, return_as="generator_unordered")
-        yield from pool(delayed(function)(item) for item in items)
+            from joblib import effective_n_jobs
+            from joblib.externals.loky import get_reusable_executor
+        count = effective_n_jobs(workers)
+        # Each process takes one core: its linear algebra must not take the others'.
+        single = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+        executor = get_reusable_executor(max_workers=count, env=single)
+        yield from _through_window(executor, function, items, lambda: count)
 
 
 def _on_cluster(
-    function: Callable[[_Item], _Result], items: Sequence[_Item], address: str
+    function: Callable[[_Item], _Result], items: Iterable[_Item], address: str
 ) -> Iterator[_Result]:
     with needs("cluster", "working on a Dask cluster"):
-        from distributed import Client, as_completed
+        from distributed import Client
     try:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, TimeoutError, ValueError) as cause:
         raise ParallelError(f"--cluster '{address}': no Dask scheduler there ({cause}).") from cause
     with client:
-        futures = [client.submit(function, item, pure=False) for item in items]
-        for _, result in as_completed(futures, with_results=True):
-            yield result
+        executor = client.get_executor(pure=False)
+        yield from _through_window(
+            executor, function, items, lambda: sum(client.nthreads().values())
+        )
+
+
+def _through_window(
+    executor: Executor,
+    function: Callable[[_Item], _Result],
+    items: Iterable[_Item],
+    count: Callable[[], int],
+) -> Iterator[_Result]:
+    """Yield results while at most `OPEN` jobs for each of `count()` workers are open."""
+    left, jobs, until_asked, width = iter(items), set[Future[_Result]](), 0, 0
+    try:
+        while True:
+            if until_asked <= 0:  # workers of a cluster come and go; asking takes a message
+                width = until_asked = OPEN * max(count(), 1)
+            free = max(width - len(jobs), 0)  # below zero where workers were lost
+            jobs |= {executor.submit(function, item) for item in islice(left, free)}
+            if not jobs:
+                return
+            done, jobs = wait(jobs, return_when=FIRST_COMPLETED)
+            until_asked -= len(done)
+            while done:
+                yield done.pop().result()
+    finally:
+        for job in jobs:
+            job.cancel()

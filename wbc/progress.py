@@ -1,7 +1,9 @@
-"""A bar of progress in a terminal; silent when piped."""
+"""Progress with the time left: a bar in a terminal, a line now and then where there is none."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -10,6 +12,8 @@ from wbc.extras import needs
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+_EVERY = 30.0  # [s] between two lines
 
 Watch = Callable[[int, int], None]
 """Called with what is done and the total."""
@@ -31,3 +35,43 @@ def progress_bar(text: str, console: Console | None = None) -> Iterator[Watch]:
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task(text, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def progress_lines(
+    text: str,
+    write: Callable[[str], object] = lambda line: print(line, file=sys.stderr, flush=True),
+    clock: Callable[[], float] = time.monotonic,
+) -> Watch:
+    """Return a function that writes a line with the time left, every half minute at most.
+
+    The time left is that of the rest at the rate since the first call, which tells what was there
+    before the work began.
+
+    Args:
+        text: what is counted.
+        write: called with each line; standard error when left out.
+        clock: time [s].
+    """
+    began = last = clock()
+    before: int | None = None
+
+    def watch(done: int, total: int) -> None:
+        nonlocal before, last
+        now = clock()
+        if before is None:
+            before = done
+        if now - last < _EVERY or done in (before, total):
+            return
+        last = now
+        left = (now - began) * (total - done) / (done - before)
+        write(f"{text}: {done} of {total}, {spoken_time(left)} left")
+
+    return watch
+
+
+def spoken_time(seconds: float) -> str:
+    """Return a time in the largest unit of which there are at least two."""
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"

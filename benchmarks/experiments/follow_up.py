@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from wbc.design.experiment import (
     Cause,
     Designed,
     MotionLimits,
+    Pair,
+    Predictions,
     Rivals,
     design_experiment,
     expected,
@@ -27,6 +30,7 @@ from wbc.robot import Robot
 DURATION = 10.0  # [s] of one planned run
 ROUNDS = 60  # changes tried: CPU time bounds this study, `wbc experiment` tries 300
 WORDS, RANDOM, CLASSIC, DESIGNED = "advice in words", "random", "D-optimal", "designed"
+BEST = "designed, values known"
 ARMS = (WORDS, RANDOM, CLASSIC, DESIGNED)
 # The corpus' own runs stay within these: strokes of 1 rad, 6 rad/s, 60 rad/s^2 (shaking).
 _SPAN, _SPEED, _ACCELERATION = 1.0, 6.0, 60.0
@@ -54,12 +58,9 @@ def planned_runs(
     Raises:
         DesignError: no motion tells these causes apart.
     """
-    noise = np.asarray(case.torque_noise / np.abs(case.machine.ratio))
-    rivals = Rivals(robot, tuple(causes), noise)
-    limits = MotionLimits.of(robot, _SPAN, _SPEED, _ACCELERATION, case.machine.centre)
-    rate, seed = min(case.sensors.rate, 100.0), case.number
+    rivals, limits, settings = _task(case, robot, causes)
+    rate, seed = settings["rate"], settings["seed"]
     chance = next(random_paths(rivals, limits, DURATION, seed + 1, 1))
-    settings = {"rate": rate, "rounds": ROUNDS, "seed": seed}
     classic = design_experiment(rivals, limits, DURATION, aim=informing, **settings)
     ours = design_experiment(rivals, limits, DURATION, starts=[classic.path], **settings)
     said = {RANDOM: expected(rivals, limits, chance, rate), CLASSIC: classic, DESIGNED: ours}
@@ -68,3 +69,37 @@ def planned_runs(
         q = one.path.at(time)[0]
         runs[name] = (PlannedExcitation("planned", first + k, DURATION, first + k, 0.0, q),)
     return runs, said
+
+
+def _task(
+    case: Case, robot: Robot, causes: Sequence[Cause]
+) -> tuple[Rivals, MotionLimits, dict[str, Any]]:
+    noise = np.asarray(case.torque_noise / np.abs(case.machine.ratio))
+    limits = MotionLimits.of(robot, _SPAN, _SPEED, _ACCELERATION, case.machine.centre)
+    rate = min(case.sensors.rate, 100.0)
+    settings = {"rate": rate, "rounds": ROUNDS, "seed": case.number}
+    return Rivals(robot, tuple(causes), noise), limits, settings
+
+
+def owed(
+    case: Case, robot: Robot, causes: Sequence[Cause], said: Mapping[str, Designed]
+) -> dict[str, float]:
+    """Return the expected nats of the first cause, as it truly is, over its best rival.
+
+    Along each planned motion, and as `BEST` along one that is designed for the true values alone:
+    no plan can know these, so that what this one does not tell apart, none does in this time.
+    """
+    rivals, limits, settings = _task(case, robot, causes)
+    against = [(0, k) for k in range(1, len(causes))]
+
+    def first_true(found: Predictions, pairs: Sequence[Pair]) -> float:
+        return min(found.near_distance(pair) for pair in against)
+
+    starts = [one.path for one in said.values()]
+    best = design_experiment(rivals, limits, DURATION, aim=first_true, starts=starts, **settings)
+    told = {
+        name: expected(rivals, limits, one.path, settings["rate"]) for name, one in said.items()
+    }
+    return {
+        name: min(one.odds[pair] for pair in against) for name, one in {**told, BEST: best}.items()
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -13,10 +13,12 @@ import pytest
 from wbc import load_robot, save_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
-from wbc.errors import IdentificationError, LogError
+from wbc.errors import IdentificationError, LogError, ResultsError
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.trend import Trend, find_runs, follow, read_index
 from wbc.identification.trend.drift import WRONG, Points, fit_lines, no_chance
-from wbc.measurement import save_log
+from wbc.measurement import Log, save_log
+from wbc.robot import Robot
 
 SLOPE, SCATTER, INTERVAL = 0.02, 0.01, 0.004
 DAYS = np.array([0.0, 7.0, 14.0, 21.0, 28.0])
@@ -133,6 +135,44 @@ def test_the_command_writes_table_plot_and_json_and_fails_on_drift(
     assert content["drifting"] == ["leg1"]
     assert len(content["failures"]) == 1
     assert (tmp_path / "t.png").stat().st_size > 20_000
+
+
+def test_any_error_of_one_session_is_a_row_of_it_alone(
+    logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = EstimationProblem.from_logs
+
+    def break_one(robot: Robot, given: Sequence[Log]) -> EstimationProblem:
+        if "2026-03-08" in given[0].source.path:
+            raise ZeroDivisionError("no samples")
+        return broken(robot, given)
+
+    monkeypatch.setattr(EstimationProblem, "from_logs", break_one)
+    followed = follow(str(logs / "fitted.toml"), find_runs(sorted(logs.glob("leg1/*.npz"))))
+    failures = [session.failure for session in followed.sessions]
+    assert failures == ["", "ZeroDivisionError: no samples", "", ""]
+
+
+def test_a_killed_run_goes_on_and_ends_with_the_same_table(logs: Path, tmp_path: Path) -> None:
+    runs, robot = find_runs(sorted(logs.glob("leg1/*.npz"))), str(logs / "fitted.toml")
+    whole, path = tmp_path / "whole.parquet", tmp_path / "killed.parquet"
+    first = follow(robot, runs, out=whole)
+
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        follow(robot, runs, out=path, watch=stop)
+    assert not path.exists()
+    seen: list[int] = []
+    again = follow(robot, runs, out=path, watch=lambda done, total: seen.append(done))
+    assert seen == [2, 3, 4]
+    assert path.read_bytes() == whole.read_bytes()
+    assert again.to_json() == first.to_json()
+    assert follow(robot, runs, out=path).to_json() == first.to_json()  # read, not measured
+    with pytest.raises(ResultsError, match="other work"):
+        follow(robot, runs[:3], out=path)
 
 
 def test_what_cannot_be_followed_is_told(

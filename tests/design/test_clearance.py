@@ -16,6 +16,7 @@ from wbc.design.experiment import (
     parse_cause,
     random_paths,
 )
+from wbc.design.experiment.clearance import LinkDistances
 from wbc.effects import load_robot
 from wbc.robot import Robot
 
@@ -86,3 +87,22 @@ def test_no_link_meets_another_along_a_designed_motion(tmp_path: Path) -> None:
 
 def test_a_robot_without_solids_has_no_clearance() -> None:
     assert MotionLimits.of(load_robot("planar_leg_fixed")).clearance is None
+
+
+def test_a_row_touches_whatever_stands_in_the_rows_before_it() -> None:
+    """A whole motion keeps apart just where each of its rows, judged alone, does."""
+    robot = load_robot("solo12").lossless()
+    found = LinkDistances.of(robot, centre := robot.pose()[robot.actuated_position])
+    assert found is not None
+    random, time = np.random.default_rng(0), np.arange(300) / 50.0
+    phase = random.uniform(0.0, 6.0, (len(centre), 3))
+    waves = [
+        np.sin(0.6 * np.pi * (k + 1) * time[:, None] + phase[:, k]) for k in range(phase.shape[1])
+    ]
+    rows = centre + 0.4 * sum(waves)
+    apart = np.array([found.least(row[None]) >= found.margin for row in rows])
+    assert 50 < apart.sum() < 280
+    free = rows[apart]
+    assert found.keeps(free)
+    for row in rows[~apart]:
+        assert not found.keeps(np.vstack([free[:20], row]))

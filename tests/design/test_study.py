@@ -24,7 +24,7 @@ from wbc.design import (
     run_study,
 )
 from wbc.effects import load_robot
-from wbc.errors import DesignError, RobotError, TransmissionError, WbcError
+from wbc.errors import DesignError, ResultsError, RobotError, TransmissionError, WbcError
 from wbc.metrics import pose_sweep
 
 LEG = load_robot("planar_leg")
@@ -126,15 +126,15 @@ def test_a_study_with_another_key_is_refused(tmp_path: Path) -> None:
     path = run_study(study(), tmp_path / "x.parquet")
     before = path.read_bytes()
     assert run_study(study(), path).read_bytes() == before  # nothing left to do
-    with pytest.raises(DesignError, match="another study"):
+    with pytest.raises(ResultsError, match="results of other work"):
         run_study(study(samples=8), path)
     half = tmp_path / "y.parquet.parts"
     half.mkdir()
-    (half / "study.json").write_text("{}")
-    with pytest.raises(DesignError, match="another study"):
+    (half / "key.json").write_text("{}")
+    with pytest.raises(ResultsError, match="results of other work"):
         run_study(study(), tmp_path / "y.parquet")
     pq.write_table(pq.read_table(path).replace_schema_metadata({}), tmp_path / "z.parquet")
-    with pytest.raises(DesignError, match="no table of designs"):
+    with pytest.raises(ResultsError, match="no table of results"):
         run_study(study(), tmp_path / "z.parquet")
 
 

@@ -15,6 +15,7 @@ NEWCOMERS = [
     "index",
     "guide/tutorial",
     "guide/tutorial-logs",
+    "guide/tutorial-design",
     "diagnosis/describe-your-robot",
     "diagnosis/bring-your-logs",
     "diagnosis/logs-without-torque",

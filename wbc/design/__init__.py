@@ -6,8 +6,7 @@ from wbc.design.pareto import Objective, over_gait, pareto_front, parse_objectiv
 from wbc.design.simulated import SIMULATIONS
 from wbc.design.study import Study, describe_columns
 from wbc.design.sweep_parameter import SweepParameter, parse_sweep
-from wbc.design.table import read_designs
-from wbc.design.work import run_study
+from wbc.design.work import read_designs, run_study
 
 __all__ = [
     "SIMULATIONS",

@@ -1,36 +1,16 @@
 """Metrics that only a simulation gives: what a design does when it drops, stands, lands and hops.
 
-Each returns its columns for one design; what a design cannot do is NaN, so that a sweep goes on.
+Each has columns for one design; what a design cannot do is NaN, so that a sweep goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-import pinocchio as pin
-
 from wbc.arrays import FloatArray
-from wbc.control import Reference, RestPolicy
-from wbc.design.point_leg import PointLeg, height_row, placed, standing_reference, total_mass
-from wbc.dynamics import evaluate
 from wbc.errors import DesignError, SimulationError
-from wbc.metrics import force_capability, link_length
 from wbc.robot import Robot
-from wbc.sim import Plant, SimState
-
-_FALL = 0.1  # [m] of drop and landing: the height of the paper's leg in `sims.impact`
-_TICK = 1e-3  # [s]
-_STAND = (0.3, 0.2)  # [s] to come to rest, [s] over which the cost is taken
-_SUNK = 0.02  # [m] by which a leg that stands never gives way: it moves by less than 0.1 mm
-_LAND = 0.6  # [s] after touchdown: more than three time constants of the cushion
-_CUSHION = 6.0  # [1/s] at which the leg gives way after touching down, as in `sims.leg`
-_WRONG = 0.1  # share by which the controller's efficiencies are wrong
-_PUSH = 1.0  # [s] after which a leg that has not left the ground counts as too weak
-_STRETCH = 0.95  # share of the straight leg at which the push ends, short of the singular pose
-
-Row = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -39,189 +19,11 @@ class SimulatedMetric:
 
     Attributes:
         columns: column -> unit.
-        run: takes robot, pose q and contact.
         needs: what a robot must be, for the help text.
     """
 
     columns: Mapping[str, str]
-    run: Callable[[Robot, FloatArray, str], Row]
     needs: str
-
-
-def drop(robot: Robot, q: FloatArray, contact: str) -> Row:
-    """Return the first impact of the unpowered robot dropped from 10 cm in its pose."""
-    pose, height = placed(robot, q, _FALL), height_row(robot)
-    velocity = np.zeros(robot.model.nv)
-    plant, rest = Plant(robot), np.zeros(robot.transmission.size)
-    state = plant.state(pose, velocity)
-    while True:
-        result = plant.step(state, rest, 5.0 * _TICK)
-        if result.impacts:
-            break
-        state = result.state
-        if state.position[height] < pose[height] - 2.0 * _FALL:
-            raise SimulationError("the dropped robot fell past the ground")
-    hit = result.impacts[0]
-    impulse = float(hit.contact_impulse[:, 2].sum())
-    fallen = total_mass(robot) * float(np.sqrt(2.0 * 9.81 * _FALL))
-    return {
-        "drop_impulse": impulse,
-        "drop_impulse_share": impulse / fallen,
-        "drop_mesh_loss": float(hit.mesh_loss),
-        "drop_ground_loss": float(hit.contact_loss),
-    }
-
-
-def standing(robot: Robot, q: FloatArray, contact: str) -> Row:
-    """Return what standing still in a balanced pose costs, with and without the use of stiction."""
-    leg = PointLeg.of(robot, contact)
-    pose = leg.balanced(q)
-    rows = {
-        "standing": _standing_cost(leg, pose, RestPolicy.LEAST_TORQUE),
-        "standing_neutral": _standing_cost(leg, pose, RestPolicy.NEUTRAL),
-    }
-    return {
-        f"{name}_{what}": value
-        for name, cost in rows.items()
-        for what, value in zip(("torque", "heat"), cost, strict=True)
-    }
-
-
-def _standing_cost(leg: PointLeg, pose: FloatArray, policy: RestPolicy) -> tuple[float, float]:
-    """Return rms rotor torque over gears [N m] and Joule heat [W], NaN if the leg falls."""
-    robot, controller = leg.robot, leg.stance(policy)
-    height = _height(robot, pose)
-    references, plant = standing_reference(height), Plant(robot)
-    state = plant.state(pose)
-    quiet, spent = (round(time / _TICK) for time in _STAND)
-    torques = []
-    for _ in range(quiet + spent):
-        command = controller.step(state, references)
-        torques.append(command.rotor_torque)
-        state = plant.step(state, command.rotor_torque, _TICK).state
-        if abs(_height(robot, state.position) - height) > _SUNK:
-            return np.nan, np.nan  # the motors are too weak to stand
-    squared = np.mean(np.square(torques[quiet:]), axis=0)
-    gears = robot.transmission
-    heat = float(gears.resistance / gears.torque_constant**2 @ squared)
-    return float(np.sqrt(squared.sum())), heat
-
-
-def landing(robot: Robot, q: FloatArray, contact: str) -> Row:
-    """Return how well the leg lands from 10 cm when its efficiencies are believed 10 % wrong."""
-    leg = PointLeg.of(robot, contact)
-    return {
-        "landing_error": _landing_error(leg, leg),
-        "landing_error_high": _landing_error(leg, leg.mistaken(_WRONG)),
-        "landing_error_low": _landing_error(leg, leg.mistaken(-_WRONG)),
-    }
-
-
-def _landing_error(leg: PointLeg, believed: PointLeg) -> float:
-    """Return the rms error of the height [m] after touchdown, NaN if the leg collapses.
-
-    In the air the motors rest: the fall is the same for every controller. On the ground the
-    reference starts with what the landing left of the height and its rate, and dies away critically
-    damped, so that a controller that knows its gears makes no error but that of its sampling.
-    """
-    robot, controller = leg.robot, believed.stance()
-    q = leg.balanced(leg.robot.pose())
-    height = _height(robot, placed(robot, q, 0.0))
-    plant = Plant(robot)
-    state, rest = plant.state(placed(robot, q, _FALL)), np.zeros(robot.transmission.size)
-    while not (result := plant.step(state, rest, _TICK)).impacts:
-        state = result.state
-    state, errors = result.state, []
-    gap = _height(robot, state.position) - height
-    slope = float(_com_rate(robot, state)[2]) + _CUSHION * gap
-    for tick in range(round(_LAND / _TICK)):
-        wanted = _cushioned(height, gap, slope, tick * _TICK)
-        references = {"height": Reference(*wanted[:, None]), "balance": Reference(0.0)}
-        errors.append(_height(robot, state.position) - wanted[0])
-        command = controller.step(state, references)
-        state = plant.step(state, command.rotor_torque, _TICK).state
-    if abs(errors[-1]) > 0.5 * height:
-        return np.nan
-    return float(np.sqrt(np.mean(np.square(errors))))
-
-
-def _cushioned(height: float, gap: float, slope: float, time: float) -> FloatArray:
-    """Return height, rate and acceleration (3,) of a gap that dies away critically damped."""
-    w, left = _CUSHION, gap + slope * time
-    motion = np.array([left, slope - w * left, w * (w * left - 2.0 * slope)])
-    wanted: FloatArray = np.exp(-w * time) * motion + np.array([height, 0.0, 0.0])
-    return wanted
-
-
-def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
-    """Return how high the leg hops when its motors push as hard as they can lift.
-
-    From the balanced pose the motors give the torques of one vertical force, the largest that they
-    can lift there, until the leg is nearly straight or leaves the ground; then they rest. The
-    height is that of the ballistic flight which follows: 0 for a leg too weak to rise. The energy
-    is what the supply gives for the push: work and Joule heat of each motor, none of it taken
-    back. The cost is that energy over m g height, the vertical cost of transport.
-    """
-    leg = PointLeg.of(robot, contact)
-    pose = leg.balanced(q)
-    reach = force_capability(robot, pose, contact, "xz").along([0.0, 1.0])
-    plant, force = Plant(robot), reach.lift
-    failed = {"hop_height": 0.0, "hop_energy": np.nan, "hop_cost": np.nan}
-    if force <= total_mass(robot) * 9.81:
-        return failed
-    gears, state, energy = robot.transmission, plant.state(pose), 0.0
-    straight = _STRETCH * _leg_length(leg)
-    for _ in range(round(_PUSH / _TICK)):
-        terms = evaluate(robot, state.position, state.velocity)
-        push = np.zeros(gears.size)
-        if _extension(leg, state) < straight:
-            joint = terms.contact_jacobian[2, robot.actuated] * -force
-            push = np.linalg.solve(gears.distribution, joint) / gears.forward_efficiency
-        result = plant.step(state, push, _TICK)
-        energy += _drawn(robot, state, result.state, result.rotor_torque)
-        state = result.state
-        if float(result.contact_force[0, 2]) <= 0.0:
-            height = max(float(_com_rate(robot, state)[2]), 0.0) ** 2 / (2.0 * 9.81)
-            lifted = total_mass(robot) * 9.81 * height
-            cost = energy / lifted if lifted > 0.0 else np.nan
-            return {"hop_height": height, "hop_energy": energy, "hop_cost": cost}
-    return failed
-
-
-def _drawn(robot: Robot, before: SimState, after: SimState, torque: FloatArray) -> float:
-    """Return what the supply gives in a tick [J]: work and heat of each motor, none taken back.
-
-    NaN without the motors' resistance and torque constant.
-    """
-    gears = robot.transmission
-    speed = 0.5 * (before.velocity + after.velocity)[robot.actuated]
-    power = torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
-    heat = gears.resistance / gears.torque_constant**2 * torque**2
-    return float(np.maximum(power + heat, 0.0).sum()) * _TICK
-
-
-def _extension(leg: PointLeg, state: SimState) -> float:
-    """Return the distance from the base's joint to the foot [m]."""
-    model, data = leg.robot.model, leg.robot.model.createData()
-    pin.framesForwardKinematics(model, data, state.position)
-    hip = model.getJointId(leg.robot.transmission.joints[0])
-    foot = evaluate(leg.robot, state.position, state.velocity).contact_position[0]
-    return float(np.linalg.norm(foot - data.oMi[hip].translation))
-
-
-def _leg_length(leg: PointLeg) -> float:
-    """Return the length [m] of the straight leg."""
-    return sum(link_length(leg.robot, leg.robot.body_of(j)) for j in leg.robot.transmission.joints)
-
-
-def _height(robot: Robot, q: FloatArray) -> float:
-    return float(pin.centerOfMass(robot.model, robot.model.createData(), q)[2])
-
-
-def _com_rate(robot: Robot, state: SimState) -> FloatArray:
-    data = robot.model.createData()
-    pin.centerOfMass(robot.model, data, state.position, state.velocity)
-    return np.array(data.vcom[0])
 
 
 SIMULATIONS: dict[str, SimulatedMetric] = {
@@ -232,7 +34,6 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "drop_mesh_loss": "J",
             "drop_ground_loss": "J",
         },
-        drop,
         "a base that can fall",
     ),
     "standing": SimulatedMetric(
@@ -242,31 +43,32 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "standing_neutral_torque": "N m",
             "standing_neutral_heat": "W",
         },
-        standing,
         "a planar leg with a point foot",
     ),
     "landing": SimulatedMetric(
         {"landing_error": "m", "landing_error_high": "m", "landing_error_low": "m"},
-        landing,
         "a planar leg with a point foot",
     ),
     "hop": SimulatedMetric(
         {"hop_height": "m", "hop_energy": "J", "hop_cost": "1"},
-        hop,
         "a planar leg with a point foot",
     ),
 }
 
 
-def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> Row:
+def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
     """Return the columns of one simulation; NaN where the design has no such motion.
 
     Raises:
         DesignError: a robot of another kind than the simulation needs.
     """
+    # Plant and controller are loaded by whoever simulates, not by whoever reads the list.
+    from wbc.design.point_leg import PointLeg, height_row
+    from wbc.design.simulations import RUNS
+
     metric = SIMULATIONS[name]
     try:
-        return metric.run(robot, q, contact)
+        return RUNS[name](robot, q, contact)
     except SimulationError:
         return dict.fromkeys(metric.columns, float("nan"))
     except DesignError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import warnings
 from collections.abc import Mapping
@@ -23,6 +22,7 @@ from wbc.effects import load_robot
 from wbc.errors import DesignError, unknown_name
 from wbc.metrics import DesignMetrics, Designs, design_metrics, held_torques, with_contact_at
 from wbc.robot import Robot
+from wbc.robot.fingerprint import fingerprint
 from wbc.transmission import Transmission, wedge_backward_efficiency
 
 _UNITS = {
@@ -252,23 +252,6 @@ def _filled(box: Gearbox, name: str, own: FloatArray) -> FloatArray:
 def loaded(robot: str, contact: str) -> Robot:
     """Return a robot with a contact or frame called `contact`, read once per process."""
     return with_contact_at(load_robot(robot), contact)
-
-
-def fingerprint(robot: Robot) -> str:
-    """Return a hash over all numbers of a robot, so that a changed file is noticed."""
-    model, gears = robot.model, robot.transmission
-    parts = [np.asarray(model.gravity.linear), gears.topology]
-    for joint in range(1, model.njoints):
-        parts.append(np.asarray(model.inertias[joint].toDynamicParameters()))
-        parts.append(np.asarray(model.jointPlacements[joint].homogeneous))
-    parts.extend(np.asarray(getattr(gears, field)) for field in GEAR_PARAMETERS.values())
-    parts.extend([gears.resistance, gears.torque_constant])
-    parts.extend(np.asarray([*contact.offset, contact.friction]) for contact in robot.contacts)
-    names = "|".join([*model.names, *(contact.name for contact in robot.contacts)])
-    digest = hashlib.sha256(names.encode("utf-8"))
-    for part in parts:
-        digest.update(np.ascontiguousarray(part, dtype=np.float64).tobytes())
-    return digest.hexdigest()
 
 
 def _check_place(robot: Robot, parameter: SweepParameter) -> None:

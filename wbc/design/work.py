@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.design.study import Study, describe_columns
-from wbc.design.table import DesignTable
 from wbc.errors import DesignError
-from wbc.parallel import run_jobs
 from wbc.progress import Watch
+from wbc.results import Column, ResultTable, fill_table, read_results
 
 ANALYTIC_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
 SIMULATED_CHUNK = 8  # designs: 1 to 30 s of work, so that little is lost when a run is killed
 
-Columns = dict[str, FloatArray]
-Chunk = tuple[int, int, int]
+Chunk = tuple[int, int]
+"""First design, and the one after the last."""
 
 
 def run_study(
@@ -43,36 +43,36 @@ def run_study(
         watch: called with the designs done and their total, now and after every part.
 
     Raises:
-        DesignError: the file belongs to another study, no cluster at the address.
+        ResultsError: the file belongs to another study.
+        ParallelError: workers is 0, or no cluster at the address.
         DynamicsError, TransmissionError: a value outside its range.
     """
     size = chunk or (SIMULATED_CHUNK if study.simulations else ANALYTIC_CHUNK)
     if size < 1:
         raise DesignError(f"chunk must be at least 1, got {size}.")
     study.designs(0, 1)  # wrong values show before anything is written
-    ends = [(i, start, min(start + size, study.size)) for i, start in _starts(study.size, size)]
-    key = {**study.key(), "chunk": size}
-    table = DesignTable(Path(path), key, describe_columns(study), len(ends))
-    done = table.begin()
-    count = sum(stop - start for i, start, stop in ends if i in done)
-    left = [one for one in ends if one[0] not in done]
-    if watch:
-        watch(count, study.size)
-    for number, columns in run_jobs(
-        partial(evaluate_chunk, study), left, workers=workers, cluster=cluster
-    ):
-        table.add(number, columns)
-        count += len(columns["design"])
-        if watch:
-            watch(count, study.size)
-    return table.finish()
+    chunks = [(start, min(start + size, study.size)) for start in range(0, study.size, size)]
+    columns = {
+        name: Column(unit, "count" if name == "design" else "number")
+        for name, unit in describe_columns(study).items()
+    }
+    table = ResultTable(Path(path), {**study.key(), "chunk": size}, columns, len(chunks))
+    work = partial(evaluate_chunk, study)
+    sizes = [stop - start for start, stop in chunks]
+    return fill_table(
+        table, work, chunks, workers=workers, cluster=cluster, watch=watch, sizes=sizes
+    )
 
 
-def evaluate_chunk(study: Study, chunk: Chunk) -> tuple[int, Columns]:
-    """Return a chunk's number and its part of the table; what a worker runs."""
-    number, start, stop = chunk
-    return number, study.evaluate(start, stop)
+def evaluate_chunk(study: Study, chunk: Chunk) -> dict[str, FloatArray]:
+    """Return the part of the table of one chunk; what a worker runs."""
+    return study.evaluate(*chunk)
 
 
-def _starts(total: int, size: int) -> Iterable[tuple[int, int]]:
-    return enumerate(range(0, total, size))
+def read_designs(path: str | Path) -> dict[str, FloatArray]:
+    """Return the columns of a study's table.
+
+    Raises:
+        ResultsError: no such file, or not a table of results.
+    """
+    return {name: np.asarray(x, dtype=np.float64) for name, x in read_results(path).items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,12 +14,19 @@ from wbc.robot import Effect, Motion, Robot
 
 @dataclass(frozen=True)
 class JointEffect(Effect, ABC):
-    """Base of the effects whose place is one driven joint."""
+    """Base of the effects whose place is one joint.
+
+    Attributes:
+        needs_drive: whether the place is a driven joint; else passive joints are places, too.
+    """
+
+    needs_drive: ClassVar[bool] = True
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
-        """Every driven joint."""
-        return robot.transmission.joints
+        """Every driven joint, and every passive one where the effect needs no drive."""
+        driven = robot.transmission.joints
+        return driven if cls.needs_drive else (*driven, *robot.passive_joints)
 
     def joint_position(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return this joint's position, (...) [rad or m]."""

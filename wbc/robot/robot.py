@@ -145,6 +145,19 @@ class Robot:
         model = self.model
         return tuple(n for n in self.joints if model.joints[model.getJointId(n)].nv == 1)
 
+    @cached_property
+    def passive_joints(self) -> tuple[str, ...]:
+        """Names of the joints with one position that no gear drives, other than those of a base.
+
+        The coordinates of a base are those between the world and the first driven joint of a robot
+        with contact points: they stand for a body that moves freely.
+        """
+        driven = {self._joint_id(joint) for joint in self.transmission.joints}
+        loose = [self._joint_id(j) for j in self.single_joints if self._joint_id(j) not in driven]
+        if self.contacts:
+            loose = [one for one in loose if driven & set(self.model.supports[one])]
+        return tuple(str(self.model.names[one]) for one in loose)
+
     @property
     def has_free_flyer(self) -> bool:
         """Whether the first joint is a free-flyer (base.* columns in a log)."""

@@ -14,7 +14,7 @@ from wbc.sim.ground.plane import Plane
 from wbc.sim.plant import Plant
 from wbc.sim.sensors.sensor import Sensor
 from wbc.sim.sensors.sensor_model import SensorModel
-from wbc.sim.simulate import simulate
+from wbc.sim.simulation import simulate
 from wbc.sim.state import SimState
 
 ENCODER = SensorModel(

@@ -72,6 +72,19 @@ def test_all_are_judged_with_the_samples_of_the_one_that_leaves_least() -> None:
     assert both[1] - both[0] == pytest.approx(0.5 * 200 * np.log(4.0))
 
 
+def test_each_output_is_judged_with_the_samples_of_the_one_that_leaves_least_there() -> None:
+    """One that leaves least of an output in floors said how slow another output's noise is."""
+
+    def two(left: tuple[float, float], samples: tuple[float, float]) -> Hypothesis:
+        folds = np.tile(left, (5, 1))
+        return Hypothesis((), folds, folds[:, 0], np.array(samples), np.full(5, 100.0), 0.0, ())
+
+    problem = SimpleNamespace(first=np.array([1.0, 1.0]))
+    loud, quiet = two((50.0, 4.0), (0.4, 0.01)), two((100.0, 1.0), (0.4, 0.4))
+    both = log_densities(problem, [loud, quiet])  # type: ignore[arg-type]
+    assert both[1, 1] - both[0, 1] == pytest.approx(0.5 * 200 * np.log(4.0))
+
+
 def test_odds_add_up_and_name_what_stands_for_what() -> None:
     found = hypothesis(1.0, -10.0, (FRICTION,))
     rival = hypothesis(1.0, -11.0, (OFFSET,))

@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from tests.swinging_leg import swing
-from wbc.effects import CoulombFriction, ViscousFriction, effect_class
+from wbc.effects import CoulombFriction, TransmissionEfficiency, ViscousFriction, effect_class
 from wbc.identification import (
     Alternative,
     Diagnosis,
@@ -21,6 +21,7 @@ from wbc.identification import (
     Step,
     Support,
     diagnose,
+    open_loop,
 )
 from wbc.identification.answer.diagnosis.sentence import what_to_do
 from wbc.identification.answer.numbers import plain, with_interval
@@ -74,7 +75,10 @@ def page(
     robot: Robot, logs: list[Log], diagnosis: Diagnosis, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    return write_report(path, robot, logs, diagnosis, command="wbc diagnose a.csv")
+    strays = [open_loop(one, logs, horizons=(0.1, 0.5)) for one in (robot, diagnosis.robot)]
+    return write_report(
+        path, robot, logs, diagnosis, command="wbc diagnose a.csv", simulated=strays
+    )
 
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
@@ -110,6 +114,16 @@ def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: D
     assert effect_class("link_inertia").at("shin").said() == "link inertia at shin"
 
 
+def test_what_the_robot_has_already_is_not_called_missing(robot: Robot, logs: list[Log]) -> None:
+    """A lossless leg beside a robot with losses: "missing: losses (0.008 %)"."""
+    lossy = wbc.load_robot("planar_leg_fixed")
+    found = diagnose(lossy, logs, [TransmissionEfficiency, ViscousFriction])
+    sentence = verdict_sentence(found)
+    assert sentence.startswith("Missing or different: ")
+    assert "(as given: forward efficiency 0.800, backward efficiency 0.750)" in sentence
+    assert "(as given 0.800)" in str(found)
+
+
 def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
     extra = tuple(
         Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, explained=True))
@@ -141,6 +155,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     for part in (
         "next",
         "left",
+        "open-loop",
         "effects",
         "ambiguity",
         "where",
@@ -161,6 +176,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     ]
     assert places == sorted(places)  # the answer comes first, what else was tried after it
     for words in (
+        "after 0.5 s",
         "0.400 N m s/rad",
         "0.396 … 0.404",
         "careful",

@@ -91,7 +91,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     answer = [comparison.sentence]
     print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
     write_json(options.json, content, console)
-    write_report_file(options, robot, logs, shown)
+    write_report_file(options, robot, logs, shown, simulated=[simulated])
     return _judged(options.fail_above, comparison, shown)
 
 

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wbc.cli.logs.discovery import print_discovery
+from wbc.cli.logs.fleet import add_fleet_options, require_no_fleet, run_fleet
 from wbc.cli.shared.inputs import (
     add_log_options,
     add_output_options,
@@ -42,7 +43,10 @@ _EPILOG = """example:
   wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
 
 --add auto considers every effect there is (`wbc list effects`);
---add NAME,NAME only these."""
+--add NAME,NAME only these.
+
+many machines, a row each; given again, an interrupted run goes on:
+  wbc diagnose --fleet runs.csv --robot robot.toml --out fleet.parquet --workers -1"""
 
 
 def add_to(commands: Any) -> None:
@@ -53,7 +57,8 @@ def add_to(commands: Any) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_log_options(parser)
+    add_log_options(parser, needed=False)
+    add_fleet_options(parser)
     parser.add_argument(
         "--add", default="auto", metavar="auto|NAME,...", help="effects to consider (default auto)"
     )
@@ -80,6 +85,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
     shown = table_console(options, console)
     require_outputs(options)
+    if options.fleet:
+        return run_fleet(options, console)
+    require_no_fleet(options)
     robot = robot_from(options)
     candidates = _candidates(options.add)
     logs = logs_from(options, robot)
@@ -114,7 +122,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         }
         path = save_robot(fitted, options.save, intervals, facts)
         shown.print(f"wrote {path}")
-    write_report_file(options, robot, logs, shown, diagnosis, discovery)
+    write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
 
 
@@ -190,7 +198,7 @@ def _effects_table(diagnosis: Diagnosis) -> Table:
         for number, e in finding.numbers.items():
             value, interval = with_interval(e.value, e.low, e.high)
             unit = "" if e.unit == "1" else e.unit
-            drawn = "" if e.drawn is None else f" (drawn {plain(e.drawn)})"
+            drawn = "" if e.drawn is None else f" (as given {plain(e.drawn)})"
             table.add_row(f"  {number}", value, interval, f"{unit}{drawn}".strip())
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))

@@ -15,7 +15,7 @@ from wbc.cli.shared.inputs import (
     watching,
     write_json,
 )
-from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs, require_parquet
 from wbc.cli.shared.printout import Part, add_depth_options, print_out
 from wbc.errors import WbcError
 from wbc.identification.answer.numbers import plain
@@ -50,6 +50,11 @@ def add_to(commands: Any) -> None:
     add("--columns", metavar="MAP.toml", help="foreign column names, units, side of the gear")
     add("--workers", type=int, default=1, metavar="N", help="processes; -1 for all cores")
     add("--cluster", metavar="ADDRESS", help="Dask scheduler to work on instead")
+    add(
+        "--out",
+        metavar="FILE.parquet",
+        help="table of sessions; given again, an interrupted run goes on",
+    )
     add("--fail-on-drift", action="store_true", help="exit code 4 if a machine drifts")
     add_depth_options(parser)
     add("--png", metavar="FILE", help="plot of every quantity over time")
@@ -61,6 +66,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace, console: Console) -> int:
     """Measure every session, print what drifts, write plot and JSON."""
     require_outputs(options)
+    require_parquet(options.out)
     robot_from(options)  # a mistake in the robot is one message, not one per session
     runs = find_runs(options.logs)
     if options.index:
@@ -77,6 +83,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             workers=options.workers,
             cluster=options.cluster,
             watch=watch,
+            out=options.out,
         )
     _print(trend, options, shown)
     content = trend.to_json() | {"command": command_line()}

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.cli.shared.inputs import read_logs, table_console, watching, write_json
-from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.shared.outputs import require_outputs, require_parquet
 from wbc.cli.shared.sites import checked_axes, first_contact, main_direction, pose_from
 from wbc.design import (
     SIMULATIONS,
@@ -103,8 +103,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace, console: Console) -> int:
     """Run or resume the study, print the front, write figures and JSON."""
     require_outputs(options)
-    if Path(options.out).suffix.lower() != ".parquet":
-        raise WbcError(f"--out '{options.out}': the name must end in .parquet.")
+    require_parquet(options.out)
     if options.workers == 0:
         raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
     study = _study(options)

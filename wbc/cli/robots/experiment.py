@@ -75,6 +75,7 @@ def add_to(commands: Any) -> None:
     add("--seed", type=int, default=0, help="seed of the search (default 0)")
     add("--out", default="trajectory.csv", metavar="FILE.csv", help="the motion as set points")
     add("--figures", nargs="?", const="out", metavar="DIR", help="write motion and torques (PNG)")
+    add("--theme", choices=("light", "dark"), default="light", help="colours of the figure")
     add("--json", metavar="FILE", help="the odds for machines ('-' prints it)")
     parser.set_defaults(run=run)
 
@@ -205,9 +206,11 @@ def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Consol
 def _draw(
     options: argparse.Namespace, rivals: Rivals, limits: MotionLimits, found: dict[str, Designed]
 ) -> Path:
+    from wbc.view import DARK, LIGHT
     from wbc.view.plots import write_figure
     from wbc.view.plots.experiment import experiment_figure
 
+    theme = DARK if options.theme == "dark" else LIGHT
     designed, robot = found["designed"], rivals.robot
     time = designed.path.times(options.rate)
     position, velocity, _ = designed.path.at(time)
@@ -219,7 +222,9 @@ def _draw(
             name: torque_misfit(rivals, limits, found[key].path, pair, options.rate)
             for name, key in (("designed", "designed"), ("random", "random, median"))
         }
-    figure = experiment_figure(robot.transmission.joints, time, (position, velocity), misfits)
+    figure = experiment_figure(
+        robot.transmission.joints, time, (position, velocity), misfits, theme=theme
+    )
     return write_figure(Path(options.figures) / f"{robot.name}_experiment.png", figure)
 
 

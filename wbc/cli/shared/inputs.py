@@ -17,20 +17,20 @@ from wbc.cli.shared.printout import add_depth_options
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
-from wbc.identification import Diagnosis
+from wbc.identification import Diagnosis, OpenLoop
 from wbc.identification.formulas import Discovery
 from wbc.measurement import Log, LogFinding, load_logs, with_machine
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
-from wbc.progress import Watch, progress_bar
+from wbc.progress import Watch, progress_bar, progress_lines
 from wbc.robot import Robot
 
 LOGS = "CSV, Parquet, NPZ, MCAP or bag; LOG@ROBOT if its drives or loads were others"
 Reader = Callable[..., tuple[Log, ...]]
 
 
-def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that name logs and robot."""
-    parser.add_argument("logs", nargs="+", metavar="LOG", help=LOGS)
+def add_log_options(parser: argparse.ArgumentParser, needed: bool = True) -> None:
+    """Add the options that name logs and robot; a list may stand in for logs not `needed`."""
+    parser.add_argument("logs", nargs="+" if needed else "*", metavar="LOG", help=LOGS)
     parser.add_argument(
         "--robot", required=True, metavar="NAME", help="shipped robot, robot.toml or fitted.toml"
     )
@@ -154,10 +154,10 @@ def table_console(options: argparse.Namespace, console: Console) -> Console:
 
 
 @contextmanager
-def watching(what: str, console: Console) -> Iterator[Watch | None]:
-    """Show a bar with the time left; silent, and without a function to call, when piped."""
+def watching(what: str, console: Console) -> Iterator[Watch]:
+    """Show a bar with the time left; where there is no terminal, lines on standard error."""
     if not console.is_terminal:
-        yield None
+        yield progress_lines(what)
         return
     with progress_bar(what, console) as watch:
         yield watch
@@ -185,6 +185,7 @@ def write_report_file(
     console: Console,
     diagnosis: Diagnosis | None = None,
     discovery: Discovery | None = None,
+    simulated: Sequence[OpenLoop] = (),
 ) -> None:
     """Write the HTML report if one was asked for."""
     if options.report is None:
@@ -202,5 +203,6 @@ def write_report_file(
             command=command,
             discovery=discovery,
             saved=getattr(options, "save", None),
+            simulated=simulated,
         )
     console.print(f"wrote {path}")

@@ -8,7 +8,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.numbers import told
 from wbc.identification.open_loop import OpenLoop
 
 
@@ -27,17 +27,11 @@ def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
     for row, (joint, unit) in enumerate(zip(first.joints, first.units, strict=True)):
         cells = []
         for k in range(len(heads)):
-            errors = [_told(one.error[row, k]) for one in simulated if not one.reason]
-            cells.append(f"{' -> '.join(errors)} of {_told(first.moved[row, k])}")
+            errors = [told(one.error[row, k]) for one in simulated if not one.reason]
+            cells.append(f"{' -> '.join(errors)} of {told(first.moved[row, k])}")
         table.add_row(joint, *cells, unit)
     table.caption = (
         "rms position error of the simulated robot so long after a measured state, of how far the "
         "joint moved"
     )
     return table
-
-
-def _told(value: float) -> str:
-    if value != value:
-        return "-"
-    return plain(value, 2) if abs(value) < 1e3 else "lost"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from wbc.errors import WbcError
 
-_INPUTS = ("run_file", "robot", "columns", "ghost", "index")
+_INPUTS = ("run_file", "robot", "columns", "ghost", "index", "fleet")
 _ENDINGS = {
     "html": (".html", ".htm"),
     "report": (".html", ".htm"),
@@ -50,6 +50,16 @@ def require_outputs(options: argparse.Namespace) -> None:
         _require_folder(path.parent, f"--{option} '{name}'")
     if getattr(options, "figures", None):
         _require_folder(Path(options.figures), f"--figures '{options.figures}'")
+
+
+def require_parquet(out: str | None) -> None:
+    """Check that the file of a table of results ends in .parquet.
+
+    Raises:
+        WbcError: it does not.
+    """
+    if out is not None and Path(out).suffix.lower() != ".parquet":
+        raise WbcError(f"--out '{out}': the name must end in .parquet.")
 
 
 def _require_folder(folder: Path, asker: str) -> None:

@@ -4,6 +4,7 @@ from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
 from wbc.design.experiment.rivals import (
     Cause,
+    Pair,
     Predictions,
     Rivals,
     parameter_names,
@@ -28,6 +29,7 @@ __all__ = [
     "Designed",
     "FourierPath",
     "MotionLimits",
+    "Pair",
     "Predictions",
     "Rivals",
     "deciding",

@@ -24,6 +24,7 @@ class CoulombFriction(JointEffect):
     level: float
 
     expected: ClassVar[float] = 2.0
+    needs_drive: ClassVar[bool] = False
     name: ClassVar[str] = "coulomb_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),

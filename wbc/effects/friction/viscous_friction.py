@@ -22,6 +22,7 @@ class ViscousFriction(JointEffect):
     coefficient: float
 
     expected: ClassVar[float] = 2.0
+    needs_drive: ClassVar[bool] = False
     name: ClassVar[str] = "viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),

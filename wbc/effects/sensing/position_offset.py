@@ -24,6 +24,7 @@ class PositionOffset(JointEffect):
 
     offset: float
 
+    needs_drive: ClassVar[bool] = False
     name: ClassVar[str] = "position_offset"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("offset", "rad", 0.0, -3.2, 3.2, 0.02),

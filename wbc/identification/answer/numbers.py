@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+_LOST = 1e3  # [rad, m] error from which a simulation has left the log
+
 
 def plain(value: float, digits: int = 3) -> str:
     """Return a number with `digits` significant digits, without an exponent where it is short."""
@@ -35,3 +37,10 @@ def sure(probability: float) -> str:
     """Return a probability as a person says it; nothing is quite certain."""
     percent = round(100.0 * probability)
     return "> 99 % sure" if percent >= 100 else f"{percent} % sure"
+
+
+def told(error: float) -> str:
+    """Return a simulated position's error in two digits; "lost" where the simulation left."""
+    if error != error:
+        return "-"
+    return plain(error, 2) if abs(error) < _LOST else "lost"

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
-from wbc.identification.model.fit import Fit, refine
+from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.kept_columns import KeptColumns
 from wbc.identification.model.residual import condensed_residual
@@ -126,8 +126,13 @@ class EstimationProblem:
     def _columns(self) -> KeptColumns:
         return KeptColumns(self.robot, self.records)
 
-    def fit(self, effects: Sequence[Effect]) -> Fit:
-        """Return the robot with these effects, parameters fitted to all records."""
+    def fit(self, effects: Sequence[Effect], iterations: int = ITERATIONS) -> Fit:
+        """Return the robot with these effects, parameters fitted to all records.
+
+        Args:
+            effects: start values.
+            iterations: at most this many Gauss-Newton steps.
+        """
 
         def fit(sided: Sequence[Effect], steps: int) -> Fit:
             logs, floor = self.records, self.whitening
@@ -141,7 +146,7 @@ class EstimationProblem:
                 samples=self.white_samples,
             )
 
-        return best_sides(self.robot, effects, self.records[0].motion, fit)
+        return best_sides(self.robot, effects, self.records[0].motion, fit, iterations)
 
     def held_out(self, fit: Fit) -> FloatArray:
         """Return (rows, outputs) held-out squares in units of the floor."""

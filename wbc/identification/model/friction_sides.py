@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from wbc.effects.gear.yielding_gear import Side, YieldingGear
-from wbc.identification.model.fit import ITERATIONS, Fit
+from wbc.identification.model.fit import Fit
 from wbc.identification.model.link_friction import rubbing_effects
 from wbc.robot import Effect, Motion, Robot
 
@@ -17,6 +17,7 @@ def best_sides(
     effects: Sequence[Effect],
     motion: Motion,
     fit: Callable[[Sequence[Effect], int], Fit],
+    iterations: int,
 ) -> Fit:
     """Return the fit with friction on the sides that leave least.
 
@@ -27,6 +28,7 @@ def best_sides(
         effects: start values.
         motion: of one log.
         fit: of effects whose sides are given, in so many steps at most.
+        iterations: at most this many steps.
     """
     whole = robot.with_effects(*effects)
     found: Fit | None = None
@@ -40,7 +42,7 @@ def best_sides(
         fits = [fit(_with_side(effects, k, side), _TRIED) for side in _sides(gear)]
         found = min(fits, key=lambda trial: trial.error)
         effects = found.effects
-    return found if found is not None and found.settled else fit(effects, ITERATIONS)
+    return found if found is not None and found.settled else fit(effects, iterations)
 
 
 def _sides(gear: YieldingGear) -> tuple[Side, Side]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from wbc.measurement import Log
 from wbc.measurement.drives import DriveLaw
 from wbc.measurement.torque import drive_law
 from wbc.robot import Motion, Robot
-from wbc.sim import Plane, Plant, SimState
+
+if TYPE_CHECKING:
+    from wbc.sim import Plant, SimState
 
 _STEP = 2e-3  # [s]; with 1 ms the errors on the sample logs of the leg change by at most 4 %
 _FAR = 1e6  # [m] below, so that no contact point finds ground: recorded forces act instead
@@ -55,6 +58,8 @@ class SimulatedLog:
             LogError: the torque of a joint or the force of a contact is not known.
             SimulationError: a robot that cannot be simulated.
         """
+        from wbc.sim import Plane, Plant  # the plant is loaded by whoever simulates
+
         own = robot if log.machine is None else log.machine.of(robot)
         gears = own.transmission
         names = [contact.name for contact in own.contacts]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.errors import IdentificationError
 from wbc.identification.records.channels import Channels, read_channels
 from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity, choose_bandwidth
@@ -190,13 +190,13 @@ def _smooth_motion(
 def _at_rest(
     robot: Robot, velocity: FloatArray, noise: NoiseDensity, band: Bandwidth
 ) -> FloatArray:
-    """Return velocities that are zero where a driven joint moves by no more than noise.
+    """Return velocities that are zero where a joint moves by no more than noise.
 
     A joint that holds still would seem to change direction all the time, and its dry friction,
     of which nothing but the limits is known there, would be torque of the sign of that noise.
     """
-    still = np.zeros(robot.model.nv)
-    still[robot.actuated] = _REST * noise.speed_deviation(band)[robot.actuated]
+    still, rows = np.zeros(robot.model.nv), _rubbing(robot)
+    still[rows] = _REST * noise.speed_deviation(band)[rows]
     return np.asarray(np.where(np.abs(velocity) < still, 0.0, velocity))
 
 
@@ -208,7 +208,7 @@ def _weight(
     Around a reversal the smoothed velocity is wrong about the moment and hides standstill, so
     that dry friction there cannot be told; the window scales with the band and the acceleration.
     """
-    rows = robot.actuated
+    rows = _rubbing(robot)
     settled = _settled(motion, band)
     speed = motion.velocity[:, rows]
     acceleration = motion.acceleration[:, rows]  # type: ignore[index]
@@ -222,10 +222,21 @@ def _weight(
     trusted = gate(speed, threshold)
     # A mesh turns with every joint that its motor moves: all of them must have a direction.
     moves = np.abs(robot.transmission.topology) > 0.0
-    per_gear = np.stack([trusted[:, moves[:, k]].min(axis=1) for k in range(rows.size)], axis=1)
+    gears = robot.transmission.size
+    per_gear = np.stack(
+        [trusted[:, :gears][:, moves[:, k]].min(axis=1) for k in range(gears)], axis=1
+    )
+    # A base rubs nowhere; a joint that nothing drives does.
     passive = np.ones((len(speed), robot.floating_size))
+    passive[:, np.searchsorted(robot.unactuated, rows[gears:])] = trusted[:, gears:]
     weight = np.concatenate([per_gear, passive, per_gear[:, robot.sensed]], axis=1)
     return np.asarray(weight * settled[:, None])
+
+
+def _rubbing(robot: Robot) -> IntArray:
+    """Return the rows in v of the joints that can rub: the driven ones, then the passive ones."""
+    passive = [robot.velocity_index(joint) for joint in robot.passive_joints]
+    return np.concatenate([robot.actuated, np.array(passive, dtype=np.int_)])
 
 
 def _settled(motion: Motion, band: Bandwidth) -> BoolArray:

@@ -1,7 +1,19 @@
-"""The same machine, day after day: parameters and errors over time, and which machine drifts."""
+"""Many machines and days: which machine drifts, and what each one lacks."""
 
+from wbc.identification.trend.fleet import FleetDiagnosis, MachineDiagnosis, diagnose_fleet
 from wbc.identification.trend.measure import SessionResult
 from wbc.identification.trend.runs import Run, find_runs, read_index
 from wbc.identification.trend.trend import Drift, Trend, follow
 
-__all__ = ["Drift", "Run", "SessionResult", "Trend", "find_runs", "follow", "read_index"]
+__all__ = [
+    "Drift",
+    "FleetDiagnosis",
+    "MachineDiagnosis",
+    "Run",
+    "SessionResult",
+    "Trend",
+    "diagnose_fleet",
+    "find_runs",
+    "follow",
+    "read_index",
+]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm
 
 from wbc.effects import load_robot
-from wbc.errors import WbcError
+from wbc.errors import failure_text
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import interval_bounds
@@ -70,18 +70,22 @@ class SessionResult:
 
 
 def measure_session(session: Session) -> SessionResult:
-    """Return errors and parameters of one session; what cannot be read is a failure of it alone."""
+    """Return errors and parameters of one session; any error is a failure of it alone."""
     machine, date, paths = session.machine, session.date, session.paths
     try:
-        robot = load_robot(session.robot)
-        robot = robot.lossless() if session.lossless else robot
-        gears = robot.transmission
-        ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
-        logs = load_logs(paths, session.columns, gear_ratios=ratios)
-        values, warnings = _measured(robot, logs)
-    except WbcError as error:
-        return SessionResult(machine, date, paths, failure=str(error))
+        values, warnings = _measured(*robot_and_logs(session))
+    except Exception as error:  # whatever one log does, the others are measured
+        return SessionResult(machine, date, paths, failure=failure_text(error))
     return SessionResult(machine, date, paths, values, warnings=warnings)
+
+
+def robot_and_logs(session: Session) -> tuple[Robot, tuple[Log, ...]]:
+    """Return the robot of a session and its logs, read with the robot's gear ratios."""
+    robot = load_robot(session.robot)
+    robot = robot.lossless() if session.lossless else robot
+    gears = robot.transmission
+    ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
+    return robot, load_logs(session.paths, session.columns, gear_ratios=ratios)
 
 
 def _measured(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,10 +20,16 @@ from wbc.identification.trend.measure import (
     Quantity,
     Session,
     SessionResult,
-    measure_session,
 )
 from wbc.identification.trend.runs import Run
-from wbc.parallel import run_jobs
+from wbc.identification.trend.stored import (
+    SESSION_COLUMNS,
+    measured_rows,
+    stored_sessions,
+    work_key,
+)
+from wbc.progress import Watch
+from wbc.results import ResultTable, fill_table, read_results
 
 
 @dataclass(frozen=True)
@@ -159,7 +167,8 @@ def follow(
     lossless: bool = False,
     workers: int = 1,
     cluster: str | None = None,
-    watch: Callable[[int, int], None] | None = None,
+    watch: Watch | None = None,
+    out: str | Path | None = None,
 ) -> Trend:
     """Measure every session of every machine, and return what changes over time.
 
@@ -174,29 +183,39 @@ def follow(
         workers: processes; -1 takes all cores.
         cluster: address of a Dask scheduler instead.
         watch: called with the sessions done and their total.
+        out: Parquet file for a row per session and quantity. What a run that was killed left
+            beside it is not measured again; a whole file is read.
 
     Raises:
         IdentificationError: no run, or no session that can be measured.
+        ResultsError: the file holds the results of other logs, or of another robot.
         ParallelError: workers is 0, or no cluster at the address.
     """
-    sessions = _sessions(robot, runs, columns, lossless)
+    sessions = sessions_of(robot, runs, columns, lossless)
     if not sessions:
         raise IdentificationError("no log was given.")
-    results = []
-    for result in run_jobs(measure_session, sessions, workers=workers, cluster=cluster):
-        results.append(result)
-        if watch:
-            watch(len(results), len(sessions))
-    results.sort(key=lambda result: (result.machine, result.date))
+    with TemporaryDirectory() as folder:
+        path = Path(out) if out else Path(folder) / "sessions.parquet"
+        table = ResultTable(path, work_key("trend", sessions), SESSION_COLUMNS, len(sessions))
+        fill_table(
+            table,
+            measured_rows,
+            list(enumerate(sessions)),
+            workers=workers,
+            cluster=cluster,
+            watch=watch,
+        )
+        results = stored_sessions(read_results(path), sessions)
     if all(result.failure for result in results):
         raise IdentificationError(f"no session can be measured; the first: {results[0].failure}")
     drifts, scatter = _drifts(results)
     return Trend(tuple(results), drifts, scatter)
 
 
-def _sessions(
+def sessions_of(
     robot: str, runs: Sequence[Run], columns: str | None, lossless: bool
 ) -> list[Session]:
+    """Return the sessions of logs, in order of machine and date."""
     grouped: dict[tuple[str, datetime], list[str]] = {}
     for run in runs:
         grouped.setdefault((run.machine, run.date), []).append(run.path)

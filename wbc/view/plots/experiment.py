@@ -41,8 +41,8 @@ def experiment_figure(
         for row, (name, values) in enumerate(list(misfits.items())[:2]):
             axes = grid[row][1]
             _lines(axes, joints, time, values)
-            axes.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)
-            axes.set_title(f"{name}: torque that the wrong cause leaves [noise]")
+            axes.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)  # the noise
+            axes.set_title(f"{name}: torque that the wrong cause leaves [noise rms]")
         top = max((abs(values).max() for values in misfits.values()), default=1.0)
         for row in range(2) if misfits else ():
             grid[row][1].set_ylim(-1.1 * top, 1.1 * top)

@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from wbc.identification import Comparison, Diagnosis, Finding, Ranked
+from wbc.identification import Comparison, Diagnosis, Finding, OpenLoop, Ranked
 from wbc.identification.answer.diagnosis.sentence import spoken, verdict_sentence, what_to_do
-from wbc.identification.answer.numbers import plain, sure, with_interval
+from wbc.identification.answer.numbers import plain, sure, told, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.measurement import LogQuality, LogSource
 
@@ -57,6 +57,29 @@ def left_rows(comparison: Comparison, diagnosis: Diagnosis | None) -> list[list[
         [o.output, *(plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors)), o.unit]
         for o in order
     ]
+
+
+def open_loop_part(simulated: Sequence[OpenLoop]) -> dict[str, Any]:
+    """Return horizons and rows of the simulated robot's position errors, or why there are none."""
+    if not simulated:
+        return {}
+    first, last = simulated[0], simulated[-1]
+    rows = []
+    for k, (joint, unit) in enumerate(zip(first.joints, first.units, strict=True)):
+        cells = [
+            {
+                "error": " → ".join(told(one.error[k, h]) for one in simulated if not one.reason),
+                "moved": told(first.moved[k, h]),
+            }
+            for h in range(len(first.horizons))
+        ]
+        rows.append({"joint": joint, "unit": unit, "cells": cells})
+    return {
+        "reason": last.reason,
+        "horizons": [f"{horizon:g} s" for horizon in first.horizons],
+        "rows": rows,
+        "both": len(simulated) > 1,
+    }
 
 
 def correlation_table(diagnosis: Diagnosis | None) -> dict[str, Any]:
@@ -140,7 +163,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
             value, interval = with_interval(estimate.value, estimate.low, estimate.high)
             unit = "" if estimate.unit == "1" else estimate.unit
             if estimate.drawn is not None:
-                unit += f" (drawn {plain(estimate.drawn)})"
+                unit += f" (as given {plain(estimate.drawn)})"
             parameters.append(
                 {"name": spoken(name), "value": value, "interval": interval, "unit": unit}
             )

@@ -12,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from wbc.files import write_text
-from wbc.identification import Comparison, Diagnosis
+from wbc.identification import Comparison, Diagnosis, OpenLoop
 from wbc.identification.answer.comparison.compare import compare_problem
 from wbc.identification.answer.series import series_of
 from wbc.identification.formulas import Discovery
@@ -29,6 +29,7 @@ from wbc.view.report.content import (
     headline,
     left_rows,
     log_name,
+    open_loop_part,
     output_rows,
     provenance_rows,
     quality_rows,
@@ -51,14 +52,15 @@ def write_report(
     theme: str = "",
     discovery: Discovery | None = None,
     saved: str | None = None,
+    simulated: Sequence[OpenLoop] = (),
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
 
     Top to bottom: the verdict in a sentence, what to do now, what is left at each joint in its
-    unit, the effects with their parameters, measured and modelled torque over time with the
-    residual, the log with the model as a ghost, formulas proposed for the rest, the staircase of
-    the error, which parameters move together, the ranked table of what else was tried, the quality
-    of the logs, and how to reproduce it.
+    unit, how far the simulated robot strays from the logs, the effects with their parameters,
+    measured and modelled torque over time with the residual, the log with the model as a ghost,
+    formulas proposed for the rest, the staircase of the error, which parameters move together, the
+    ranked table of what else was tried, the quality of the logs, and how to reproduce it.
 
     Args:
         path: the file to write (whole or not at all).
@@ -69,12 +71,13 @@ def write_report(
         theme: "light", "dark", or "" for what the reader's system prefers.
         discovery: what `discover` proposes for what the effects leave.
         saved: file in which the corrected robot is, None if in none.
+        simulated: what `open_loop` returned of the robot as given, and of the corrected one.
 
     Raises:
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    page = report_page(robot, logs, diagnosis, command, theme, discovery, saved)
+    page = report_page(robot, logs, diagnosis, command, theme, discovery, saved, simulated)
     return write_text(path, page)
 
 
@@ -86,6 +89,7 @@ def report_page(
     theme: str,
     discovery: Discovery | None = None,
     saved: str | None = None,
+    simulated: Sequence[OpenLoop] = (),
 ) -> str:
     """Return the HTML text of `write_report`."""
     problem = EstimationProblem.from_logs(robot, logs)
@@ -101,6 +105,7 @@ def report_page(
         "floor_source": comparison.floor.source,
         "notes": list(robot.notes),
         "left": left_rows(comparison, diagnosis),
+        "open_loop": open_loop_part(simulated),
         "diagnosed": diagnosis is not None,
         "correlation": correlation_table(diagnosis),
         "provenance": provenance_rows([log.source for log in logs], command),

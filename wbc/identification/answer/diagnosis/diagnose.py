@@ -31,6 +31,7 @@ from wbc.identification.choice.weighing.certainty import (
     support_of,
     unexplained,
 )
+from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.odds import Odds, odds_of
 from wbc.identification.choice.weighing.trials import Trials
@@ -154,25 +155,41 @@ def _believed(
     problem, first = trials.problem, trials.nothing
     # Names that the derivatives say are not believed go first: those fits would be slow ones.
     names = doubted_names(trials, final)
-    fewer = trials.of([e for e in final.effects if e.name not in names]) if names else None
-    final = fewer or final
-    doubted = set(found.final.keys) - set(final.keys)
+    doubted = {e.key for e in final.effects if e.name in names}
     while True:
+        final = _without(trials, final, doubted)
         # What rests on a cause that is not believed is no evidence for others.
         known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
         odds = odds_of(trials, known, final)
         level = attainable(problem, trials.fit(final))
         more = unexplained(first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
-        kept = [e for e in final.effects if support[e.key].group_probability >= BELIEVED]
-        fewer = trials.of(kept) if len(kept) < len(final.effects) else None
-        if fewer is None:
+        less = {key for key, s in support.items() if s.group_probability < BELIEVED}
+        if not less:
             # Where something was found and nothing of it is believed, something else is there,
             # unless the logs hardly speak against the robot as given.
-            missing = not kept and 1.0 - odds_of(trials).nothing >= BELIEVED
+            missing = not final.effects and 1.0 - odds_of(trials).nothing >= BELIEVED
             return final, odds, level, support, more or missing
-        doubted |= set(final.keys) - set(fewer.keys)
-        final = fewer
+        doubted |= less
+
+
+def _without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:
+    """Return the hypothesis with the most evidence of those that hold no doubted cause.
+
+    What is not believed may have taken the place of something else, and others may rest on it: on
+    a recorded double pendulum a torque ripple stood where a rotor inertia belongs, and on a
+    recorded arm five rotor inertias made up for drawings that were not believed.
+    """
+    rest = [h for h in trials.known if h.believable and doubted.isdisjoint(h.keys)]
+    fewer = trials.of([e for e in final.effects if e.key not in doubted])
+    if fewer is not None and all(fewer is not h for h in rest):
+        rest.append(fewer)
+    while True:
+        best = rest[int(weigh(trials.problem, rest).argmax())]
+        ended = trials.ended(best)
+        if ended is best:
+            return best
+        rest = [ended if h is best else h for h in rest]
 
 
 def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
@@ -200,7 +217,8 @@ def _steps(trials: Trials, final: Hypothesis) -> tuple[Step, ...]:
     steps = [Step("", "", float(np.sqrt(trials.nothing.error)))]
     for count in range(1, len(final.effects) + 1):
         last = final.effects[count - 1]
-        smaller = final if count == len(final.effects) else trials.of(final.effects[:count])
-        if smaller is not None:
-            steps.append(Step(last.name, last.where, float(np.sqrt(smaller.error))))
+        whole = count == len(final.effects)
+        smaller = [final] if whole else trials.rivals_of(final, [final.effects[:count]])
+        for h in smaller:
+            steps.append(Step(last.name, last.where, float(np.sqrt(h.error))))
     return tuple(steps)

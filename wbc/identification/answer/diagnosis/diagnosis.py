@@ -35,7 +35,7 @@ Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repea
 class Estimate:
     """A number that was found: value with the ends of its 90 % interval, in `unit`.
 
-    `drawn` is what the robot as given has in its place; None for a parameter of an effect.
+    `drawn` is what the robot as given has in its place, None where it has nothing of the kind.
     """
 
     value: float
@@ -188,7 +188,7 @@ class Diagnosis:
             numbers = ", ".join(
                 f"{name} {with_interval(e.value, e.low, e.high)[0]} "
                 f"({with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(" 1")
-                + (f" (drawn {plain(e.drawn)})" if e.drawn is not None else "")
+                + (f" (as given {plain(e.drawn)})" if e.drawn is not None else "")
                 for name, e in finding.numbers.items()
             )
             rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""

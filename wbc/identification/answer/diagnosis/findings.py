@@ -18,7 +18,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.link_friction import rubbing_effects
-from wbc.robot import Effect
+from wbc.robot import Effect, Parameter
 from wbc.robot.coordinates import unit_at
 
 _CORRELATED = 0.95
@@ -54,13 +54,16 @@ def describe_findings(
     for k, effect in enumerate(fit.effects):
         estimates: dict[str, Estimate] = {}
         warnings = []
+        given = effect.null_values(problem.robot, effect.where)
         for row, (owner, parameter) in enumerate(fit.parameters):
             if owner != k:
                 continue
             value = effect.values[parameter.name]
             unit = unit_at(problem.robot, effect.where, parameter.unit)
             low, high = (float(x) for x in bounds[row])
-            estimates[parameter.name] = Estimate(value, unit, low, high)
+            estimates[parameter.name] = Estimate(
+                value, unit, low, high, _of_the_robot(parameter, given)
+            )
             if value in (parameter.low, parameter.high):
                 warnings.append(f"{parameter.name} is at the bound {_with_unit(value, unit)}")
             elif high - low > 2.0 * _VAGUE * abs(value):
@@ -75,6 +78,12 @@ def describe_findings(
         own = support[effect.key]
         findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
     return tuple(findings)
+
+
+def _of_the_robot(parameter: Parameter, given: Mapping[str, float]) -> float | None:
+    """Return what the robot has in a parameter's place; None where it has nothing of the kind."""
+    value = given.get(parameter.name, parameter.null)
+    return None if parameter.shape or value == parameter.null else value
 
 
 def _motor_side(effect: Effect, problem: EstimationProblem, fit: Fit) -> list[str]:

@@ -27,7 +27,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
                 f"({_left(diagnosis)}, {floors} noise floors)."
             )
         case "named":
-            return f"Missing: {found}. {_progress(diagnosis)}."
+            what = "Missing or different" if _replaced(diagnosis.findings) else "Missing"
+            return f"{what}: {found}. {_progress(diagnosis)}."
         case "ambiguous":
             rivals = _rivals(diagnosis.findings)
             return (
@@ -35,9 +36,11 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
                 f"tell {rivals}."
             )
         case "partial":
-            certain = _sum_up(certain_findings(diagnosis))
+            sure = certain_findings(diagnosis)
+            certain = _sum_up(sure)
+            what = "Missing or different" if _replaced(sure) else "Missing"
             return (
-                f"Missing, that is certain: {certain}. {_progress(diagnosis)}. More is missing "
+                f"{what}, that is certain: {certain}. {_progress(diagnosis)}. More is missing "
                 "that no known effect explains."
             )
         case "unknown":
@@ -116,7 +119,13 @@ def _sum_up(findings: Sequence[Finding]) -> str:
 def _said(finding: Finding) -> str:
     """Return an effect at its place with its size; of many numbers those that a person checks."""
     if not finding.quantities:
-        return finding.effect.said({name: e.unit for name, e in finding.parameters.items()})
+        said = finding.effect.said({name: e.unit for name, e in finding.parameters.items()})
+        given = [
+            f"{spoken(name)} {plain(e.drawn)} {e.unit}".removesuffix(" 1")
+            for name, e in finding.parameters.items()
+            if e.drawn is not None
+        ]
+        return f"{said} (as given: {', '.join(given)})" if given else said
     shown = list(finding.quantities.items())[:_MOST]
     sizes = ", ".join(
         f"{name} {plain(e.value)} {e.unit}".removesuffix(" 1")
@@ -124,6 +133,12 @@ def _said(finding: Finding) -> str:
         for name, e in shown
     )
     return f"{spoken(finding.effect.name)} at {finding.effect.where} ({sizes})"
+
+
+def _replaced(findings: Sequence[Finding]) -> bool:
+    """Return whether the robot as given has something in the place of an effect."""
+    own = [e for f in findings if not f.quantities for e in f.parameters.values()]
+    return any(e.drawn is not None for e in own)
 
 
 def _rivals(findings: Sequence[Finding]) -> str:

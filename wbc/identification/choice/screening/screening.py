@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.identification.choice.screening.candidate_columns import (
     Regressor,
     Shelf,
@@ -126,6 +128,23 @@ def screen_instead(
     ]
     noise = float(np.min(problem.row_noise(fit.residual)))
     return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
+
+
+def screen_in_shares(
+    problem: EstimationProblem, fit: Fit, regressors: Sequence[Regressor], share: FloatArray
+) -> BeamSearch:
+    """Return a search in which every output counts in a unit of its own.
+
+    Args:
+        problem: the logs.
+        fit: the model that causes are added to.
+        regressors: the causes.
+        share: (judged outputs,) what one floor of each output counts.
+    """
+    scaled = replace(fit, residual=fit.residual * share, jacobian=fit.jacobian * share[:, None])
+    noise = float(np.min(problem.row_noise(fit.residual) * share**2))
+    whitening = problem.whitening * share
+    return BeamSearch(scaled, regressors, whitening, problem.folds, _WIDTH, noise)
 
 
 def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:

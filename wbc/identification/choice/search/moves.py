@@ -128,7 +128,7 @@ def _instead(
     offers: list[Offer] | None = proposer.instead(h, own, rest, count, exclude)
     if offers is None:
         offers = proposer.beside(rest, count, exclude, h.error, near)  # type: ignore[arg-type]
-    return proposer.trials.all_of(offers)
+    return proposer.trials.rivals_of(h, offers)
 
 
 def _repeated(h: Hypothesis) -> list[str]:

@@ -66,7 +66,7 @@ def _closer(
     if start is None:
         return found
     first = Search(Proposer(near, slow), report)
-    begun = first.climb(start)
+    begun = first.lengthen(start)  # a swap of what is known is no answer here
     if begun is start:
         return found
     whole = replace(first, proposer=Proposer(near, tuple(classes)).at_once)

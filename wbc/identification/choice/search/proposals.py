@@ -10,7 +10,13 @@ import numpy as np
 
 from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
 from wbc.identification.choice.screening.linear_screen import BeamSearch, Subset
-from wbc.identification.choice.screening.screening import Nearby, Swinging, screen, screen_instead
+from wbc.identification.choice.screening.screening import (
+    Nearby,
+    Swinging,
+    screen,
+    screen_in_shares,
+    screen_instead,
+)
 from wbc.identification.choice.weighing.drop_screen import until_null
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.trials import Trials
@@ -180,17 +186,21 @@ class Proposer:
         """Return the effects of a hypothesis with two more that explain most together.
 
         They may hide one another: damping makes a delay look negative, neither is possible alone.
+        What they explain is measured in floors, and in shares of what is left at each output: the
+        log density falls by shares as long as they are small. In floors alone a joint that is far
+        from its sensors' floor decides for all: a recorded six-axis arm, off by 103 floors at its
+        fourth joint, kept 2.9 N m at its second (11 floors), where a pair leaves 1.3.
         """
-        offered = [c for c in self.candidates if not deflects(c)]
-        if not offered:
+        if not any(not deflects(c) for c in self.candidates):
             return []
-        search, _ = self._around(h)
+        search, regressors = self._around(h)
+        share = 1.0 / np.sqrt(np.maximum(h.outputs, 1.0))
+        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), regressors, share)
         offers: dict[tuple[Key, ...], Offer] = {}
-        for subset in search.pairs(_AMONG):
-            if not np.isfinite(subset.error) or len(offers) == count:
-                break
-            effects = search.effects(subset)
-            offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
+        for screened in (search, shares):
+            own = [s for s in screened.pairs(_AMONG) if np.isfinite(s.error)]
+            for effects in [screened.effects(subset) for subset in own[:count]]:
+                offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
         return [(*h.effects, *effects) for effects in offers.values()]
 
     def _screened(

@@ -65,6 +65,18 @@ class Search:
             self.path.append(current)
         return current
 
+    def lengthen(self, start: Hypothesis) -> Hypothesis:
+        """Return the hypothesis beside which no cause more, and no pair, adds to the evidence."""
+        current = start
+        for _ in range(_MOST_MOVES):
+            better = self._addition(current) or self._pair(current)
+            if better is None:
+                break
+            self._tell(current, better)
+            current = better
+            self.path.append(current)
+        return current
+
     def best(self, pool: Iterable[Hypothesis], than: Hypothesis) -> Hypothesis | None:
         """Return the believable hypothesis with the most evidence, None where it is `than`."""
         group = [than, *(h for h in pool if h is not than and h.believable)]
@@ -94,7 +106,16 @@ class Search:
             if one := self.best(moves.merges(proposer, current), current):
                 return one
         self.report(f"trying two effects more ({best})")
-        return self.best(moves.pairs(proposer, current), current)
+        return self._pair(current)
+
+    def _pair(self, current: Hypothesis) -> Hypothesis | None:
+        """Return the best pair of causes of those that add to the evidence by themselves.
+
+        Each is weighed alone against the current hypothesis first: one that explains another joint
+        must not say how many samples are independent at this one.
+        """
+        pairs = moves.pairs(self.proposer, current)
+        return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
 
     def _addition(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best hypothesis with a cause more.

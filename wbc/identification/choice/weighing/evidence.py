@@ -26,8 +26,9 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
 
     with s_fo the held-out mean square in floors, and v_fo the variance that the other folds show,
     never below that of the sensors (1), plus what filters and simulations distort. n_fo counts
-    the independent samples of the fold. What is left is autocorrelated; the hypothesis that
-    leaves least says how much, for all of them, or else the differences would mean nothing.
+    the independent samples of the fold. What is left is autocorrelated; at each output the
+    hypothesis that leaves least there says how much, for all of them, or else the differences
+    would mean nothing.
 
     Args:
         problem: the logs.
@@ -45,7 +46,9 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
         hypotheses: at least one.
     """
     reference = min(hypotheses, key=lambda h: h.error)
-    samples = reference.rows[:, None] * reference.samples
+    least = np.argmin([h.outputs for h in hypotheses], axis=0)
+    whiteness = np.array([h.samples for h in hypotheses])[least, np.arange(least.size)]
+    samples = reference.rows[:, None] * whiteness
     distorted = _distorted_share(reference) ** 2 * np.maximum(problem.first - 1.0, 0.0)
     return np.array([_log_density(h, samples, distorted, reference.swings) for h in hypotheses])
 

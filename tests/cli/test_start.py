@@ -1,0 +1,66 @@
+"""What a command loads: the compiled loops of plant and controller take a minute the first time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.measurement import Log, save_log
+
+_RUN = """
+import sys
+from wbc.cli.entry import run
+try:
+    run(sys.argv[1:])
+except SystemExit:
+    pass
+slow = [name for name in ("wbc.control", "wbc.sim.plant") if name in sys.modules]
+print("loaded:", *slow)
+"""
+
+
+def loaded(*arguments: str) -> list[str]:
+    """Return which of the slow rooms one command has loaded."""
+    run = [sys.executable, "-c", _RUN, *arguments]
+    output = subprocess.run(run, capture_output=True, text=True, check=True).stdout
+    return output.splitlines()[-1].split()[1:]
+
+
+@pytest.mark.parametrize("command", ["", "diagnose", "compare", "design", "experiment", "metrics"])
+def test_help_loads_neither_plant_nor_controller(command: str) -> None:
+    assert loaded(*filter(None, [command, "--help"])) == []
+
+
+def test_checking_a_log_loads_neither(tmp_path: Path) -> None:
+    time = 0.002 * np.arange(2000.0)
+    columns = {
+        "hip.position": 0.3 * np.sin(3.0 * time),
+        "knee.position": 0.5 * np.cos(2.0 * time),
+        "hip.rotor_torque": np.cos(3.0 * time),
+        "knee.rotor_torque": np.sin(2.0 * time),
+    }
+    path = tmp_path / "run.csv"
+    save_log(Log(time, columns), path)
+    assert loaded("check", str(path), "--robot", "planar_leg_fixed") == []
+    assert loaded("list", "effects") == []
+
+
+def test_a_simulation_is_loaded_when_it_is_used() -> None:
+    code = "import sys, wbc.sim; wbc.sim.Plant; print('loaded:', 'wbc.sim.plant' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-1] == "True"
+
+
+def test_no_name_of_the_plant_is_hidden_by_a_module_of_the_same_name() -> None:
+    """`from wbc.sim import simulate` gave the module once another part had loaded it."""
+    code = (
+        "import pkgutil, wbc.sim, types\n"
+        "modules = {m.name for m in pkgutil.iter_modules(wbc.sim.__path__)}\n"
+        "print(sorted(modules & set(wbc.sim.__all__)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]"]

@@ -1,0 +1,141 @@
+"""Set points of planned motions, held against every limit by formulas of the tests' own.
+
+The file that the command wrote is read on a grid ten times as dense as the search's. Velocities
+and accelerations are differences of the positions; torques come from the links and rotors with each
+cause in them, distances from the solids of the URDF.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.cli import main
+from wbc.effects import load_robot
+from wbc.robot import Robot, collision_solids
+
+RATE, DURATION = 400, 2.0
+SPAN, SPEED, ACCELERATION = 0.8, 3.0, 40.0
+# Of the leg, of Solo12 in a stand, of a six-axis arm: joint with a heavier rotor, link with a load.
+ROBOTS = {
+    "planar_leg_fixed": ("knee", "shin"),
+    "solo12": ("FL_KFE", "FL_LOWER_LEG"),
+    "staubli_tx40": ("joint_3", "link_3"),
+}
+ROTOR, LOAD = 0.01, 0.1  # reflected inertia [kg m^2], mass [kg]
+KEPT = 0.81  # share of a limit: the search keeps 0.8 on its coarse grid
+
+
+@pytest.fixture(scope="module", params=list(ROBOTS))
+def planned(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """The robot and its set points: times (N,), and (3, N, m) of the driven joints."""
+    name, out = request.param, tmp_path_factory.mktemp("planned") / "set points.csv"
+    joint, link = ROBOTS[name]
+    causes = [
+        f"rotor_inertia@{joint}:reflected_inertia={ROTOR}",
+        f"payload_mass@{link}:mass={LOAD}",
+    ]
+    options = f"--lossless --span {SPAN} --speed {SPEED} --acceleration {ACCELERATION} --rounds 3"
+    options += f" --rate {RATE} --duration {DURATION} --noise 0.05"
+    assert (
+        main(["experiment", name, *options.split(), "--out", str(out), "--between", *causes]) == 0
+    )
+    heads = out.read_text().split("\n", 1)[0].split(",")
+    table = np.loadtxt(out, delimiter=",", skiprows=1)
+    robot = load_robot(name).lossless()
+    assert heads == ["time"] + [
+        f"{j}.{what}" for j in robot.transmission.joints
+        for what in ("position", "velocity", "acceleration")
+    ]  # fmt: skip
+    return robot, table[:, 0], np.stack([table[:, k::3] for k in (1, 2, 3)])
+
+
+def test_set_points_come_at_the_stated_rate_and_are_one_motion(planned) -> None:
+    _, time, (q, v, a) = planned
+    np.testing.assert_allclose(time, np.arange(round(DURATION * RATE) + 1) / RATE, atol=1e-9)
+    np.testing.assert_allclose((q[2:] - q[:-2]) * 0.5 * RATE, v[1:-1], atol=5e-3 * SPEED)
+    # The jerk jumps where the window is open, after a tenth of the time and before the last tenth.
+    open_ = np.minimum(np.abs(time - 0.1 * DURATION), np.abs(time - 0.9 * DURATION)) < 2.0 / RATE
+    bend = ((v[2:] - v[:-2]) * 0.5 * RATE - a[1:-1])[~open_[1:-1]]
+    np.testing.assert_allclose(bend, 0.0, atol=5e-3 * ACCELERATION)
+    np.testing.assert_allclose([v[0], v[-1], a[0], a[-1]], 0.0, atol=1e-6)
+    assert np.ptp(q, axis=0).max() > 0.1
+
+
+def test_positions_speeds_and_accelerations_keep_their_limits(planned) -> None:
+    robot, _, (q, _, _) = planned
+    centre, rows = q[0], robot.actuated_position
+    low, high = robot.model.lowerPositionLimit[rows], robot.model.upperPositionLimit[rows]
+    low = np.maximum(np.where(high > low, low, -np.inf), centre - SPAN)
+    high = np.minimum(np.where(high > low, high, np.inf), centre + SPAN)
+    speed = np.where(robot.model.velocityLimit > 0.0, robot.model.velocityLimit, np.inf)
+    fastest = np.minimum(speed[robot.actuated], SPEED)
+    assert np.all(q <= centre + KEPT * (high - centre))
+    assert np.all(q >= centre + KEPT * (low - centre))
+    assert np.all(np.abs(np.diff(q, axis=0)) * RATE <= KEPT * fastest)
+    # Positions have nine digits: a second difference is uncertain by 4e-9 RATE^2.
+    bend = np.abs(np.diff(q, n=2, axis=0)) * RATE**2
+    assert np.all(bend <= KEPT * ACCELERATION + 4e-9 * RATE**2)
+    shares = [np.abs(q - centre) / np.minimum(high - centre, centre - low), bend / ACCELERATION,
+              torques(robot, planned[2]) / robot.transmission.torque_limit]  # fmt: skip
+    shares.append(np.abs(np.diff(q, axis=0)) * RATE / fastest)
+    assert max(share.max() for share in shares) > 0.5  # a limit is used, not only kept
+
+
+def torques(robot: Robot, motion: np.ndarray) -> np.ndarray:
+    """Return the largest rotor torque (N, m) [N m] with no cause, the rotor or the load."""
+    joint, link = ROBOTS[robot.name]
+    gears, model = robot.transmission, robot.model
+    loaded = pin.Model(model)
+    inertias = loaded.inertias
+    at = robot.body_joint(link)
+    # A load sits at the link's centre of mass.
+    inertias[at] += pin.Inertia(LOAD, inertias[at].lever, np.zeros((3, 3)))
+    known, heavy = np.array(gears.reflected_inertia), np.array(gears.reflected_inertia)
+    heavy[gears.joints.index(joint)] = ROTOR
+    peak = np.zeros(motion.shape[1:])
+    for which, reflected in ((model, known), (model, heavy), (loaded, known)):
+        data = which.createData()
+        pose = robot.pose() if robot.poses else robot.neutral()
+        for row, (q, v, a) in enumerate(zip(*motion, strict=True)):
+            whole, rate, rise = pose.copy(), np.zeros(model.nv), np.zeros(model.nv)
+            whole[robot.actuated_position] = q
+            rate[robot.actuated], rise[robot.actuated] = v, a
+            needed = pin.rnea(which, data, whole, rate, rise)[robot.actuated] + reflected * a
+            peak[row] = np.maximum(peak[row], np.abs(needed / gears.gear_ratio))
+    return peak
+
+
+def test_rotor_torques_keep_their_limits_whichever_cause_is_true(planned) -> None:
+    robot, _, motion = planned
+    assert np.all(torques(robot, motion) <= KEPT * robot.transmission.torque_limit)
+
+
+def test_links_that_no_joint_joins_keep_apart(planned) -> None:
+    robot, _, (q, _, _) = planned
+    solids = collision_solids(robot)
+    parents, objects = robot.model.parents, solids.geometryObjects
+    pairs = [
+        (i, k)
+        for i, one in enumerate(objects)
+        for k, two in enumerate(objects[:i])
+        if one.parentJoint not in (two.parentJoint, parents[two.parentJoint])
+        and two.parentJoint != parents[one.parentJoint]
+    ]
+    if not pairs:
+        assert robot.name != "solo12"
+        return
+    for i, k in pairs:
+        solids.addCollisionPair(pin.CollisionPair(i, k))
+
+    def distances(row: np.ndarray) -> np.ndarray:
+        data, near = robot.model.createData(), solids.createData()
+        whole = np.array(robot.pose())
+        whole[robot.actuated_position] = row
+        pin.computeDistances(robot.model, data, solids, near, whole)
+        return np.array([one.min_distance for one in near.distanceResults])
+
+    apart = distances(q[0]) >= 0.02
+    assert apart.sum() > 50
+    assert min(distances(row)[apart].min() for row in q[::10]) >= 0.0199

@@ -1,0 +1,226 @@
+"""Results of many jobs: parts that appear whole, joined into one Parquet file at the end.
+
+While jobs run, `FILE.parts/` holds the key of the work and one Parquet file per finished job. A
+part is written to a temporary name and renamed, so that a killed run leaves whole parts only; the
+next run with the same key does the rest. At the end the parts are joined in order and removed.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, TypeVar
+
+import numpy as np
+
+from wbc.errors import ResultsError
+from wbc.extras import needs
+from wbc.files import atomic_write, write_text
+from wbc.parallel import run_jobs
+from wbc.progress import Watch
+
+_KEY = b"wbc.results"
+_KINDS = {"number": "float64", "count": "int64", "text": "string"}  # names of pyarrow
+
+Columns = Mapping[str, Any]
+"""Column -> values (n,) of the rows of one part."""
+
+_Job = TypeVar("_Job")
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column holds.
+
+    Attributes:
+        unit: of its numbers, written beside the column; "1" for none.
+        kind: of its values.
+    """
+
+    unit: str = "1"
+    kind: Literal["number", "count", "text"] = "number"
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """Where the results of many jobs go.
+
+    Attributes:
+        path: the Parquet file at the end.
+        key: what the results depend on; plain numbers, texts, lists and dictionaries.
+        columns: by name, in order.
+        parts: how many there will be, one per job.
+    """
+
+    path: Path
+    key: Mapping[str, Any]
+    columns: Mapping[str, Column]
+    parts: int
+
+    @property
+    def folder(self) -> Path:
+        """Of the parts while the work goes on."""
+        return self.path.with_name(self.path.name + ".parts")
+
+    def begin(self) -> set[int]:
+        """Return the parts that are there already; all of them for a finished table.
+
+        Raises:
+            ResultsError: the file or the parts belong to other work.
+        """
+        if self.path.exists():
+            if _stored_key(self.path) != self.key:
+                raise self._foreign(self.path)
+            return set(range(self.parts))
+        known = self.folder / "key.json"
+        if known.exists():
+            if json.loads(known.read_text("utf-8")) != self.key:
+                raise self._foreign(self.folder)
+        else:
+            write_text(known, json.dumps(self.key, indent=1))
+        found = {int(part.stem) for part in self.folder.glob("[0-9]*.parquet")}
+        return {number for number in found if number < self.parts}
+
+    def add(self, part: int, columns: Columns) -> None:
+        """Write one part, whole or not at all."""
+        _, pq = _pyarrow()
+        table = self._table(columns)
+        atomic_write(self._part(part), lambda file: pq.write_table(table, file))
+
+    def finish(self) -> Path:
+        """Join the parts in order into the file and remove them."""
+        if self.path.exists():
+            return self.path
+        atomic_write(self.path, self._join)
+        shutil.rmtree(self.folder)
+        return self.path
+
+    def _join(self, file: BinaryIO) -> None:
+        _, pq = _pyarrow()
+        key = json.dumps(self.key, sort_keys=True).encode("utf-8")
+        schema = self._schema().with_metadata({_KEY: key})
+        with pq.ParquetWriter(file, schema) as writer:
+            for number in range(self.parts):
+                part = pq.read_table(self._part(number))
+                writer.write_table(part.replace_schema_metadata(schema.metadata))
+
+    def _part(self, number: int) -> Path:
+        return self.folder / f"{number:08d}.parquet"
+
+    def _schema(self) -> Any:
+        pa, _ = _pyarrow()
+        return pa.schema(
+            [
+                pa.field(
+                    name, pa.type_for_alias(_KINDS[column.kind]), metadata={"unit": column.unit}
+                )
+                for name, column in self.columns.items()
+            ]
+        )
+
+    def _table(self, columns: Columns) -> Any:
+        pa, _ = _pyarrow()
+        schema = self._schema()
+        arrays = [
+            pa.array(
+                list(columns[name]) if column.kind == "text" else np.asarray(columns[name]),
+                from_pandas=False,
+            ).cast(schema.field(name).type)
+            for name, column in self.columns.items()
+        ]
+        return pa.Table.from_arrays(arrays, schema=schema)
+
+    def _foreign(self, place: Path) -> ResultsError:
+        return ResultsError(
+            f"'{place}' holds the results of other work (other input, settings or version of wbc). "
+            "Choose another --out, or delete it."
+        )
+
+
+def fill_table(
+    table: ResultTable,
+    function: Callable[[_Job], Columns],
+    jobs: Sequence[_Job],
+    *,
+    workers: int = 1,
+    cluster: str | None = None,
+    watch: Watch | None = None,
+    sizes: Sequence[int] | None = None,
+) -> Path:
+    """Do the jobs whose parts are missing, write each part as it comes, and finish the table.
+
+    The file is the same to the last bit for any number of workers, on a cluster, and after any
+    number of interruptions: the parts are joined in the order of the jobs.
+
+    Args:
+        table: one part per job.
+        function: of a module; returns the rows of one job.
+        jobs: all of them.
+        workers: processes on this computer; 1 works in this process, -1 takes all cores.
+        cluster: address of a Dask scheduler instead.
+        watch: called with what is done and the total: now, and after every part.
+        sizes: of each job as `watch` counts them; 1 each when left out.
+
+    Raises:
+        ResultsError: the file or its parts belong to other work.
+        ParallelError: workers is 0, or no cluster at the address.
+    """
+    sizes = sizes or [1] * len(jobs)
+    done, total = table.begin(), sum(sizes)
+    count = sum(sizes[number] for number in done)
+    if watch:
+        watch(count, total)
+    left = [(number, job) for number, job in enumerate(jobs) if number not in done]
+    for number, columns in run_jobs(
+        partial(_numbered, function), left, workers=workers, cluster=cluster
+    ):
+        table.add(number, columns)
+        count += sizes[number]
+        if watch:
+            watch(count, total)
+    return table.finish()
+
+
+def _numbered(
+    function: Callable[[_Job], Columns], numbered: tuple[int, _Job]
+) -> tuple[int, Columns]:
+    number, job = numbered
+    return number, function(job)
+
+
+def read_results(path: str | Path) -> dict[str, Any]:
+    """Return the columns of a table of results: arrays (n,) of numbers, lists of texts.
+
+    Raises:
+        ResultsError: no such file, or not a table of results.
+    """
+    _stored_key(Path(path))
+    pa, pq = _pyarrow()
+    table = pq.read_table(path)
+    return {
+        name: column.to_pylist() if column.type == pa.string() else column.to_numpy()
+        for name, column in zip(table.column_names, table.columns, strict=True)
+    }
+
+
+def _stored_key(path: Path) -> Any:
+    pa, pq = _pyarrow()
+    try:
+        stored = pq.read_schema(path).metadata or {}
+    except (OSError, pa.ArrowInvalid) as cause:
+        raise ResultsError(f"'{path}' cannot be read as Parquet: {cause}.") from cause
+    if _KEY not in stored:
+        raise ResultsError(f"'{path}' is no table of results; choose another --out.")
+    return json.loads(stored[_KEY])
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    """Return pyarrow and its module for Parquet; only tables of results need them."""
+    with needs("design", "a table of results"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    return pa, pq
