@@ -1,19 +1,14 @@
-"""A humanoid that steps: footholds and a capture point planned ahead, a swing foot, a base task.
-
-The centre of pressure goes in straight lines from sole to sole while both feet stand, and rests
-in a sole while one does. The capture point that fits to it follows backwards in time, because it
-is stable that way (Englsberger, Ott & Albu-Schaeffer 2015); `CapturePointTask` follows it.
-"""
+"""A humanoid that steps: a plan of the capture point is followed, one foot at a time swings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 from math import exp, sqrt
 
 import numpy as np
 import pinocchio as pin
 
+from sims.footsteps import DOUBLE, SINGLE, START, equal_steps, planned
 from sims.legged import feet
 from wbc import Robot
 from wbc.arrays import FloatArray
@@ -23,71 +18,26 @@ from wbc.control import (
     Command,
     ContactRamp,
     Controller,
+    ControllerSettings,
     FrameOrientationTask,
     FramePositionTask,
     PostureTask,
     Reference,
+    RestPolicy,
     State,
 )
-from wbc.design.trotter import hump, minimum_jerk
+from wbc.design.trotter import StepUp, hump, minimum_jerk
 
 SIDES = ("left", "right")
 TRUNK, PELVIS = "torso_2_link", "base_link"
-_START = 0.5  # [s] of standing before the weight goes to the first sole
-_SINGLE = 0.6  # [s] that one foot stands
-_DOUBLE = 0.3  # [s] that both do
 _CLEARANCE = 0.05  # [m] of a swing
 _EARLY = 0.7  # share of a swing after which a foot that touches stands
 _DOWN = 0.1  # [m/s] at which a foot that is late goes on down
 _STIFFNESS = 5.0  # [1/s] with which the capture point follows the plan
 _REACH = np.array([0.3, 0.2])  # [m] that a foothold may move, ahead or back and outwards
 _INWARDS = 0.03  # [m] that it may move towards the other foot
+_LIFT = 0.3  # share of a swing for which a foot that steps up does not go ahead
 _TOUCH = 1e-3  # [m] above the ground within which a corner of a sole counts as touching
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Footholds and the capture point that fits to them.
-
-    Attributes:
-        holds: (k + 1, 2, 2) [m], where the left and the right sole stand after every step.
-        point: (n, 2) [m], the capture point at every tick; the last one is kept.
-        rate: (n, 2) [m/s], its velocity.
-    """
-
-    holds: FloatArray
-    point: FloatArray
-    rate: FloatArray
-
-
-def planned(soles: FloatArray, steps: int, length: float, pole: float, tick: float) -> Plan:
-    """Return the plan of `steps` steps, the left foot first.
-
-    Args:
-        soles: (2, 2) [m], x and y of the left and the right sole.
-        steps: number of steps.
-        length: [m] that every step leads ahead of the standing foot; the last one closes up.
-        pole: sqrt(g/h) [1/s].
-        tick: [s].
-    """
-    holds = [soles]
-    for step in range(steps):
-        ahead = soles.copy()
-        ahead[:, 0] += length * (step + 1 if step + 1 < steps else step)
-        hold = holds[-1].copy()
-        hold[step % 2] = ahead[step % 2]
-        holds.append(hold)
-    middle, rests = soles.mean(axis=0), [holds[k][1 - k % 2] for k in range(steps)]
-    stops = [middle, *rests, holds[-1].mean(axis=0)]
-    pressure = [np.tile(middle, (round(_START / tick), 1))]
-    for before, after in pairwise(stops):
-        share = np.linspace(0.0, 1.0, round(_DOUBLE / tick), endpoint=False)[:, None]
-        pressure += [before + share * (after - before), np.tile(after, (round(_SINGLE / tick), 1))]
-    center = np.concatenate(pressure)
-    point, shrink = center.copy(), exp(-pole * tick)
-    for k in range(len(center) - 2, -1, -1):
-        point[k] = center[k] + shrink * (point[k + 1] - center[k])
-    return Plan(np.array(holds), point, pole * (point - center))
 
 
 @dataclass
@@ -101,6 +51,8 @@ class Stepper:
         length: [m] of a step; 0 on the spot.
         tick: time between two calls [s].
         adjusts: whether footholds answer to an error of the capture point that a sole cannot hold.
+        policy: what gears at rest shall give.
+        ground: that the robot walks on, and knows; its step is taken with one foot after the other.
     """
 
     model: Robot
@@ -109,6 +61,8 @@ class Stepper:
     length: float = 0.0
     tick: float = 1e-3
     adjusts: bool = True
+    policy: RestPolicy = RestPolicy.NEUTRAL
+    ground: StepUp = field(default_factory=StepUp)
     commands: list[Command] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -126,9 +80,9 @@ class Stepper:
         self._middle = np.array([self._corners[s].mean(axis=0) for s in SIDES])
         places = np.array([self._sole(s).mean(axis=0)[:2] for s in SIDES])
         self._level = float(self._data.oMf[self._frame["left"]].translation[2])
-        self.plan = planned(places, self.steps, self.length, self._pole, self.tick)
+        self.plan = planned(places, self._ahead(places), self._pole, self.tick, self.ground)
         weight = 9.81 * pin.computeTotalMass(self.model.model)
-        self._ramp = ContactRamp(list(SIDES), 1.5 * weight, _DOUBLE)
+        self._ramp = ContactRamp(list(SIDES), 1.5 * weight, DOUBLE)
         frames = {s: corner[names[s][0]].frame for s in SIDES}
         tasks = [
             CapturePointTask(weight=100.0, stiffness=_STIFFNESS, height=float(center[2])),
@@ -147,7 +101,8 @@ class Stepper:
             ],
             PostureTask.of(self.model, weight=0.1, stiffness=50.0),
         ]
-        self._controller = Controller(self.model, tasks, soles)
+        settings = ControllerSettings(time_step=self.tick, rest_policy=self.policy)
+        self._controller = Controller(self.model, tasks, soles, settings=settings)
         self._starts: dict[str, FloatArray] = {}
         self._time, self.done = 0.0, 0
         corners = self._corners["left"][:, :2]
@@ -161,10 +116,11 @@ class Stepper:
         standing, swinging, share = self._phases()
         now = min(round(self._time / self.tick), len(self.plan.point) - 1)
         if swinging is not None and share <= 1.0 and self.adjusts:
-            self._aside = self._answer(swinging, now, (1.0 - share) * _SINGLE)
+            self._aside = self._answer(swinging, now, (1.0 - share) * SINGLE)
+        rise, climb, curve = self.plan.rise[now][:, None]
         references = {
             "capture_point": Reference(self.plan.point[now] + self._moved, self.plan.rate[now]),
-            "height": Reference(self._height),
+            "height": Reference(self._height + rise, climb, curve),
             "trunk": Reference(np.eye(3)),
             "pelvis": Reference(np.eye(3)),
         }
@@ -183,6 +139,23 @@ class Stepper:
     def point_error(self) -> FloatArray:
         """Return the capture point less the planned one (2,) [m] at the last call's state."""
         return self._error(min(round(self._time / self.tick) - 1, len(self.plan.point) - 1))
+
+    def height_error(self) -> float:
+        """Return the centre of mass' height less the planned one [m] at the last call's state."""
+        now = min(round(self._time / self.tick) - 1, len(self.plan.point) - 1)
+        return float(self._data.com[0][2] - self._height[0] - self.plan.rise[now, 0])
+
+    def _ahead(self, places: FloatArray) -> list[float]:
+        """Return how far ahead every step leads, [m] from the start.
+
+        Both feet step over the edge of a step, one beside the other, before the way goes on.
+        """
+        if not self.ground.height:
+            return equal_steps(self.steps, self.length)
+        heel = float(self._corners["left"][:, 0].min() - self._middle[0][0])
+        over = self.ground.edge + self.ground.margin - heel - float(places[:, 0].mean())
+        rest = equal_steps(self.steps - 2, self.length)
+        return [over, over, *(over + way for way in rest)][: self.steps]
 
     def _error(self, now: int) -> FloatArray:
         point = self._data.com[0][:2] + self._data.vcom[0][:2] / self._pole
@@ -212,26 +185,30 @@ class Stepper:
         place = self._data.oMf[self._frame[side]]
         return np.array([place.act(corner) for corner in self._corners[side]])
 
+    def _clear(self, side: str) -> float:
+        """Return how far the lowest corner of a sole is above the ground [m]."""
+        return min(float(z) - self.ground.at(float(x)) for x, _, z in self._sole(side))
+
     def _phases(self) -> tuple[set[str], str | None, float]:
         """Return the feet that shall bear, the one in the air and the share of its swing.
 
         A foot gives off its load while both stand. It lifts when it bears none.
         """
-        clock = self._time - _START
-        step = int(clock // (_SINGLE + _DOUBLE))
+        clock = self._time - START
+        step = int(clock // (SINGLE + DOUBLE))
         if self._starts:
             step = self.done  # also when the foot is late
-        within = clock - step * (_SINGLE + _DOUBLE)
+        within = clock - step * (SINGLE + DOUBLE)
         if clock < 0.0 or step >= self.steps or self.done > step:
             return set(SIDES), None, 0.0
         side = SIDES[step % 2]
         rest = {SIDES[1 - step % 2]}
-        if within < _DOUBLE:
+        if within < DOUBLE:
             return rest, None, 0.0
-        share = (within - _DOUBLE) / _SINGLE
+        share = (within - DOUBLE) / SINGLE
         if side not in self._starts:
             self._starts = {side: np.array(self._data.oMf[self._frame[side]].translation)}
-        if share > _EARLY and self._sole(side)[:, 2].min() < _TOUCH:
+        if share > _EARLY and self._clear(side) < _TOUCH:
             self.done, self._starts = step + 1, {}
             self._moved, self._aside = self._moved + self._aside, np.zeros(2)
             return set(SIDES), None, 0.0
@@ -241,16 +218,27 @@ class Stepper:
         """Return where a foot in the air should be."""
         start, index = self._starts[side], SIDES.index(side)
         hold = self.plan.holds[self.done + 1][index] + self._moved + self._aside
-        hold = hold - self._middle[index][:2]
-        end = np.array([*hold, self._level])
+        level = self._level + self.ground.at(float(hold[0]))
+        end = np.array([*(hold - self._middle[index][:2]), level])
         if share > 1.0:
             down = np.array([0.0, 0.0, _DOWN])
-            return Reference(end - (share - 1.0) * _SINGLE * down, -down)
-        path, slope, bend = minimum_jerk(share)
+            return Reference(end - (share - 1.0) * SINGLE * down, -down)
+        # a foot that goes up rises first, so that its toe does not meet the edge
+        first = _LIFT if end[2] > start[2] + _TOUCH else 0.0
+        along, up = _partly(share, first, 1.0), _partly(share, 0.0, 1.0 - first)
         rise, climb, curve = hump(share)
-        way, up = end - start, np.array([0.0, 0.0, _CLEARANCE])
+        way = end - start
+        path = [np.array([along[k] * way[0], along[k] * way[1], up[k] * way[2]]) for k in range(3)]
+        above = np.array([0.0, 0.0, _CLEARANCE])
         return Reference(
-            start + path * way + rise * up,
-            (slope * way + climb * up) / _SINGLE,
-            (bend * way + curve * up) / _SINGLE**2,
+            start + path[0] + rise * above,
+            (path[1] + climb * above) / SINGLE,
+            (path[2] + curve * above) / SINGLE**2,
         )
+
+
+def _partly(share: float, start: float, stop: float) -> tuple[float, float, float]:
+    """Return a smooth path from 0 to 1 between two shares of a swing, and its two slopes."""
+    length = stop - start
+    path, slope, bend = minimum_jerk(min(max((share - start) / length, 0.0), 1.0))
+    return path, slope / length, bend / length**2

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from sims.closed_loop import Engine, OwnPlant
 from sims.imperfect_loop import lossy
+from sims.mesh_work import mesh_work
 from sims.plots import Panel, sweep_figure, write_figures
 from wbc import Robot
 from wbc.arrays import FloatArray
@@ -65,29 +66,21 @@ def trot(engine: Engine, robot: Robot, trotter: Trotter, scene: str, duration: f
 def figures(robot: Robot, trotter: Trotter, record: Record, duration: float) -> dict[str, float]:
     """Return the figures of a run after `SETTLED`.
 
-    The mesh torque is what the motor gives beyond its rotor's inertia; the teeth keep
-    t (1 - eta_f) of it where the motor drives and |t| (1/eta_b - 1) where the joint does. The cost
-    of transport is the work of the driving motors over m g and the way; what they take back is
-    lost.
+    The cost of transport is the work of the driving motors over m g and the way; what they take
+    back is lost.
     """
     gears, settled = robot.transmission, slice(round(SETTLED / TICK), None)
     q, v = np.array(record.q)[settled], np.array(record.v)[settled]
     fell = len(record.q) < round(duration / TICK)
     if len(q) < 2:
         return {FELL: 1.0}
-    speed = v[:, robot.actuated]
-    given = gears.gear_ratio * np.array(record.torque)[settled]
-    mesh = given - gears.reflected_inertia * np.gradient(speed, TICK, axis=0)
-    kept = np.where(
-        mesh * speed > 0.0, 1.0 - gears.forward_efficiency, 1.0 / gears.backward_efficiency - 1.0
-    )
-    lost = (np.abs(mesh * speed) * kept).mean(axis=0)
+    torque = np.array(record.torque)[settled]
+    work, lost = mesh_work(robot, v, torque, TICK)
     way, weight = q[-1, 0] - q[0, 0], 9.81 * pin.computeTotalMass(robot.model)
     upright = [pin.Quaternion(row[3:7]).matrix()[2, 2] for row in q]
     ground = np.array([trotter.ground.at(x) for x in q[:, 0]])
     rise = q[:, 2] - ground - trotter.pose[2]
-    work = np.maximum(given * speed, 0.0).sum(axis=1).mean()
-    torque = given / gears.gear_ratio / gears.torque_limit
+    torque = torque / gears.torque_limit
     return {
         FELL: float(fell),
         SPEED: float(way / (TICK * len(q))),

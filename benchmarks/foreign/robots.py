@@ -141,7 +141,7 @@ def panda() -> Foreign:
     robot = _made("panda", "panda_description/urdf/panda.urdf", [], ("panda_finger",))
     angles = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
     joints = {f"panda_joint{i + 1}": angle for i, angle in enumerate(angles)}
-    return Foreign(robot, _posed(robot, joints), "panda_hand", "panda_link3", (), None, None)
+    return Foreign(robot, _posed(robot, joints), "panda_hand", "panda_link0", (), None, None)
 
 
 def tiago() -> Foreign:
@@ -150,7 +150,7 @@ def tiago() -> Foreign:
     angles = (0.2, -0.6, -0.4, 1.6, 0.3, -0.4, 0.2)
     joints = {f"arm_{i + 1}_joint": angle for i, angle in enumerate(angles)}
     pose = _posed(robot, joints | {"torso_lift_joint": 0.15})
-    return Foreign(robot, pose, "arm_7_link", "head_2_link", (), None, None)
+    return Foreign(robot, pose, "arm_7_link", "torso_lift_link", (), None, None)
 
 
 _NEAR = 2  # joints between two links that may overlap

@@ -1,19 +1,29 @@
-"""TALOS takes four steps forward on lossy gears and does not fall."""
+"""TALOS takes steps on lossy gears, forward and up 5 cm, and does not fall."""
 
 from __future__ import annotations
 
 import pytest
 
-from sims.stepping import DONE, FELL, POINT, WAY, main, pushed
+from sims.stepping import DONE, FELL, HEIGHT, POINT, REFUSED, TRANSPORT, WAY, main, pushed
 
 
 def test_talos_takes_four_steps_forward_on_lossy_gears():
-    (figures,) = main(4, ways=["forward"], models=["dissipative"]).values()
+    (figures,) = main(4, ["wbc.sim"], ["forward"], ["dissipative"]).values()
     assert figures[FELL] == 0.0
-    assert figures["refused ticks"] == 0.0
+    assert figures[REFUSED] == 0.0
     assert figures[DONE] == 4.0
     assert figures[WAY] == pytest.approx(3 * 0.135, abs=0.02)
     assert figures[POINT] < 5.0
+
+
+def test_talos_steps_up_five_centimetres_in_mujoco():
+    """One foot after the other; the height that is followed ends 5 cm above the start."""
+    (figures,) = main(3, ["MuJoCo"], ["step"], ["dissipative"]).values()
+    assert figures[FELL] == figures[REFUSED] == 0.0
+    assert figures[DONE] == 3.0
+    assert figures[POINT] < 5.0
+    assert figures[HEIGHT] < 6.0
+    assert 0.1 < figures[TRANSPORT] < 1.0
 
 
 def test_footholds_answer_to_a_push():

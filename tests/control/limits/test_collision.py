@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import coal
@@ -181,6 +182,23 @@ def test_a_mesh_is_its_convex_hull():
         rows.fill(JUDGE)
         assert rows.distances == pytest.approx(along - 0.15, abs=1e-6)
         np.testing.assert_allclose(rows.rows[0], rows.rows[1], atol=1e-6)
+
+
+def test_solids_far_apart_are_found_without_coal():
+    """Balls around them tell; a half space, which no ball holds, is always measured."""
+    ground = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.2)
+    table = Shape(name="ground", geometry=ground)
+    ball = Shape(name="ball", geometry=coal.Sphere(0.05), frame=HAND)
+    long = Shape(name="long", geometry=coal.Capsule(0.01, 4.0), frame=OTHER)
+    limit = CollisionLimit([table, ball, long], [("ground", "ball"), ("ball", "long")])
+    near, far = (replace(limit, influence=reach) for reach in (5.0, 0.1))
+    data = TALOS.model.createData()
+    pin.framesForwardKinematics(TALOS.model, data, HALF)
+    height = data.oMf[TALOS.model.getFrameId(HAND)].translation[2]
+    exact, rough = apart(near, HALF), apart(far, HALF)
+    assert exact[0] == pytest.approx(height - 0.25)
+    assert rough[0] == pytest.approx(exact[0])
+    assert (rough <= exact + 1e-9).all()
 
 
 def test_what_is_no_convex_solid_is_named():

@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import frozen
+from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.kinematics import Kinematics, joint_columns
 from wbc.control.limits.distance_rows import place_distance_rows
 from wbc.errors import ControlError, unknown_name
@@ -118,7 +118,8 @@ class CollisionRows:
         labels: (p,) what every pair is called in messages.
         rows: n'(J_other - J_one) (p, nv).
         least: (p,) [m/s^2], -inf where a pair is far apart.
-        distances: (p,) [m] of the last state, negative where solids overlap.
+        distances: (p,) [m] of the last state, negative where solids overlap. Where balls around
+            two solids are farther apart than `influence`, the distance of the balls.
     """
 
     def __init__(self, limit: CollisionLimit, model: pin.Model) -> None:
@@ -128,24 +129,15 @@ class CollisionRows:
             ControlError: a frame that the model does not have.
         """
         self._limit, p = limit, len(limit.pairs)
+        used = list(dict.fromkeys(name for pair in limit.pairs for name in pair))
         shapes = {shape.name: shape for shape in limit.shapes}
-        self._pairs = []
-        joints = np.zeros((p, 2), dtype=np.int_)
-        for i, pair in enumerate(limit.pairs):
-            found = []
-            for side, name in enumerate(pair):
-                shape = shapes[name]
-                if not model.existFrame(shape.frame):
-                    known = [frame.name for frame in model.frames]
-                    raise ControlError(
-                        f"shape '{name}': " + unknown_name("frame", shape.frame, known)
-                    )
-                frame = model.frames[model.getFrameId(shape.frame)]
-                joints[i, side] = frame.parentJoint
-                found.append((shape.geometry, frame.parentJoint, frame.placement * shape.placement))
-            self._pairs.append(found)
+        self._solids = _Solids([shapes[name] for name in used], model)
+        pairs = [[used.index(name) for name in pair] for pair in limit.pairs]
+        self._pairs = frozen(np.array(pairs, dtype=np.int_).reshape(p, 2), np.int_)
+        geometry = [shapes[name].geometry for name in used]
+        self._measures = [coal.ComputeDistance(geometry[i], geometry[j]) for i, j in pairs]
         self.labels = tuple(f"distance of '{one}' and '{other}'" for one, other in limit.pairs)
-        self._joints = frozen(joints, np.int_)
+        self._joints = frozen(self._solids.joints[self._pairs], np.int_)
         self._starts, self._columns = joint_columns(model)
         self.rows, self.least = np.zeros((p, model.nv)), np.zeros(p)
         self.distances, self._points = np.zeros(p), np.zeros((p, 9))
@@ -153,17 +145,17 @@ class CollisionRows:
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate all pairs at the present state."""
-        points, limit = self._points, self._limit
-        for i, (one, other) in enumerate(self._pairs):
-            places = [kinematics.joint_place(side[1]) * side[2] for side in (one, other)]
-            self._result.clear()
-            self.distances[i] = coal.distance(
-                *(one[0], _transform(places[0]), other[0], _transform(places[1])),
-                *(self._request, self._result),
-            )
-            points[i, :3] = self._result.getNearestPoint1()
-            points[i, 3:6] = self._result.getNearestPoint2()
-            points[i, 6:] = self._result.normal
+        points, limit, result = self._points, self._limit, self._result
+        self._solids.place(kinematics)
+        self.distances[:] = self._solids.apart(self._pairs)
+        for i in np.flatnonzero(self.distances < limit.influence).tolist():
+            one, other = self._pairs[i].tolist()
+            places = self._solids.transform(one), self._solids.transform(other)
+            result.clear()
+            self.distances[i] = self._measures[i](*places, self._request, result)
+            points[i, :3] = result.getNearestPoint1()
+            points[i, 3:6] = result.getNearestPoint2()
+            points[i, 6:] = result.normal
         place_distance_rows(
             *(self._joints, self._starts, self._columns, kinematics.joint_jacobian),
             *(kinematics.joint_rates, kinematics.joint_drifts, points, self.distances),
@@ -173,6 +165,63 @@ class CollisionRows:
             self.rows,
             self.least,
         )
+
+
+class _Solids:
+    """Where solids are, and balls around them.
+
+    Attributes:
+        joints: joint that carries each solid (s,).
+    """
+
+    def __init__(self, shapes: Sequence[Shape], model: pin.Model) -> None:
+        joints, local, balls = [], [], []
+        for shape in shapes:
+            if not model.existFrame(shape.frame):
+                known = [frame.name for frame in model.frames]
+                raise ControlError(
+                    f"shape '{shape.name}': " + unknown_name("frame", shape.frame, known)
+                )
+            frame = model.frames[model.getFrameId(shape.frame)]
+            joints.append(frame.parentJoint)
+            local.append((frame.placement * shape.placement).homogeneous[:3])
+            balls.append(_ball(shape.geometry))
+        self.joints = np.array(joints, dtype=np.int_)
+        self._local = np.array(local).reshape(-1, 3, 4)
+        self._balls = np.array(balls, dtype=np.float64).reshape(-1, 4)
+        self._places = np.zeros_like(self._local)
+        self._made: dict[int, coal.Transform3s] = {}
+
+    def place(self, kinematics: Kinematics) -> None:
+        """Take the places of the joints at the present state."""
+        joints = kinematics.joint_places[self.joints]
+        turns = joints[:, :9].reshape(-1, 3, 3).transpose(0, 2, 1)
+        np.matmul(turns, self._local, out=self._places)
+        self._places[:, :, 3] += joints[:, 9:]
+        self._made.clear()
+
+    def apart(self, pairs: IntArray) -> FloatArray:
+        """Return how far the balls around the solids of pairs (p, 2) are apart, (p,) [m]."""
+        centers = (self._places[:, :, :3] @ self._balls[:, :3, None])[:, :, 0]
+        centers += self._places[:, :, 3]
+        between = centers[pairs[:, 0]] - centers[pairs[:, 1]]
+        radii = self._balls[pairs, 3].sum(axis=1)
+        return np.asarray(np.sqrt(np.einsum("pi,pi->p", between, between)) - radii)
+
+    def transform(self, solid: int) -> coal.Transform3s:
+        """Return the place of a solid, made once per state."""
+        if solid not in self._made:
+            place = self._places[solid]
+            self._made[solid] = coal.Transform3s(place[:, :3], place[:, 3])
+        return self._made[solid]
+
+
+def _ball(geometry: Any) -> FloatArray:
+    """Return centre and radius (4,) [m] of a ball around a solid; half spaces have no centre."""
+    geometry.computeLocalAABB()
+    if not np.isfinite(geometry.aabb_radius):
+        return np.array([0.0, 0.0, 0.0, np.inf])
+    return np.array([*geometry.aabb_center, geometry.aabb_radius])
 
 
 def _convex(geometry: Any, name: str) -> Any:
@@ -191,7 +240,3 @@ def _convex(geometry: Any, name: str) -> Any:
     mesh = geometry.clone()  # a mesh keeps its hull, and this one is the caller's
     mesh.buildConvexHull(True, "Qt")
     return mesh.convex
-
-
-def _transform(place: pin.SE3) -> coal.Transform3s:
-    return coal.Transform3s(place.rotation, place.translation)
