@@ -46,7 +46,7 @@ _EPILOG = """example:
 --add NAME,NAME only these.
 
 many machines, a row each; given again, an interrupted run goes on:
-  wbc diagnose --fleet runs.csv --robot robot.toml --out fleet.parquet --workers -1"""
+  wbc diagnose --fleet runs.csv --robot leg.toml --out fleet.parquet --workers 4"""
 
 
 def add_to(commands: Any) -> None:
