@@ -41,7 +41,7 @@ def test_it_is_the_density_of_what_is_held_out_over_all_drawn_numbers() -> None:
     noise, usual = fit.usual.noise, fit.usual.jacobian[:, :4]
     wanted = expected = 0.0
     for fold in range(3):
-        inside = FOLDS == fold
+        inside = fold == FOLDS
         weighted = (fit.jacobian[~inside] / np.sqrt(noise)[:, None]).reshape(-1, 5)[:, :4]
         prior = np.linalg.inv(weighted.T @ weighted + usual.T @ usual)
         own = fit.jacobian[inside].reshape(-1, 5)[:, :4]
