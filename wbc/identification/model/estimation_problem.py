@@ -11,7 +11,6 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
-from wbc.identification.model.drawn_doubt import beside_drawn
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.kept_columns import KeptColumns
@@ -153,9 +152,10 @@ class EstimationProblem:
         """Return (rows, outputs) held-out squares in units of the floor."""
         return fit.held_out(self.folds)
 
-    def beside_drawn(self, fit: Fit) -> tuple[FloatArray, float]:
+    def held_out_beside_open(self, fit: Fit) -> tuple[FloatArray, float]:
         """Return held-out squares (rows, outputs) beside what is open, and its cost [nats]."""
-        return beside_drawn(fit, self.folds)
+        held = fit.held_out_residual(self.folds)
+        return fit.usual.beside_open(held, fit.jacobian, self.folds)
 
     def distortion(self, fit: Fit) -> FloatArray:
         """Return (p,) by how much parameters are off, in their scales, beside what noise does.

@@ -151,7 +151,7 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     squares = problem.held_out(fit)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
-    beside, cost = problem.beside_drawn(fit)
+    beside, cost = problem.held_out_beside_open(fit)
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     return Hypothesis(
         effects=fit.effects,

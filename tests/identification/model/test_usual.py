@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc import load_robot
-from wbc.identification.model.drawn_doubt import beside_drawn
+from wbc.arrays import FloatArray
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.usual import UsualRows
 from wbc.robot import Parameter
@@ -34,9 +34,13 @@ def linear_fit(rng: np.random.Generator, drawn: int, free: int) -> Fit:
     return Fit(load_robot("simple_pendulum"), (), raw + jacobian @ step, jacobian, slots, rows)
 
 
+def beside_open(fit: Fit) -> tuple[FloatArray, float]:
+    return fit.usual.beside_open(fit.held_out_residual(FOLDS), fit.jacobian, FOLDS)
+
+
 def test_it_is_the_density_of_what_is_held_out_over_all_drawn_numbers() -> None:
     fit = linear_fit(np.random.default_rng(3), drawn=4, free=1)
-    squares, cost = beside_drawn(fit, FOLDS)
+    squares, cost = beside_open(fit)
     held = fit.held_out_residual(FOLDS)
     noise, usual = fit.usual.noise, fit.usual.jacobian[:, :4]
     wanted = expected = 0.0
@@ -57,7 +61,7 @@ def test_it_is_the_density_of_what_is_held_out_over_all_drawn_numbers() -> None:
 
 def test_numbers_without_a_prior_are_held_out_as_ever() -> None:
     fit = linear_fit(np.random.default_rng(4), drawn=0, free=3)
-    squares, cost = beside_drawn(fit, FOLDS)
+    squares, cost = beside_open(fit)
     assert cost == 0.0
     assert np.array_equal(squares, fit.held_out(FOLDS))
 
@@ -66,6 +70,6 @@ def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
     """Leaving it out predicted half of what is drawn: a rotor inertia took its place."""
     fit = linear_fit(np.random.default_rng(5), drawn=4, free=0)
     first = FOLDS == 0
-    squares, _ = beside_drawn(fit, FOLDS)
+    squares, _ = beside_open(fit)
     assert fit.held_out(FOLDS)[first].mean() > 2.0 * fit.residual[first].var()
     assert squares[first].mean() < 1.5 * fit.residual[first].var()
