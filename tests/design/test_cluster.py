@@ -62,7 +62,8 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> N
     assert len(set(fleet)) == len(LOGS)
 
 
-def test_no_workers_and_no_scheduler_are_named() -> None:
+def test_no_workers_and_no_scheduler_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.parallel._PATIENCE", 0.5)
     with pytest.raises(ParallelError, match="workers is 0"):
         list(run_jobs(len, ["a"], workers=0))
     with pytest.raises(ParallelError, match="no Dask scheduler"):
