@@ -125,7 +125,7 @@ class Search:
             parts = proposer.trials.of(without(current.effects, effect))
             while parts is not None and parts.asked < current.asked:
                 found.append(parts)
-                parts = plain._addition(parts)  # noqa: SLF001 - a search of the same kind
+                parts = plain._addition(parts)
         return found
 
     def _pair(self, current: Hypothesis) -> Hypothesis | None:
