@@ -21,7 +21,7 @@ from wbc.cli.shared.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.shared.open_loop import open_loop_table
+from wbc.cli.shared.open_loop import SIMULATING, open_loop_table
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import load_robot
@@ -67,6 +67,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "comparing"):
         comparison = compare(robot, logs)
+    with working(shown, SIMULATING):
         simulated = open_loop(robot, logs)
     parts = [
         Part("the error of every output", error_table(comparison)),

@@ -24,7 +24,7 @@ from wbc.cli.shared.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.shared.open_loop import open_loop_table
+from wbc.cli.shared.open_loop import SIMULATING, open_loop_table
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import effect_class, save_robot
@@ -93,6 +93,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
+    with working(shown, SIMULATING):
         simulated = [open_loop(one, logs) for one in (robot, diagnosis.robot)]
     print_diagnosis(
         shown,

@@ -11,6 +11,9 @@ from rich.text import Text
 from wbc.identification.answer.numbers import told
 from wbc.identification.open_loop import OpenLoop
 
+SIMULATING = "simulating the logs (the first time, the simulator is compiled: about a minute)"
+"""What a person reads while logs are simulated."""
+
 
 def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
     """Return position errors after each horizon: of one robot, or as given and with what was found.
