@@ -61,6 +61,8 @@ def quantities_of(
     told = _simplest(estimates, found)
     differ = {name: e for name, e in told.items() if not e.low <= before[name].value <= e.high}
     sentences = [_numbers_told(fit, rows)]
+    if not differ:
+        sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
     if same := [name for name in told if name not in differ]:
         sentences.append(f"as drawn within what these logs tell: {', '.join(same)}")
     if silent := _silent(estimates, found):
