@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from matplotlib.figure import Figure
 
+import wbc.parallel
 from wbc.cli import main
 from wbc.design import (
     Study,
@@ -252,6 +253,7 @@ def test_bad_commands_end_with_two(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setattr(wbc.parallel, "PATIENCE", 0.5)
     monkeypatch.chdir(tmp_path)
     assert main(["design", "planar_leg", "--sweep", "reduction=6:160", *extra]) == 2
     assert message in capsys.readouterr().err
