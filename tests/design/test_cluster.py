@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-import wbc.parallel
 from wbc import save_robot
 from wbc.design import Study, parse_sweep, run_study
 from wbc.effects import CoulombFriction, load_robot
@@ -121,6 +120,6 @@ def test_a_trend_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
 def test_no_workers_and_no_scheduler_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ParallelError, match="workers is 0"):
         list(run_jobs(len, ["a"], workers=0))
-    monkeypatch.setattr(wbc.parallel, "PATIENCE", 0.5)
+    monkeypatch.setattr("wbc.parallel._PATIENCE", 0.5)
     with pytest.raises(ParallelError, match="no Dask scheduler"):
         list(run_jobs(len, ["a"], cluster="tcp://127.0.0.1:1"))

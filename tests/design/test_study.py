@@ -16,7 +16,6 @@ import pyarrow.parquet as pq
 import pytest
 from matplotlib.figure import Figure
 
-import wbc.parallel
 from wbc.cli import main
 from wbc.design import (
     Study,
@@ -253,8 +252,8 @@ def test_bad_commands_end_with_two(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(wbc.parallel, "PATIENCE", 0.5)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wbc.parallel._PATIENCE", 0.5)
     assert main(["design", "planar_leg", "--sweep", "reduction=6:160", *extra]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.glob("*.parquet"))
