@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -205,6 +205,35 @@ def read_results(path: str | Path) -> dict[str, Any]:
         name: column.to_pylist() if column.type == pa.string() else column.to_numpy()
         for name, column in zip(table.column_names, table.columns, strict=True)
     }
+
+
+def results_in_pieces(path: str | Path, rows: int) -> Iterator[dict[str, Any]]:
+    """Yield the columns of a table of results, at most `rows` rows at a time, in order.
+
+    Raises:
+        ResultsError: no such file, or not a table of results.
+    """
+    _stored_key(Path(path))
+    pa, pq = _pyarrow()
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(batch_size=rows):
+            yield {
+                name: column.to_pylist()
+                if column.type == pa.string()
+                else column.to_numpy(zero_copy_only=False)
+                for name, column in zip(batch.schema.names, batch.columns, strict=True)
+            }
+
+
+def rows_of(path: str | Path) -> int:
+    """Return the number of rows of a table of results.
+
+    Raises:
+        ResultsError: no such file, or not a table of results.
+    """
+    _stored_key(Path(path))
+    _, pq = _pyarrow()
+    return int(pq.read_metadata(path).num_rows)
 
 
 def _stored_key(path: Path) -> Any:
