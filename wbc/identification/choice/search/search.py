@@ -115,7 +115,8 @@ class Search:
 
         A wrong drawing of a link moves its mass, its centre and its inertia: it also explains what
         a payload and a tilted base do together. Neither of them takes its place alone, so they are
-        added one after the other, as long as they ask for less than it does.
+        added one after the other, as long as they ask for less than it does. Two of them at one
+        link would be its drawing in other words.
         """
         proposer, found = self.proposer, []
         plain = replace(self, proposer=proposer.of_one_claim)
@@ -128,6 +129,15 @@ class Search:
                 parts = plain._addition(parts)
         return found
 
+    def _at_changed_links(self, h: Hypothesis) -> list[Key]:
+        """Return every cause that changes a link which a cause of a hypothesis changes already."""
+        robot = self.proposer.trials.problem.robot
+        own = (e.where for e in h.effects if "change" in e.acts_by and e.where in robot.bodies)
+        changed = {robot.body_joint(where) for where in own}
+        bodies = [body for body in robot.bodies if robot.body_joint(body) in changed]
+        kinds = [c for c in self.proposer.candidates if "change" in c.acts_by]
+        return [(kind.name, body) for kind in kinds for body in bodies]
+
     def _pair(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best pair of causes of those that add to the evidence by themselves.
 
@@ -137,12 +147,12 @@ class Search:
         pairs = moves.pairs(self.proposer, current)
         return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
 
-    def _addition(self, current: Hypothesis) -> Hypothesis | None:
-        """Return the best hypothesis with a cause more.
+    def _addition(self, current: Hypothesis, but: Sequence[Key] = ()) -> Hypothesis | None:
+        """Return the best hypothesis with a cause more, none of those that are left out.
 
         What explains much by impossible numbers hides what explains less: it is put aside.
         """
-        exclude: list[Key] = []
+        exclude: list[Key] = list(but)
         for _ in range(_MASKS + 1):
             longer = moves.additions(self.proposer, current, exclude)
             if better := self.best(longer, current):
