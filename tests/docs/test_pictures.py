@@ -17,6 +17,7 @@ BY_BENCHMARKS = {  # need the outside data
     "go2_calf.png",
     "ricmonk_open_loop.png",
     "simple_pendulum_open_loop.png",
+    "tiago.png",
 }
 
 
