@@ -12,9 +12,12 @@ IMAGES = ROOT / "docs" / "images"
 SHOWN = re.compile(r"!\[([^\]]*)\]\((?:docs/|(?:\.\./)*)images/([^)]+)\)")
 BY_BENCHMARKS = {  # need the outside data
     "cube_tosses.png",
+    "double_pendulum.png",
+    "emps.png",
     "go2_calf.png",
     "ricmonk_open_loop.png",
     "simple_pendulum_open_loop.png",
+    "tiago.png",
 }
 
 
