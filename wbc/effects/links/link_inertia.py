@@ -46,7 +46,7 @@ class LinkInertia(Effect):
     t3: float
 
     expected: ClassVar[float] = 1.0
-    claims: ClassVar[int] = 2  # the mass, and how it is spread
+    claims: ClassVar[int] = 3  # mass, centre of mass and inertia
     name: ClassVar[str] = "link_inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     explanation: ClassVar[str] = (

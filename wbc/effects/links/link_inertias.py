@@ -45,7 +45,7 @@ class LinkInertias(Effect):
     links: tuple[tuple[str, tuple[float, ...]], ...]
 
     expected: ClassVar[float] = 2.0  # as friction: no machine weighs what its drawing says
-    claims: ClassVar[int] = 2  # the mass, and how it is spread
+    claims: ClassVar[int] = 3  # mass, centre of mass and inertia
     name: ClassVar[str] = "link_inertias"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS  # of every link
     explanation: ClassVar[str] = (
