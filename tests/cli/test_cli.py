@@ -165,7 +165,7 @@ def test_metrics_of_an_arm_at_its_last_link(tmp_path, capsys):
     ],
 )
 def test_fail_above_is_an_exit_code(rubbing, capsys, limit, code, says):
-    assert main(["compare", *rubbing, *LEG, "--fail-above", limit]) == code
+    assert main(["compare", *rubbing, *LEG, "--quiet", "--fail-above", limit]) == code
     assert says in " ".join(capsys.readouterr().out.split())
 
 

@@ -29,6 +29,7 @@ from wbc.measurement import (
 from wbc.measurement.columns.apply import mended
 from wbc.measurement.columns.mend import together
 from wbc.measurement.suspicions.find import suspicions
+from wbc.samples import sample_logs
 
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 RATIOS = {"hip": 20.0, "knee": 20.0}
@@ -317,3 +318,39 @@ def test_mistakes_in_recorded_logs_are_certain_and_their_mends_give_the_columns_
             back = mended(other, mend, ratios)
             for name, values in log.columns.items():
                 np.testing.assert_allclose(back.column(name), values, atol=1e-9, err_msg=f"{k}")
+
+
+def test_what_one_recorded_log_cannot_tell_is_said_with_the_truth_among_it() -> None:
+    """Of the first 10 s of the double pendulum the robot explains little either way."""
+    path = Path(__file__).resolve().parents[3] / "shared" / "data" / RECORDED
+    if not Path(str(path).partition("#")[0]).exists():
+        pytest.skip(f"the recorded data '{RECORDED}' is not beside this repository")
+    robot = load_robot("double_pendulum")
+    columns = Path(__file__).parents[2] / "robots" / "double_pendulum" / "columns.toml"
+    log = load_logs([path], columns)[0]
+    for k, truth in (
+        (0, "the sign of elbow.motor_torque is reversed"),
+        (8, "the positions of shoulder and elbow are exchanged"),
+        (9, "the torques of shoulder and elbow are exchanged"),
+    ):
+        wrong = replace(log, columns=_MOVED[k](dict(log.columns)))
+        ((finding,),) = find_suspicions([wrong], robot)
+        assert finding.severity == "warning"
+        assert "ne log cannot tell" in finding.text
+        assert truth in finding.text
+        assert finding.way_out.startswith("Record more logs in which every joint moves")
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_exchanged_columns_are_certain_on_one_log_of_five_seconds(number: int) -> None:
+    """Exchanged, the third log leaves 9 % at the knee: too little for a screen, not for a test."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    log = sample_logs()[number]
+    assert find_suspicions([log], robot) == [[]]
+    for quantities in (("rotor_torque",), ("position", "velocity")):
+        wrong = replace(log, columns=exchanged(*quantities)(dict(log.columns)))
+        ((finding,),) = find_suspicions([wrong], robot)
+        assert finding.severity == "error"
+        back = mended(wrong, finding.mend, RATIOS)
+        for name, values in log.columns.items():
+            np.testing.assert_array_equal(back.column(name), values, err_msg=name)

@@ -121,3 +121,15 @@ def test_a_table_in_memory_becomes_a_log() -> None:
     assert log.source.ignored == ("comment",)
     with pytest.raises(LogError, match="Unknown column 'time'"):
         Log.from_frame({"t": [0.0, 0.1]})
+
+
+def test_a_log_shows_itself_on_a_screen() -> None:
+    """A humanoid's log: not one number of it, and not all of its names."""
+    joints = [f"joint_{k}" for k in range(30)]
+    names = [f"{joint}.{q}" for joint in joints for q in ("position", "velocity", "rotor_torque")]
+    log = Log(np.arange(100) * 0.01, {name: np.zeros(100) for name in names})
+    shown = repr(log)
+    assert "100 rows in 0.99 s" in shown
+    assert "velocity of joint_0, joint_1" in shown
+    assert "and 22 more" in shown
+    assert len(shown) < 600

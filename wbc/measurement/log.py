@@ -28,7 +28,10 @@ if TYPE_CHECKING:
     from wbc.measurement.machine import Machine
 
 
-@dataclass(frozen=True, eq=False)
+_NAMED = 8  # quantities, and joints of each, in a representation
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """Channels of one run over one clock; their names are those of `wbc.measurement.schema`.
 
@@ -44,6 +47,21 @@ class Log:
     columns: Mapping[str, FloatArray]
     source: LogSource = field(default_factory=LogSource)
     machine: Machine | None = None
+
+    def __repr__(self) -> str:
+        """Return what the log holds in a line or two: its name, size and columns."""
+        quantities: dict[str, list[str]] = {}
+        for name in self.columns:
+            joint, _, quantity = name.partition(".")
+            quantities.setdefault(quantity, []).append(joint)
+        held = "; ".join(
+            f"{quantity} of {', '.join(joints[:_NAMED])}"
+            + (f" and {len(joints) - _NAMED} more" if len(joints) > _NAMED else "")
+            for quantity, joints in list(quantities.items())[:_NAMED]
+        )
+        more = f"; and {len(quantities) - _NAMED} more" if len(quantities) > _NAMED else ""
+        duration = self.time[-1] - self.time[0]
+        return f"Log({self.source.label}: {self.time.size} rows in {duration:.4g} s; {held}{more})"
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Make it anew where it is copied or unpickled."""

@@ -253,7 +253,9 @@ class Effect(ABC):
         for p in self.parameters:
             stated = (units or {}).get(p.name, p.unit)
             unit = "" if stated == "1" else f" {stated}"
-            listed.append((p.name.replace("_", " "), f"{self.values[p.name]:.2g}{unit}"))
+            listed.append(
+                (p.name.replace("_", " "), f"{float(f'{self.values[p.name]:.2g}'):g}{unit}")
+            )
         if len(listed) == 1 and self.parameters[0].unit != "1":
             return f"{name} of {listed[0][1]} at {self.where}"
         few = listed if len(listed) <= 3 else []  # more are for a table

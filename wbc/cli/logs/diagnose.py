@@ -91,7 +91,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
-    simulated = simulated_later((robot, diagnosis.robot), logs, shown)
+    robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
+    simulated = simulated_later(robots, logs, shown)
     print_diagnosis(
         shown,
         diagnosis,
@@ -117,8 +118,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
         path = save_robot(fitted, options.save, intervals, facts)
         shown.print(f"wrote {path}")
     if options.json:
-        before, after = simulated()
-        content["open_loop"] = {"before": before.to_json(), "after": after.to_json()}
+        before, *after = (one.to_json() for one in simulated())
+        content["open_loop"] = {"before": before, "after": after[0] if after else before}
         content["provenance"] = provenance(diagnosis.sources, command_line())
         write_json(options.json, content, console)
     if options.report:
@@ -170,7 +171,8 @@ def print_diagnosis(
         parts += [Part(name, Spoken(text))] if text else []
     if simulated:
         parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
-    parts += [Part("how the error falls", _steps_table(diagnosis))]
+    if diagnosis.findings:
+        parts.append(Part("how the error falls", _steps_table(diagnosis)))
     if len(diagnosis.ranking) > 1:
         parts.append(Part("what else was tried", _ranking_table(diagnosis, verbose)))
     print_out(console, answer, parts, quiet=quiet, verbose=verbose)

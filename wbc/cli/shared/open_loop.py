@@ -53,7 +53,9 @@ def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
         cells = []
         for k in range(len(heads)):
             errors = [told(one.error[row, k]) for one in simulated if not one.reason]
-            cells.append(f"{' -> '.join(errors)} of {told(first.moved[row, k])}")
+            # Two robots need two lines: three horizons of them are wider than a terminal.
+            between = "\n" if len(errors) > 1 else " "
+            cells.append(f"{' -> '.join(errors)}{between}of {told(first.moved[row, k])}")
         table.add_row(joint, *cells, unit)
     table.caption = (
         "rms position error of the simulated robot so long after a measured state, of how far the "

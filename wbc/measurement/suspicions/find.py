@@ -17,6 +17,7 @@ from wbc.measurement.suspicions.torques import CERTAIN, LIKELY, Mistake, torque_
 from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
+_MORE = "Record more logs in which every joint moves, and give all of them together."
 
 
 class SuspiciousLogError(LogError):
@@ -198,27 +199,43 @@ def _of_group(group: Sequence[MotionMistake]) -> LogFinding:
 
 
 def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
-    others = [text for text in mistake.others if text]
-    instead = f" It may as well be that {' or '.join(others)}." if others else ""
-    if mistake.scale != 1.0:
-        seen = f"The reported torque is {mistake.scale:.3g} times what the motion needs."
-    else:
-        then, now = 100.0 * mistake.then, 100.0 * mistake.explained
-        seen = f"So read, the robot explains {then:.0f} % of the power of the reported torque, and "
-        seen += f"{now:.0f} % as it stands."
-    seen = f"{mistake.text}? {seen}"
     way = "If so, " + say_so(mistake.mend)
     if mistake.kind == "gear_ratio":
         seen = f"{mistake.text}?"
         way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
-    elif len(mistake.logs) < len(logs):
-        way = "Read these logs with a map of their own. " + way
+    else:
+        if any(mistake.others) or mistake.probability < LIKELY:
+            way = f"{_MORE} If you know that {mistake.text}, " + say_so(mistake.mend)
+        if len(mistake.logs) < len(logs):
+            way = "Read these logs with a map of their own. " + way
+        seen = f"{_suspected(mistake)} {_seen(mistake)} {mistake.advice}".rstrip()
     return LogFinding(
         _severity(mistake.probability),
         mistake.kind,
         mistake.columns[0] if mistake.columns else "",
-        f"{seen}{instead} {mistake.advice}".rstrip(),
+        seen,
         way,
         mistake.mend,
         mistake.probability,
+    )
+
+
+def _suspected(mistake: Mistake) -> str:
+    """Return what may be wrong, and whether the logs can tell it."""
+    logs = "one log" if len(mistake.logs) == 1 else "these logs"
+    rivals = ", or ".join([mistake.text, *(text for text in mistake.others if text)])
+    if mistake.probability < LIKELY:
+        return f"{logs} cannot tell whether the columns are right: perhaps {rivals}."
+    cannot = f" {logs[0].upper()}{logs[1:]} cannot tell which." if mistake.others else ""
+    return f"{rivals}?{cannot}"
+
+
+def _seen(mistake: Mistake) -> str:
+    if mistake.scale != 1.0:
+        return f"The reported torque is {mistake.scale:.3g} times what the motion needs."
+    then, now = 100.0 * mistake.then, 100.0 * mistake.explained
+    so = "If the first is true" if any(mistake.others) else "So read"
+    return (
+        f"{so}, the robot explains {then:.0f} % of the power of the reported torque, and "
+        f"{now:.0f} % as it stands."
     )

@@ -59,7 +59,7 @@ function drawTorque(place, panel, run) {
   const traces = [line(panel, run, run.measured, style("--ink"), "measured", { width: 2 }),
     line(panel, run, run.given, style("--before"), "model as given")];
   if (data.fitted) traces.push(line(panel, run, run.fitted, style("--after"), "with effects", { dash: "dot", width: 2 }));
-  Plotly.react(place, traces, aligned(layout("", `torque [${panel.unit}]`)), config);
+  Plotly.react(place, traces, aligned(layout("", `${panel.unit === "N" ? "force" : "torque"} [${panel.unit}]`)), config);
 }
 function drawResidual(place, panel, run) {
   const traces = [line(panel, run, run.before, style("--before"), "as given")];
