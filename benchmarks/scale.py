@@ -26,7 +26,7 @@ from rich.table import Table
 
 from benchmarks.controller import machine
 from wbc import load_robot, save_robot
-from wbc.design import Study, describe_columns, parse_sweep
+from wbc.design import Objective, Study, best_designs, describe_columns, parse_sweep
 from wbc.design.work import ANALYTIC_CHUNK, evaluate_chunk
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -73,14 +73,21 @@ def designs(folder: Path) -> list[tuple[str, float, str]]:
     written = cpu(lambda: [table.add(k, part) for k in range(PARTS)])
     before = peak()
     joined = cpu(table.finish)
+    added = peak() - before
     sent = len(pickle.dumps(part))
+    aims = [Objective("lift"), Objective("impact_mitigation")]
+    before = peak()
+    front = cpu(lambda: best_designs(table.path, aims))
+    read = peak() - before
     return [
         ("design: evaluate", 1e6 * spent / ANALYTIC_CHUNK, "us"),
         ("design: write its part", 1e6 * written / total, "us"),
         ("design: join its part at the end", 1e6 * joined / total, "us"),
         ("design: table", table.path.stat().st_size / total, "bytes"),
         ("design: traffic", sent / ANALYTIC_CHUNK, "bytes"),
-        (f"memory that joining {total} designs adds", peak() - before, "MB"),
+        ("design: find the front", 1e6 * front / total, "us"),
+        (f"memory that joining {total} designs adds", added, "MB"),
+        ("memory that finding their front adds", read, "MB"),
     ]
 
 
