@@ -24,8 +24,8 @@ from rich.table import Table
 from benchmarks.sim_cases import DT, Case, cases
 from benchmarks.sim_floor import bare_step
 from benchmarks.sim_growth import growth
-from benchmarks.sim_loop import closed_loop
-from benchmarks.sim_time import ROUNDS, best_in_turns, mujoco_run, plant_run
+from benchmarks.sim_loop import loop_table
+from benchmarks.sim_time import best_in_turns, mujoco_run, plant_run
 
 
 def rates(timed: dict[str, Case]) -> tuple[Table, Table, dict[str, float]]:
@@ -77,22 +77,6 @@ def where_it_goes(timed: dict[str, Case]) -> Table:
     for module in list(first)[:12]:
         table.add_row(module, *(f"{100.0 * part.get(module, 0.0):.0f}" for part in found.values()))
     return table
-
-
-def loop_table() -> tuple[Table, float]:
-    """Return the closed loop's table and how many times faster than real time it runs."""
-    step, tick, program = closed_loop(ROUNDS)
-    title = "planar leg squatting on its foot, controller and plant at 1 kHz"
-    table = Table("", "ms", "share [%]", title=title)
-    for name, time in (
-        ("plant step", step),
-        ("controller tick", tick - program),
-        ("its quadratic program", program),
-    ):
-        table.add_row(name, f"{time * 1e3:.3f}", f"{100.0 * time / (step + tick):.0f}")
-    factor = DT / (step + tick)
-    table.add_row("together", f"{(step + tick) * 1e3:.3f}", f"{factor:.1f} x real time")
-    return table, factor
 
 
 def main() -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import cos, exp, pi, sin
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +27,7 @@ from wbc.sim import SensorNoise, SimState
 from wbc.transmission import wedge_backward_efficiency
 
 _CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
+_UPRIGHT = Reference(0.0)
 
 HeightReference = Callable[[float], FloatArray]
 """Time [s] -> height, its rate and its acceleration (3,) [m, m/s, m/s^2]."""
@@ -75,12 +77,13 @@ def standing_torque(robot: Robot, q: FloatArray) -> FloatArray:
 def squat(height: float, amplitude: float, frequency: float, start: float = 0.0) -> HeightReference:
     """Return a height of the centre of mass that goes down and up as a cosine from `start` on."""
 
+    w = 2.0 * pi * frequency
+
     def at(time: float) -> FloatArray:
-        w, t = 2.0 * np.pi * frequency, max(time - start, 0.0)
-        wave = np.array([np.cos(w * t) - 1.0, -w * np.sin(w * t), -w * w * np.cos(w * t)])
-        motion: FloatArray = amplitude * wave * float(time >= start)
-        motion[0] += height
-        return motion
+        if time < start:
+            return np.array([height, 0.0, 0.0])
+        near, far = amplitude * cos(w * (time - start)), amplitude * sin(w * (time - start))
+        return np.array([height - amplitude + near, -w * far, -w * w * near])
 
     return at
 
@@ -98,7 +101,7 @@ def stance_controller(model: Robot, settings: ControllerSettings | None = None) 
 def stance_references(height: FloatArray) -> dict[str, Reference]:
     """Return what that controller is asked for at a height with its two rates (3,)."""
     wanted = Reference(height[:1], height[1:2], height[2:])
-    return {"height": wanted, "balance": Reference(0.0)}
+    return {"height": wanted, "balance": _UPRIGHT}
 
 
 @dataclass
@@ -125,39 +128,38 @@ class LegControl:
         self._stance = stance_controller(self.model)
         self._air = Controller(self.model, [PostureTask.of(self.model, stiffness=900.0)])
         self._noise = SensorNoise(self.model, velocity=self.noise, seed=1)
-        self._landing = np.zeros(2)
+        self._landing = 0.0, 0.0
         self._frame = self.model.model.getFrameId("foot")
         self._pitch = self.model.position_index("base_pitch")
         self._data = self.model.model.createData()
 
     def _cushioned(self, time: float) -> FloatArray:
         """Return the height reference plus the landing's own motion, critically damped away."""
-        gap, speed = self._landing
-        w, slope = _CUSHION, speed + _CUSHION * gap
+        (gap, speed), w = self._landing, _CUSHION
+        slope, fade = speed + w * gap, exp(-w * time)
         left = gap + slope * time
-        motion = np.array([left, slope - w * left, w * (w * left - 2.0 * slope)])
-        cushioned: FloatArray = self.height(time) + np.exp(-w * time) * motion
-        return cushioned
+        motion = fade * left, fade * (slope - w * left), fade * w * (w * left - 2.0 * slope)
+        return self.height(time) + motion
 
     def __call__(self, state: SimState) -> FloatArray:
         """Return the rotor torque for a state."""
         model = self.model.model
-        com = pin.centerOfMass(model, self._data, state.position)
-        foot = pin.updateFramePlacement(model, self._data, self._frame).translation
+        # Lists of three numbers: an index into an array takes longer than its share of the tick.
+        com = pin.centerOfMass(model, self._data, state.position).tolist()
+        foot = pin.updateFramePlacement(model, self._data, self._frame).translation.tolist()
         if self.touched is None and foot[2] < 1e-5:
             self.touched = state.time
-            speed = (pin.jacobianCenterOfMass(model, self._data, state.position) @ state.velocity)[
-                2
-            ]
+            jacobian = pin.jacobianCenterOfMass(model, self._data, state.position)
             start = self.height(0.0)
-            self._landing[:] = com[2] - start[0], speed - start[1]
-        seen = self._noise(state)
+            speed = float(jacobian[2] @ state.velocity)
+            self._landing = com[2] - float(start[0]), speed - float(start[1])
+        seen = self._noise(state) if self.noise else state
         if self.touched is None:
             command = self._air.step(seen)
         else:
             height = self._cushioned(state.time - self.touched)
             command = self._stance.step(seen, stance_references(height))
             pitch = float(state.position[self._pitch])
-            self.errors.append((com[2] - height[0], com[0] - foot[0], pitch))
+            self.errors.append((com[2] - float(height[0]), com[0] - foot[0], pitch))
         self.commands.append(command)
         return command.rotor_torque

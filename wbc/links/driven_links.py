@@ -12,7 +12,6 @@ from scipy.interpolate import CubicSpline
 from wbc.arrays import FloatArray
 from wbc.links.response import LinkFriction, LinkResponse
 from wbc.transmission import Flanks
-from wbc.transmission.flanks import rate_weights
 
 FINEST = 5e-4
 """The shortest step [s], of a link on stiff flanks."""
@@ -98,8 +97,9 @@ class DrivenLinks:
 
         for all links at once: one that strikes its flank throws the others through the off-diagonal
         inertia. Friction takes any value within its level while a link, not its motor, stands
-        still, so that a link that sticks winds up its gear. The theta rule takes no energy out of
-        a swing unless its flank is too stiff to draw.
+        still, so that a link that sticks winds up its gear. Neither a swing nor a flank that is
+        reached gains or loses energy by the step, unless a flank is too stiff to draw: its swing
+        then dies (`flank_impulse`).
 
         Args:
             gears: of the links (n,).
@@ -113,14 +113,13 @@ class DrivenLinks:
         parts = self._parts(gears, coarsest)
         h = self.step / parts
         late = np.where(stiffness * h**2 < self.least_inertia, 0.5, 1.0)
-        before, after = rate_weights(stiffness, damping, h, late, late)
         d, v, dry = np.zeros((3, *self.load.shape, starts.shape[2]))
         d[0], v[0] = starts
         whole = np.ascontiguousarray
         follow_links(
             whole(self.inertia), whole(self.drag), whole(self.pull),
             whole(self._loads(parts)), whole(self.speed), whole(self.level),
-            self.step, parts, late, stiffness, before, after, half, _FARTHEST, d, v, dry,
+            self.step, parts, late, stiffness, damping, half, _FARTHEST, d, v, dry,
         )  # fmt: skip
         return d, v, dry
 

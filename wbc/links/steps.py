@@ -10,6 +10,7 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Count, Dense, Nothing, Number, OutDense, compiled
+from wbc.transmission.flank_steps import flank_impulse
 
 _Cube = types.Array(types.float64, 3, "C", readonly=True)
 _OutCube = types.Array(types.float64, 3, "C")
@@ -17,6 +18,9 @@ _Row = types.Array(types.float64, 1, "C", readonly=True)
 _OutRow = types.Array(types.float64, 1, "C")
 _SWEEPS = 30
 _SETTLED = 1e-9  # of the level
+_NEWTON = 8  # rounds, after which flanks count with their largest slope: slow, but always nearer
+_ROUNDS = 40
+_MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
 @compiled(Nothing, OutDense, OutDense)
@@ -85,7 +89,7 @@ def _rub(
     *(_Cube, _Cube, _Cube),
     *(Dense, Dense, Dense),
     *(Number, Count),
-    *(_Row, _Row, _Row, _Row, _Row, Number),
+    *(_Row, _Row, _Row, _Row, Number),
     *(_OutCube, _OutCube, _OutCube),
 )
 def follow_links(
@@ -99,8 +103,7 @@ def follow_links(
     parts: int,
     late: FloatArray,
     stiffness: FloatArray,
-    before: FloatArray,
-    after: FloatArray,
+    damping: FloatArray,
     half: FloatArray,
     farthest: float,
     d: FloatArray,
@@ -110,9 +113,9 @@ def follow_links(
     """Write how n links move together behind their gears, from S starts.
 
     Every step of the theta rule is linear in rates, deflections and loads, with the matrices of
-    the middle of the step. Which flanks carry is decided by the deflection in the middle, and a
-    flank that would pull lets go (`Flanks`). Dry friction as in `_rub`. What strays farther than
-    `farthest` is not followed: from there on all is infinite.
+    the middle of the step, but for the flanks: `flank_impulse`, solved by Newton's method, which
+    takes one round unless a flank is reached or let go. Dry friction as in `_rub`. What strays
+    farther than `farthest` is not followed: from there on all is infinite.
 
     Args:
         inertia, drag, pull: of the links at the samples (N, n, n), without their gears; straight
@@ -122,8 +125,7 @@ def follow_links(
         step: distance of the samples [s].
         parts: steps per sample.
         late: theta of each link, the weight of a step's end (n,).
-        stiffness, half: of the flanks, and half of the play (n,); none makes a spring.
-        before, after: what a flank's impulse owes to the rates (n,): `rate_weights`.
+        stiffness, damping, half: of the flanks, and half of the play (n,); none makes a spring.
         farthest: [rad].
         d, v: deflections and their rates (N, n, S) to write. The first of each is given.
         dry: (N, n, S) to write, the mean of each interval; the last one stays.
@@ -134,8 +136,11 @@ def follow_links(
     by_rate, by_place, push = np.empty((n, n)), np.empty((n, n)), np.empty(n)
     at, rate = np.ascontiguousarray(d[0].T), np.ascontiguousarray(v[0].T)
     new, right, rubs = np.empty(n), np.empty(n), np.zeros((starts, n))
-    motor, most, side, lost = np.empty(n), np.empty(n), np.empty(n), np.zeros(starts)
+    motor, most, lost = np.empty(n), np.empty(n), np.zeros(starts)
+    carried, slope, whole_slope = np.empty(n), np.empty(n), np.empty(n)
     rough = False
+    for a in range(n):
+        whole_slope[a] = h * late[a] * (h * late[a] * stiffness[a] + damping[a])
     for i in range(level.shape[0]):
         for a in range(n):
             rough = rough or level[i, a] > 0.0
@@ -158,28 +163,35 @@ def follow_links(
             for s in range(starts):
                 if lost[s] > 0.0:
                     continue
-                pattern = 0
                 for a in range(n):
-                    there = at[s, a] + 0.5 * h * rate[s, a]
-                    side[a] = 1.0 if there > 0.0 else -1.0
-                    if abs(there) >= half[a]:
-                        pattern += 1 << a
-                for _ in range(n + 1):
-                    if pattern != known:
+                    new[a] = rate[s, a]
+                for turn in range(_ROUNDS):
+                    pattern = 0  # of the flanks that carry throughout; -1 where one is crossed
+                    for a in range(n):
+                        carried[a], slope[a], touch = flank_impulse(
+                            stiffness[a], damping[a], half[a], h, late[a], late[a],
+                            at[s, a], rate[s, a], new[a],
+                        )  # fmt: skip
+                        if turn >= _NEWTON:
+                            touch = 1.0
+                        if touch == 1.0:
+                            slope[a] = whole_slope[a]
+                        if pattern >= 0 and touch == 1.0:
+                            pattern += 1 << a
+                        elif touch > 0.0:
+                            pattern = -1
+                        carried[a] -= slope[a] * new[a]
+                    if pattern < 0 or pattern != known:
                         known = pattern
                         for a in range(n):
                             for b in range(n):
                                 whole[a, b] = m[a, b]
-                            if (pattern >> a) & 1:
-                                whole[a, a] += after[a]
+                            whole[a, a] += slope[a]
                         _invert(whole, gain)
                     for a in range(n):
-                        total = -push[a] - h * rubs[s, a]
+                        total = -push[a] - h * rubs[s, a] - carried[a]
                         for b in range(n):
                             total += by_rate[a, b] * rate[s, b] - by_place[a, b] * at[s, b]
-                        if (pattern >> a) & 1:
-                            bent = at[s, a] - side[a] * half[a]
-                            total -= h * stiffness[a] * bent + before[a] * rate[s, a]
                         right[a] = total
                     for a in range(n):
                         new[a] = 0.0
@@ -187,15 +199,17 @@ def follow_links(
                             new[a] += gain[a, b] * right[b]
                     if rough:
                         _rub(new, rubs[s], motor, most, gain, h)
-                    released = False
+                    met = True
                     for a in range(n):
-                        if half[a] > 0.0 and (pattern >> a) & 1:
-                            carried = h * stiffness[a] * (at[s, a] - side[a] * half[a])
-                            carried += before[a] * rate[s, a] + after[a] * new[a]
-                            if side[a] * carried < 0.0:
-                                pattern -= 1 << a
-                                released = True
-                    if not released:
+                        if half[a] > 0.0:
+                            passed, _, _ = flank_impulse(
+                                stiffness[a], damping[a], half[a], h, late[a], late[a],
+                                at[s, a], rate[s, a], new[a],
+                            )  # fmt: skip
+                            off = abs(passed - carried[a] - slope[a] * new[a])
+                            size = m[a, a] * (abs(new[a]) + abs(rate[s, a]))
+                            met = met and off <= _MET * (size + abs(passed))
+                    if met:
                         break
                 for a in range(n):
                     at[s, a] += h * ((1.0 - late[a]) * rate[s, a] + late[a] * new[a])

@@ -200,10 +200,17 @@ class Plant:
 
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
-        space, barriers = self._setup.space, self._setup.barriers
-        pin.forwardKinematics(space.model, space.data, state.position)
-        gap = barriers.clearance(state.position, state.time).gap[barriers.limits :]
+        barriers = self._setup.barriers
+        gap = self._every_gap(state)[barriers.limits :]
         return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
+
+    def _every_gap(self, state: SimState) -> FloatArray:
+        """Return the gaps (2 j + c,) of joint limits and of contact points from every solid."""
+        setup = self._setup
+        if setup.inner is not None:
+            return setup.inner.gaps(state.position)
+        pin.forwardKinematics(setup.space.model, setup.space.data, state.position)
+        return setup.barriers.clearance(state.position, state.time).gap
 
     def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
         if not dt > 0.0:
@@ -241,11 +248,9 @@ class Plant:
 
         The whole part where none is; None where the gap jumps, so that there is no such place.
         """
-        space, barriers = self._setup.space, self._setup.barriers
-        pin.forwardKinematics(space.model, space.data, state.position)
         ahead = ~state.closed & ~kept
         early, late = 0.0, step
-        gap_early = barriers.clearance(state.position, state.time).gap[ahead]
+        gap_early = self._every_gap(state)[ahead]
         level = np.minimum(gap_early, 0.0)
         gap_early, gap_late = gap_early - level, part.gap[ahead] - level
         if not np.any(gap_late < 0.0):

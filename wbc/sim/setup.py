@@ -39,6 +39,7 @@ class Setup:
         memory: what the robot's effects start with.
         still: (nv,) zeros, the forces of no effects.
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
+        gravity: its size [m/s^2].
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
         temperature: (m,) of the motors [deg C], None where it was not given.
@@ -56,6 +57,7 @@ class Setup:
     memory: EffectMemory
     still: FloatArray
     least: FloatArray
+    gravity: float
     inner: Inner | None
     temperature: FloatArray | None = None
     meshed: bool = False
@@ -87,6 +89,7 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         first_memory(robot),
         frozen(np.zeros(space.model.nv)),
         -robot.transmission.torque_limit,
+        float(np.linalg.norm(space.model.gravity.linear)),
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
         meshed=any("meshed" in effect.acts_by for effect in robot.effects),
     )

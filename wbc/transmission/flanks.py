@@ -3,40 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-
-Values = TypeVar("Values", float, FloatArray)
-
-
-def rate_weights(
-    stiffness: Values, damping: Values, step: float, late: Values, late_damping: Values
-) -> tuple[Values, Values]:
-    """Return what a touching flank's impulse over a time step owes to the rates of its ends.
-
-    The one rule by which the plant and the links of a log step through the law of `Flanks`. With
-    the deflection in the mean of the step, d + h (theta_k) ((1 - theta_k) v + theta_k v'), and the
-    damper at the rate (1 - theta_c) v + theta_c v', the impulse on the link is
-
-        -(h stiffness (d - s play / 2) + before v + after v')
-
-    Args:
-        stiffness: [N m/rad].
-        damping: [N m s/rad].
-        step: h [s].
-        late: theta_k; 1/2 takes no energy out of a swing, 1 takes it out of one that is too quick.
-        late_damping: theta_c; with 1 the damper never gives energy.
-
-    Returns:
-        before, after: [N m s^2/rad].
-    """
-    place = step * stiffness * late
-    before = step * (damping * (1.0 - late_damping) + place * (1.0 - late))
-    return before, step * (damping * late_damping + place * late)
 
 
 @dataclass(frozen=True)

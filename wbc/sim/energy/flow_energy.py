@@ -141,8 +141,8 @@ def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[Fl
     balance = work - stored - 0.5 * mesh * (before.speed + after.speed)
     together = balance + damped
     own = np.minimum(np.maximum(balance, 0.0), np.maximum(together, 0.0))
-    late = 0.5 * part.step * drive.damping * after.relative * (after.relative - before.relative)
-    damped += np.where(held & np.isfinite(drive.stiffness), late, 0.0)
+    damping = part.gears.touch * drive.damping
+    damped += 0.5 * part.step * damping * after.relative * (after.relative - before.relative)
     springs = drive.spring_energy(after.deflection) - drive.spring_energy(before.deflection)
     damped = np.where(flanks, together - own, damped)
     return np.where(flanks, own, lost), float(damped.sum()) - springs

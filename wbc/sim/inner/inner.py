@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,16 @@ from wbc.robot import Robot
 from wbc.sim.ground.barriers import TOUCH, Barriers
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.terrain import Terrain
+from wbc.sim.inner.impact import (
+    CONTACT,
+    HIT,
+    MESH,
+    ROWS,
+    UNSOLVED,
+    USED,
+    gaps_of,
+    impact_at,
+)
 from wbc.sim.inner.part import FAILED, LANDED, first_half, part_of_step
 from wbc.sim.inner.tables import GearTables, Obstacles, packed_plant
 from wbc.sim.laws.drivetrain import Drivetrain
@@ -106,6 +116,30 @@ def _middle(out: FloatArray, ends: tuple[int, ...]) -> tuple[FloatArray, FloatAr
     return out[ends[9] : ends[10]], out[ends[10] : ends[11]], out[ends[11] : ends[12]]
 
 
+class Struck(NamedTuple):
+    """What barriers that are reached do.
+
+    Attributes:
+        kind: APART, RESTING or HIT.
+        fresh, closed: (2 j + c,) barriers that are reached, and that are closed afterwards.
+        after: v (nv,) after; this and the rest belong to HIT.
+        contact_impulse: (k, 3) [N s] on the robot, world axes.
+        impulse: (r,) of the rows.
+        mesh_loss, contact_loss: [J].
+        iterations: linear systems solved.
+    """
+
+    kind: int
+    fresh: BoolArray
+    closed: BoolArray
+    after: FloatArray
+    contact_impulse: FloatArray
+    impulse: FloatArray
+    mesh_loss: float
+    contact_loss: float
+    iterations: int
+
+
 class Inner:
     """The compiled inner work of one plant, with the memory that it works in."""
 
@@ -127,6 +161,7 @@ class Inner:
         tangents = 1 if barriers.planar else 2
         obstacles = Obstacles(*barriers.tables(tree), solids, tangents)
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH
+        self._most = nv, size, barriers.points, m + size * (1 + tangents)
         sizes = (nq, nv, m, stored, size, nv, m, size, 3 * barriers.points, 1, nq, nv, size)
         ends = np.cumsum(sizes)
         self._ends = tuple(ends.tolist())
@@ -187,6 +222,38 @@ class Inner:
         force = forces.joint if external is None else forces.joint + external
         acting = forces.rotor, force, self._dry, step, False
         return self._solved(state, np.empty(self._size), acting, kept)
+
+    def gaps(self, position: FloatArray) -> FloatArray:
+        """Return all gaps (2 j + c,) at q (nq,)."""
+        gap = np.empty(self._most[1])
+        gaps_of(*self._packed, np.ascontiguousarray(position), gap)
+        return gap
+
+    def impact(self, state: SimState, slow: float) -> Struck | None:
+        """Return the impact on barriers that have just been reached; None where Newton fails.
+
+        It has no restitution.
+
+        Args:
+            state: whose `closed` barriers are known.
+            slow: speed up to which barriers that part stay closed.
+        """
+        n, size, points, rows = self._most
+        fresh, closed = np.empty((2, size), dtype=np.bool_)
+        after, pushes, impulse, found = (
+            np.empty(n),
+            np.empty(3 * points),
+            np.empty(rows),
+            np.empty(4),
+        )
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        written: tuple[Any, ...] = after, pushes, impulse, found, fresh, closed
+        kind = impact_at(*self._packed, state.closed, q, v, slow, *written)
+        if kind == UNSOLVED:
+            return None
+        count = int(found[ROWS]) if kind == HIT else 0
+        solved = pushes.reshape(-1, 3), impulse[:count], float(found[MESH]), float(found[CONTACT])
+        return Struck(kind, fresh, closed, after, *solved, int(found[USED]) if count else 0)
 
     def _solved(
         self, state: SimState, out: FloatArray, acting: tuple[Any, ...], kept: BoolArray

@@ -28,6 +28,7 @@ class Drivetrain:
         springs: the gears that are compliant, each with its number.
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
         any_loose: whether any of them may.
+        hard_play: (m,) whether it may within play, whose flanks are rigid.
         rubs: whether any rotor has friction.
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row.
@@ -51,6 +52,7 @@ class Drivetrain:
     springs: tuple[tuple[int, Flanks], ...]
     loose: BoolArray
     any_loose: bool
+    hard_play: BoolArray
     rubs: bool
     direct: bool
     shares: BoolArray
@@ -99,6 +101,7 @@ def drivetrain(robot: Robot) -> Drivetrain:
         ),
         loose=frozen(loose, np.bool_),
         any_loose=bool(loose.any()),
+        hard_play=frozen(loose & ~np.isfinite(gears.stiffness), np.bool_),
         rubs=bool(gears.rotor_coulomb_friction.any() or gears.rotor_viscous_friction.any()),
         direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
         shares=frozen(backward >= 0.0, np.bool_),

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.laws.elements import Elements, meeting_speed, modes_at
+from wbc.sim.laws.grip import Grip
 from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.solve.solution import StepSolution
-from wbc.transmission.flanks import rate_weights
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,7 +21,7 @@ class GearRows:
     Attributes:
         elements: engaged gears first, then coordinates with friction of their own.
         engaged: (e,) indices of the gears that hold on to their joints.
-        side: (m,) flank on which a gear with play engages, +1 or -1; 0 without play.
+        touch: (m,) share of the step in which a gear's flanks touch.
         rubbing: whether any row has friction at its output.
         alone: coordinates with a friction row of their own.
         free_speed: (m,) of the motor outputs of gears that hang in their play.
@@ -29,7 +29,7 @@ class GearRows:
 
     elements: Elements
     engaged: IntArray
-    side: FloatArray
+    touch: FloatArray
     rubbing: bool
     alone: IntArray
     free_speed: FloatArray
@@ -54,7 +54,7 @@ def gear_rows(
     friction: FloatArray | None,
     step: float,
     motor: MotorMotion,
-    released: BoolArray,
+    grip: Grip,
 ) -> GearRows:
     """Return the dissipative rows of a step.
 
@@ -64,7 +64,7 @@ def gear_rows(
         friction: level of dry friction (nv,) on the coordinates, None for none.
         step: h [s].
         motor: motion of the motor outputs before.
-        released: (m,) gears found to pull on their flank, which they cannot.
+        grip: of gears with springs or play.
     """
     up = down = impulse + drive.inertia * motor.speed
     inertia = drive.inertia
@@ -91,44 +91,29 @@ def gear_rows(
         zero,
         zero,
     )
-    engaged, side, free_speed = drive.every, zero, zero
+    engaged, touch, free_speed = drive.every, zero, zero
     if drive.any_loose:
-        elements, engaged, side, free_speed = _hold(drive, elements, step, motor, released)
+        touch = grip.touch
+        elements, engaged, free_speed = _hold(drive, elements, motor, grip)
     if alone.size:
         elements = _with_friction(elements, alone, step * friction[alone])  # type: ignore[index]
-    return GearRows(elements, engaged, side, friction is not None, alone, free_speed)
+    return GearRows(elements, engaged, touch, friction is not None, alone, free_speed)
 
 
 def _hold(
-    drive: Drivetrain,
-    elements: Elements,
-    step: float,
-    motor: MotorMotion,
-    released: BoolArray,
-) -> tuple[Elements, IntArray, FloatArray, FloatArray]:
-    """Put springs and play into the rows; leave out gears that hang in their play.
-
-    A spring takes the mean deflection of the step (trapezoidal rule, which keeps its energy), its
-    damper the final speed: `rate_weights`. A rigid flank that is reached stops the relative motion;
-    what it is overrun by, at most one step, stays.
-    """
-    relative, deflection, half = motor.relative, motor.deflection, 0.5 * drive.play
-    middle = deflection + 0.5 * step * relative
-    side = np.where(drive.play > 0.0, np.sign(middle), 0.0)
-    free = drive.loose & (drive.play > 0.0) & ((np.abs(middle) < half) | released)
-    soft = np.isfinite(drive.stiffness)
-    stiffness = np.where(soft, drive.stiffness, 1.0)
+    drive: Drivetrain, elements: Elements, motor: MotorMotion, grip: Grip
+) -> tuple[Elements, IntArray, FloatArray]:
+    """Put springs and play into the rows; leave out gears that hang in their play."""
     zero = drive.zero
-    before, after = rate_weights(stiffness, drive.damping, step, zero + 0.5, zero + 1.0)
-    given = step * stiffness * (deflection - side * half) + before * relative
-    compliance = np.where(soft, 1.0 / after, 0.0)
-    offset = np.where(soft, -given / after, 0.0)
+    soft = grip.slope > 0.0
+    compliance = np.where(soft, 1.0 / np.where(soft, grip.slope, 1.0), 0.0)
+    offset = np.where(soft, grip.end - compliance * grip.impulse, 0.0)
     alone = meeting_speed(elements, modes_at(elements, zero, zero), zero, zero)
-    engaged = np.flatnonzero(~free)
+    engaged = np.flatnonzero(grip.held)
     names = Elements.__slots__
     fields = {name: getattr(elements, name)[engaged] for name in names}
     fields |= {"compliance": compliance[engaged], "offset": offset[engaged]}
-    return Elements(**fields), engaged, side, np.where(free, alone, 0.0)
+    return Elements(**fields), engaged, np.where(grip.held, 0.0, alone)
 
 
 def _with_friction(elements: Elements, coordinates: IntArray, level: FloatArray) -> Elements:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,8 @@ from wbc.sim.energy.flow_energy import ground_work
 from wbc.sim.energy.kinetic_energy import kinetic_energy
 from wbc.sim.ground.barriers import TOUCH, ClosedRows
 from wbc.sim.ground.contact_rows import world_impulse
+from wbc.sim.inner.impact import APART, RESTING
+from wbc.sim.inner.inner import Struck
 from wbc.sim.laws.coupling import (
     COUPLING_FAILED,
     COUPLING_ROUNDS,
@@ -22,6 +25,7 @@ from wbc.sim.laws.coupling import (
 )
 from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
+from wbc.sim.solve.reduced import reduce_program
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.solve.solver import solve_program
 from wbc.sim.state import SimState
@@ -55,8 +59,13 @@ def settle(
         SimulationError: a state whose closed barriers are not known starts inside the ground or
             beyond a joint limit.
     """
-    barriers, space = setup.barriers, setup.space
+    barriers, space, inner = setup.barriers, setup.space, setup.inner
     unknown = len(state.closed) != barriers.size
+    slow = 0.5 * setup.gravity * left
+    if inner is not None and setup.restitution == 0.0 and not unknown:
+        struck = inner.impact(state, slow)
+        if struck is not None:
+            return _as_struck(setup, state, struck)
     closed = np.zeros(barriers.size, dtype=bool) if unknown else state.closed
     pin.crba(space.model, space.data, state.position, pin.Convention.WORLD)
     clearance = barriers.clearance(state.position, state.time)
@@ -75,9 +84,42 @@ def settle(
         back[~springy[together]] = 0.0
     impact = _collide(setup, state, hit, -back * np.minimum(approach, 0.0))
     closed = together.copy()
-    slow = 0.5 * float(np.linalg.norm(space.model.gravity.linear)) * left
     closed[together] = hit.approach(impact.after) <= max(TOUCH, slow)
     return state.replace(velocity=impact.after, closed=closed), impact, fresh
+
+
+def _as_struck(
+    setup: Setup, state: SimState, struck: Struck
+) -> tuple[SimState, Impact | None, BoolArray]:
+    """Return what `settle` does, as compiled loops found it."""
+    if struck.kind == APART:
+        return state, None, struck.fresh
+    if struck.kind == RESTING:
+        return state.replace(closed=struck.closed), None, struck.fresh
+    impact = Impact(
+        state.time, state.velocity, struck.after, struck.contact_impulse, struck.mesh_loss,
+        struck.contact_loss, 0.0, partial(_rebuilt, setup, state, struck),
+    )  # fmt: skip
+    return state.replace(velocity=struck.after, closed=struck.closed), impact, struck.fresh
+
+
+def _rebuilt(setup: Setup, state: SimState, struck: Struck) -> StepSolution:
+    """Return the solution of an impact that compiled loops found.
+
+    Its program is put together anew, without them: what the solution misses of its laws is then a
+    check of the loops.
+    """
+    drive, barriers, space = setup.drive, setup.barriers, setup.space
+    pin.crba(space.model, space.data, state.position, pin.Convention.WORLD)
+    clearance, none = barriers.clearance(state.position, state.time), np.zeros(barriers.size)
+    hit = barriers.rows(state.closed | struck.fresh, clearance, none, state.time, state.time)
+    elements = impact_elements(drive, drive.rows @ state.velocity, drive.zero)
+    inertia = space.data.M.copy()
+    program = StepProgram(inertia, state.velocity, elements, hit.unilateral)
+    reduced = reduce_program(program)
+    speed = reduced.speeds(struck.impulse)
+    used = struck.iterations
+    return StepSolution(struck.after, struck.impulse, speed, used, "newton", reduced)
 
 
 def check_outside(setup: Setup, gap: FloatArray) -> None:
@@ -165,7 +207,7 @@ def _bounce(
     restitution = share * setup.restitution if opening.any() else 0.0
     return Impact(
         state.time, state.velocity, after, impulse, mesh, given + work - mesh, restitution,
-        solution, work,
+        lambda: solution, work,
     )  # fmt: skip
 
 

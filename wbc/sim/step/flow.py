@@ -23,6 +23,7 @@ from wbc.sim.ground.barriers import TOUCH, ClosedRows
 from wbc.sim.ground.contact_rows import world_impulse
 from wbc.sim.inner.inner import Ended, Inner
 from wbc.sim.laws.coupling import step_coupling
+from wbc.sim.laws.grip import Grip
 from wbc.sim.setup import Setup
 from wbc.sim.solve.reduced import blown_up, reduce_program
 from wbc.sim.solve.solution import StepSolution
@@ -36,7 +37,7 @@ from wbc.sim.step.flight import (
 )
 from wbc.sim.step.forces import EffectForces, effect_forces
 from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
-from wbc.sim.step.part_program import problem_of, program_of, solve_released
+from wbc.sim.step.part_program import problem_of, program_of, solve_gripped
 
 _NO_SHIFT = np.zeros(0)
 _MESH_ROUNDS = 40
@@ -214,7 +215,7 @@ def _rebuilt(given: PartInput, forces: EffectForces, found: Ended) -> Transit:
     position, velocity, rate = found.middle
     middle = standing_at(setup.bases, setup.space, position, velocity)
     problem = problem_of(setup, state, middle, rate, forces, external, given.kept, step, None)
-    gears, places, program = program_of(problem, np.zeros(setup.drive.size, dtype=bool), None, None)
+    gears, places, program = program_of(problem, Grip.firm(setup.drive), None, None)
     reduced, impulse = reduce_program(program), found.impulse[places]
     solution = StepSolution(
         found.after, impulse, reduced.speeds(impulse), found.iterations, "newton", reduced
@@ -249,7 +250,7 @@ def _plain(given: PartInput) -> Flow:
         pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
     problem = problem_of(setup, state, middle, rate, forces, external, kept, step, coupling)
     held, motor, closed = problem.held, problem.motor, state.closed | kept
-    gears, places, solution = solve_released(problem)
+    gears, places, solution = solve_gripped(problem)
     if not isfinite(solution.velocity.sum()):
         raise blown_up(setup.space.data.M, state.velocity)
     mesh, speed = gears.passed(solution)

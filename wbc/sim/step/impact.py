@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from wbc.sim.solve.solution import StepSolution
 _STOPPED = 1e-9
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Impact:
     """One impact.
 
@@ -27,7 +29,7 @@ class Impact:
         contact_loss: energy lost in the contacts [J].
         restitution: normal speed after over before; the plant's, or as much less as friction
             would otherwise have made energy.
-        solution: of the impact's program.
+        details: returns the solution of the impact's program; called when asked for.
         ground_work: energy that a moving ground gave [J].
     """
 
@@ -38,8 +40,13 @@ class Impact:
     mesh_loss: float
     contact_loss: float
     restitution: float
-    solution: StepSolution
+    details: Callable[[], StepSolution]
     ground_work: float = 0.0
+
+    @cached_property
+    def solution(self) -> StepSolution:
+        """Of the impact's program."""
+        return self.details()
 
 
 def impact_elements(drive: Drivetrain, before: FloatArray, coupled: FloatArray) -> Elements:

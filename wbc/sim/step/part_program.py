@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -18,6 +18,7 @@ from wbc.sim.laws.coupling import (
     StepCoupling,
 )
 from wbc.sim.laws.gear_rows import GearRows, gear_rows
+from wbc.sim.laws.grip import Grip
 from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
 from wbc.sim.solve.reduced import blown_up
@@ -30,6 +31,8 @@ from wbc.sim.step.program import StepProgram
 
 Solved: TypeAlias = tuple[GearRows, IntArray, StepSolution]
 """The gears' rows, the places of all rows in `SimState.impulse`, and the solution."""
+_NEWTON = 8  # rounds, of the 3 to 5 that crossings take
+_ROUNDS = 60
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -104,26 +107,47 @@ def problem_of(
     return PartProgram(setup, state, middle.velocity, motor, step, forces, force, held, coupling)
 
 
-def solve_released(problem: PartProgram) -> Solved:
-    """Solve the step, letting go of gears that would pull on a flank of their play."""
-    drive = problem.setup.drive
-    released = np.zeros(drive.size, dtype=bool)
-    for _ in range(drive.size + 1):
-        if problem.coupling is None:
-            solved = _solve(problem, released, None, None)
-        else:
-            solved = _solve_coupled(problem, released, problem.coupling)
-        if not drive.any_loose:
-            break
+def solve_gripped(problem: PartProgram) -> Solved:
+    """Solve the step; where gears have springs or play, by Newton's method on their flanks.
+
+    It takes one round unless a flank is reached or let go. The law of a flank is a monotone one, as
+    all others: rounds with its largest slope, after a few of Newton, come nearer every time.
+
+    Raises:
+        SimulationError: the step has no solution, or the flanks' law is not met.
+    """
+    drive, motor, step = problem.setup.drive, problem.motor, problem.step
+    if not drive.any_loose:
+        return _solve_any(problem, Grip.firm(drive))
+    released, end = np.zeros(drive.size, dtype=bool), motor.relative
+    for turn in range(_ROUNDS):
+        grip = Grip.at(drive, motor, end, step, steep=turn >= _NEWTON).without(released)
+        solved = _solve_any(problem, grip)
         gears, _, solution = solved
-        pulling = gears.side[gears.engaged] * solution.impulse[: len(gears.engaged)] < 0.0
-        if not pulling.any():
-            break
-        released[gears.engaged[pulling]] = True
-    return solved
+        mesh, speed = gears.passed(solution)
+        end = motor.after(drive, solution.velocity, speed, step).relative
+        passed = Grip.at(drive, motor, end, step, steep=False)
+        side = np.sign(motor.deflection + 0.5 * step * motor.relative)
+        pulling = drive.hard_play & (side * mesh < 0.0)
+        if not (pulling.any() or grip.misses(passed).any()):
+            return replace(gears, touch=passed.touch), *solved[1:]
+        released |= pulling
+    names = problem.setup.robot.transmission.joints
+    worst = [names[i] for i in np.flatnonzero(grip.misses(passed)).tolist()]
+    raise SimulationError(
+        f"the gear flanks of {', '.join(worst)} do not meet their law after {_ROUNDS} rounds; "
+        "shorten dt."
+    )
 
 
-def _solve_coupled(problem: PartProgram, released: BoolArray, coupling: StepCoupling) -> Solved:
+def _solve_any(problem: PartProgram, grip: Grip) -> Solved:
+    """Solve the step once, with or without rotor coupling."""
+    if problem.coupling is None:
+        return _solve(problem, grip, None, None)
+    return _solve_coupled(problem, grip, problem.coupling)
+
+
+def _solve_coupled(problem: PartProgram, grip: Grip, coupling: StepCoupling) -> Solved:
     """Repeat the step with the rotor coupling of its last iterate until the velocity repeats."""
     drive, velocity = problem.setup.drive, problem.velocity
     last = velocity
@@ -131,7 +155,7 @@ def _solve_coupled(problem: PartProgram, released: BoolArray, coupling: StepCoup
         change = last - velocity
         links = coupling.inertia.T @ (drive.rows @ change) + problem.step * coupling.link_bias
         rotors = coupling.inertia @ change + problem.step * coupling.rotor_bias
-        solved = _solve(problem, released, links, rotors)
+        solved = _solve(problem, grip, links, rotors)
         reached = solved[2].velocity
         moved = np.abs(reached - last).max(initial=0.0)
         if moved <= COUPLING_TOLERANCE * (1.0 + np.abs(last).max(initial=0.0)):
@@ -142,13 +166,13 @@ def _solve_coupled(problem: PartProgram, released: BoolArray, coupling: StepCoup
 
 def _solve(
     problem: PartProgram,
-    released: BoolArray,
+    grip: Grip,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
 ) -> Solved:
     """Solve the step once, less the impulses (nv,) and (m,) that the rotor coupling takes."""
     setup = problem.setup
-    gears, places, program = program_of(problem, released, on_links, on_rotors)
+    gears, places, program = program_of(problem, grip, on_links, on_rotors)
     guess = setup.layout.recall(problem.state.impulse, places)
     names = setup.robot.transmission.joints
     if len(gears.engaged) < len(names):
@@ -158,7 +182,7 @@ def _solve(
 
 def program_of(
     problem: PartProgram,
-    released: BoolArray,
+    grip: Grip,
     on_links: FloatArray | None,
     on_rotors: FloatArray | None,
 ) -> tuple[GearRows, IntArray, StepProgram]:
@@ -173,7 +197,7 @@ def program_of(
     _, change, info = lapack.dposv(inertia, push)
     if info != 0:
         raise blown_up(setup.space.data.M, problem.state.velocity)
-    gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, released)
+    gears = gear_rows(setup.drive, driven, problem.forces.friction, step, motor, grip)
     places = setup.layout.places(gears, problem.held)
     free = problem.velocity + change
     program = StepProgram(inertia, free, gears.elements, problem.held.unilateral)
