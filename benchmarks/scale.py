@@ -66,15 +66,16 @@ def designs(folder: Path) -> list[tuple[str, float, str]]:
     study = Study("planar_leg", tuple(map(parse_sweep, sweeps)), "foot", pose, samples=total)
     evaluate_chunk(study, (0, 100))
     spent = cpu(lambda: evaluate_chunk(study, (0, ANALYTIC_CHUNK)))
-    part = evaluate_chunk(study, (0, ANALYTIC_CHUNK))
+    ends = range(0, total, ANALYTIC_CHUNK)
+    parts = [evaluate_chunk(study, (start, start + ANALYTIC_CHUNK)) for start in ends]
     columns = {name: Column(unit) for name, unit in describe_columns(study).items()}
     table = ResultTable(folder / "designs.parquet", {}, columns, PARTS)
     table.begin()
-    written = cpu(lambda: [table.add(k, part) for k in range(PARTS)])
+    written = cpu(lambda: [table.add(k, part) for k, part in enumerate(parts)])
     before = peak()
     joined = cpu(table.finish)
     added = peak() - before
-    sent = len(pickle.dumps(part))
+    sent = len(pickle.dumps(parts[0]))
     aims = [Objective("lift"), Objective("impact_mitigation")]
     before = peak()
     front = cpu(lambda: best_designs(table.path, aims))
