@@ -26,7 +26,7 @@ from rich.table import Table
 
 from benchmarks.controller import machine
 from wbc import load_robot, save_robot
-from wbc.design import Study, describe_columns, parse_sweep
+from wbc.design import Objective, Study, best_designs, describe_columns, parse_sweep
 from wbc.design.work import ANALYTIC_CHUNK, evaluate_chunk
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -66,21 +66,29 @@ def designs(folder: Path) -> list[tuple[str, float, str]]:
     study = Study("planar_leg", tuple(map(parse_sweep, sweeps)), "foot", pose, samples=total)
     evaluate_chunk(study, (0, 100))
     spent = cpu(lambda: evaluate_chunk(study, (0, ANALYTIC_CHUNK)))
-    part = evaluate_chunk(study, (0, ANALYTIC_CHUNK))
+    ends = range(0, total, ANALYTIC_CHUNK)
+    parts = [evaluate_chunk(study, (start, start + ANALYTIC_CHUNK)) for start in ends]
     columns = {name: Column(unit) for name, unit in describe_columns(study).items()}
     table = ResultTable(folder / "designs.parquet", {}, columns, PARTS)
     table.begin()
-    written = cpu(lambda: [table.add(k, part) for k in range(PARTS)])
+    written = cpu(lambda: [table.add(k, part) for k, part in enumerate(parts)])
     before = peak()
     joined = cpu(table.finish)
-    sent = len(pickle.dumps(part))
+    added = peak() - before
+    sent = len(pickle.dumps(parts[0]))
+    aims = [Objective("lift"), Objective("impact_mitigation")]
+    before = peak()
+    front = cpu(lambda: best_designs(table.path, aims))
+    read = peak() - before
     return [
         ("design: evaluate", 1e6 * spent / ANALYTIC_CHUNK, "us"),
         ("design: write its part", 1e6 * written / total, "us"),
         ("design: join its part at the end", 1e6 * joined / total, "us"),
         ("design: table", table.path.stat().st_size / total, "bytes"),
         ("design: traffic", sent / ANALYTIC_CHUNK, "bytes"),
-        (f"memory that joining {total} designs adds", peak() - before, "MB"),
+        ("design: find the front", 1e6 * front / total, "us"),
+        (f"memory that joining {total} designs adds", added, "MB"),
+        ("memory that finding their front adds", read, "MB"),
     ]
 
 

@@ -133,6 +133,8 @@ def test_the_command_writes_table_plot_and_json_and_fails_on_drift(
     shown = capsys.readouterr().out
     assert "leg1 drifts" in shown
     assert "not measured: leg0 2026-04-01" in shown
+    assert "no sure drift" in shown
+    assert "stays" not in shown  # a change that may be chance is no promise of none
     assert len(shown.splitlines()) < 60
     content = json.loads((tmp_path / "t.json").read_text())
     assert content["drifting"] == ["leg1"]

@@ -55,6 +55,8 @@ def pareto_front(table: Mapping[str, FloatArray], objectives: Sequence[Objective
     usable = np.flatnonzero((costs < np.inf).all(axis=1))
     # Whoever beats a row comes before it in this order, so that one pass over the front suffices.
     order = usable[np.lexsort(costs[usable].T[::-1])]
+    if len(objectives) <= 2:
+        return order[~_beaten_in_order(costs[order, 0], costs[order, -1])]
     front = np.zeros((0, costs.shape[1]))
     kept: list[IntArray] = []
     for start in range(0, len(order), _BLOCK):
@@ -64,6 +66,17 @@ def pareto_front(table: Mapping[str, FloatArray], objectives: Sequence[Objective
         kept.append(rows)
         front = np.concatenate([front, costs[rows]])
     return np.concatenate(kept) if kept else np.zeros(0, dtype=np.int_)
+
+
+def _beaten_in_order(first: FloatArray, second: FloatArray) -> BoolArray:
+    """Return which rows (n,) of two costs some other beats; sorted by the first, then the second.
+
+    A row is beaten by one with a smaller first cost and no larger second one, or with the same
+    first cost and a smaller second one: one pass instead of all pairs.
+    """
+    begins = np.searchsorted(first, first)  # first row of those with the same first cost
+    least = np.concatenate([[np.inf], np.minimum.accumulate(second)])[begins]
+    return np.asarray((least <= second) | (second[begins] < second))
 
 
 def _beaten(costs: FloatArray, by: FloatArray) -> BoolArray:

@@ -23,7 +23,7 @@ def add_fleet_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("many machines")
     add = group.add_argument
     add("--fleet", metavar="INDEX.csv", help="list of logs: columns log, machine, date")
-    add("--out", metavar="FILE.parquet", help="table with a row per machine and date")
+    add("--out", metavar="FILE.parquet", help="table with a row per machine and date; it grows")
     add("--workers", type=int, default=1, metavar="N", help="processes; -1 for all cores")
     add("--cluster", metavar="ADDRESS", help="Dask scheduler to work on instead")
 

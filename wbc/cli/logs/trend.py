@@ -53,7 +53,7 @@ def add_to(commands: Any) -> None:
     add(
         "--out",
         metavar="FILE.parquet",
-        help="table of sessions; given again, an interrupted run goes on",
+        help="table of sessions; given again, only new sessions are measured",
     )
     add("--fail-on-drift", action="store_true", help="exit code 4 if a machine drifts")
     add_depth_options(parser)
@@ -105,12 +105,14 @@ def _print(trend: Trend, options: argparse.Namespace, console: Console) -> None:
     if failed:
         lines = [f"not measured: {s.machine} {s.date}: {s.failure}" for s in failed]
         parts.append(Part("sessions that could not be measured", "\n".join(lines)))
-    parts.append(Part("what stays", _table(trend, drifting=False)))
+    parts.append(Part("what does not surely drift", _table(trend, drifting=False)))
     print_out(console, [trend.sentence], parts, quiet=options.quiet, verbose=options.verbose)
 
 
 def _table(trend: Trend, drifting: bool) -> Table:
-    table = Table("drifts" if drifting else "stays", "", "first", "last", "change", "", box=None)
+    # A large change with few sessions may be chance: what is listed second need not stay.
+    head = "drifts" if drifting else "no sure drift"
+    table = Table(head, "", "first", "last", "change", "", box=None)
     table.columns[0].overflow = "fold"
     for column in table.columns[2:5]:
         column.justify = "right"
