@@ -14,7 +14,7 @@ demo: $(READY)
 	$(BIN)/python -m sims.demo
 
 test: $(READY) lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check wbc sims tests benchmarks

@@ -95,11 +95,11 @@ def log_sets(folder: Path) -> list[tuple[str, float, str]]:
     row: dict[str, object] = {}
     diagnosed_row(None, one)  # compiles
     spent = cpu(lambda: row.update(diagnosed_row(None, one)))
-    measured_rows((0, same))
-    measured = cpu(lambda: measured_rows((0, same)), 3)
+    measured_rows(same)
+    measured = cpu(lambda: measured_rows(same), 3)
     table = ResultTable(folder / "trend.parquet", {}, SESSION_COLUMNS, 200)
     table.begin()
-    rows = measured_rows((0, same))
+    rows = measured_rows(same)
     added = cpu(lambda: [table.add(k, rows) for k in range(200)])
     joined = cpu(table.finish)
     seconds = sum(float(log.time[-1] - log.time[0]) for log in logs)

@@ -117,7 +117,7 @@ def metrics() -> None:
 
 
 ARM_DESIGN = [
-    *("design", "staubli_tx40", "--contact", "link_6"),
+    *("design", "staubli_tx40", "--contact", "link_6", "--out", "arm.parquet"),
     *("--pose", "joint_2=0.5,joint_3=1.2,joint_5=0.6"),
     *("--sweep", "reduction=20:160:15:log", "--sweep", "forward_efficiency=0.5:0.98:15"),
 ]

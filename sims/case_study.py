@@ -128,7 +128,7 @@ def _draw_force(ax: Axes, robot: Robot, theme: Theme) -> None:
     polygons = {
         "lift (forward)": reach.vertices(Direction.FORWARD),
         "hold (backward)": reach.vertices(Direction.BACKWARD),
-        "combined: foot about to move down": reach.moving((0.0, -1.0)),
+        "combined: foot about to move up": reach.moving(UP),
     }
     for i, (label, corners) in enumerate(polygons.items()):
         around = corners - corners.mean(axis=0)
@@ -138,7 +138,7 @@ def _draw_force(ax: Axes, robot: Robot, theme: Theme) -> None:
         if label.startswith("combined"):
             ax.add_patch(Polygon(ring, facecolor=theme.series[i], alpha=0.15))
     ax.plot(0.0, 0.0, "+", color=theme.ink)
-    ax.set_title("forces of the foot on the ground")
+    ax.set_title("force of the foot on its surroundings")
     ax.set_xlabel("$f_x$ [N]")
     ax.set_ylabel("$f_z$ [N]")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)

@@ -30,14 +30,6 @@ _GAP = 0.05  # between two bands, of the whole height
 _SMALL = 2e-3  # share of the whole below which a band is left out
 
 
-def joule_heat(robot: Robot, run: Simulation) -> float:
-    """Return R (tau/k_t)^2 over a recording [J]."""
-    gears, log = robot.transmission, run.log
-    torque = np.stack([log.column(f"{j}.rotor_torque") for j in gears.joints], axis=1)
-    power = torque**2 @ (gears.resistance / gears.torque_constant**2)
-    return float(np.trapezoid(power, log.time))
-
-
 def motor_drive(robot: Robot, run: Simulation) -> float:
     """Return the work of the motors while each drives its rotor [J]; what they take back is left.
 
@@ -53,7 +45,7 @@ def motor_drive(robot: Robot, run: Simulation) -> float:
 
 def books(robot: Robot, run: Simulation) -> dict[str, float]:
     """Return what comes in (+) and what goes out (-) in joule; the sum is zero."""
-    flow, heat, drive = run.audit.flow, joule_heat(robot, run), motor_drive(robot, run)
+    flow, heat, drive = run.audit.flow, run.audit.joule_heat, motor_drive(robot, run)
     rows = {
         "supply": drive + heat,
         "Joule heat": -heat,

@@ -13,6 +13,8 @@ from wbc.extras import needs
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
+_PATIENCE = 10.0  # [s] for a scheduler that has just been started
+
 OPEN = 2
 """Open jobs per worker: one that runs, and one that waits, so that no worker does."""
 
@@ -64,7 +66,7 @@ def _on_cluster(
     with needs("cluster", "working on a Dask cluster"):
         from distributed import Client
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as cause:
         raise ParallelError(f"--cluster '{address}': no Dask scheduler there ({cause}).") from cause
     with client:

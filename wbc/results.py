@@ -3,15 +3,18 @@
 While jobs run, `FILE.parts/` holds the key of the work and one Parquet file per finished job. A
 part is written to a temporary name and renamed, so that a killed run leaves whole parts only; the
 next run with the same key does the rest. At the end the parts are joined in order and removed.
+
+Where parts have names, a table also grows: jobs that are in the finished file already are not done
+again, and the file is replaced by one with all of them.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeVar
 
@@ -24,6 +27,8 @@ from wbc.parallel import run_jobs
 from wbc.progress import Watch
 
 _KEY = b"wbc.results"
+_ROWS = b"wbc.results.rows"  # of every part by name, in order, where parts have names
+_GROUP = 16384  # rows from which a group of the file is closed
 _KINDS = {"number": "float64", "count": "int64", "text": "string"}  # names of pyarrow
 
 Columns = Mapping[str, Any]
@@ -53,13 +58,17 @@ class ResultTable:
         path: the Parquet file at the end.
         key: what the results depend on; plain numbers, texts, lists and dictionaries.
         columns: by name, in order.
-        parts: how many there will be, one per job.
+        parts: how many there will be, one per job, each with at least one row.
+        names: of the parts, where the table may grow by more jobs: unlike, letters and digits with
+            one "-" in it. What is left of it says which thing a part is about, the rest what it
+            depends on: a part of the same thing that depends on something else is done anew.
     """
 
     path: Path
     key: Mapping[str, Any]
     columns: Mapping[str, Column]
     parts: int
+    names: Sequence[str] = ()
 
     @property
     def folder(self) -> Path:
@@ -70,20 +79,22 @@ class ResultTable:
         """Return the parts that are there already; all of them for a finished table.
 
         Raises:
-            ResultsError: the file or the parts belong to other work.
+            ResultsError: the file or the parts belong to other work, or the file has parts of
+                things that are not named any more.
         """
-        if self.path.exists():
-            if _stored_key(self.path) != self.key:
-                raise self._foreign(self.path)
+        stored = self._stored()
+        if stored is not None and list(stored) == list(self.names):
             return set(range(self.parts))
+        there = set(stored or ())
+        self._require_all_of(there)
         known = self.folder / "key.json"
         if known.exists():
             if json.loads(known.read_text("utf-8")) != self.key:
                 raise self._foreign(self.folder)
         else:
             write_text(known, json.dumps(self.key, indent=1))
-        found = {int(part.stem) for part in self.folder.glob("[0-9]*.parquet")}
-        return {number for number in found if number < self.parts}
+        there |= {part.stem for part in self.folder.glob("*.parquet")}
+        return {number for number in range(self.parts) if self._name(number) in there}
 
     def add(self, part: int, columns: Columns) -> None:
         """Write one part, whole or not at all."""
@@ -93,23 +104,64 @@ class ResultTable:
 
     def finish(self) -> Path:
         """Join the parts in order into the file and remove them."""
-        if self.path.exists():
-            return self.path
-        atomic_write(self.path, self._join)
-        shutil.rmtree(self.folder)
+        stored = self._stored()
+        if stored is None or list(stored) != list(self.names):
+            atomic_write(self.path, partial(self._join, stored or {}))
+        shutil.rmtree(self.folder, ignore_errors=True)
         return self.path
 
-    def _join(self, file: BinaryIO) -> None:
-        _, pq = _pyarrow()
-        key = json.dumps(self.key, sort_keys=True).encode("utf-8")
-        schema = self._schema().with_metadata({_KEY: key})
+    def _join(self, stored: Mapping[str, int], file: BinaryIO) -> None:
+        """Write all parts in order; those without a file of their own are in the table before.
+
+        Metadata of Parquet grow with its row groups: small parts share one.
+        """
+        pa, pq = _pyarrow()
+        schema = self._schema()
+        before = _parts_of(self.path, stored)
         with pq.ParquetWriter(file, schema) as writer:
+            waiting: list[Any] = []
+            rows = dict[str, int]()
             for number in range(self.parts):
-                part = pq.read_table(self._part(number))
-                writer.write_table(part.replace_schema_metadata(schema.metadata))
+                name, place = self._name(number), self._part(number)
+                part = pq.read_table(place) if place.exists() else before(name)
+                waiting.append(part.replace_schema_metadata(None))
+                rows[name] = part.num_rows
+                if sum(table.num_rows for table in waiting) >= _GROUP or number == self.parts - 1:
+                    writer.write_table(pa.concat_tables(waiting).cast(schema))
+                    waiting = []
+            metadata = {_KEY: json.dumps(self.key, sort_keys=True)}
+            if self.names:
+                metadata[_ROWS] = json.dumps(rows)
+            writer.add_key_value_metadata(metadata)
+
+    def _stored(self) -> dict[str, int] | None:
+        """Return the rows of every part in the file, in order; None without a file.
+
+        Raises:
+            ResultsError: the file belongs to other work.
+        """
+        if not self.path.exists():
+            return None
+        metadata = _metadata(self.path)
+        if json.loads(metadata[_KEY]) != self.key:
+            raise self._foreign(self.path)
+        return dict(json.loads(metadata.get(_ROWS, b"{}")))
+
+    def _require_all_of(self, stored: set[str]) -> None:
+        """Check that the work names every thing that the file has rows of."""
+        now = {name.partition("-")[0] for name in self.names}
+        gone = {name.partition("-")[0] for name in stored} - now
+        if gone:
+            raise ResultsError(
+                f"'{self.path}' holds {len(gone)} results of what is not given now. Give all of "
+                "it again (a table grows, it does not shrink), or choose another --out."
+            )
+
+    def _name(self, number: int) -> str:
+        return self.names[number] if self.names else f"{number:08d}"
 
     def _part(self, number: int) -> Path:
-        return self.folder / f"{number:08d}.parquet"
+        return self.folder / f"{self._name(number)}.parquet"
 
     def _schema(self) -> Any:
         pa, _ = _pyarrow()
@@ -185,6 +237,24 @@ def fill_table(
     return table.finish()
 
 
+def _parts_of(path: Path, stored: Mapping[str, int]) -> Callable[[str], Any]:
+    """Return a function that reads a part of a file; fastest where asked for in its order."""
+    if not stored:
+        return dict[str, Any]().__getitem__
+    _, pq = _pyarrow()
+    file = pq.ParquetFile(path)
+    sizes = [file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups)]
+    ends = np.cumsum(sizes)
+    starts = dict(zip(stored, np.cumsum([0, *stored.values()]), strict=False))
+    read = lru_cache(maxsize=1)(file.read_row_group)
+
+    def part(name: str) -> Any:
+        group = int(np.searchsorted(ends, starts[name], side="right"))
+        return read(group).slice(starts[name] - (ends[group] - sizes[group]), stored[name])
+
+    return part
+
+
 def _numbered(
     function: Callable[[_Job], Columns], numbered: tuple[int, _Job]
 ) -> tuple[int, Columns]:
@@ -198,7 +268,7 @@ def read_results(path: str | Path) -> dict[str, Any]:
     Raises:
         ResultsError: no such file, or not a table of results.
     """
-    _stored_key(Path(path))
+    _metadata(Path(path))
     pa, pq = _pyarrow()
     table = pq.read_table(path)
     return {
@@ -207,15 +277,45 @@ def read_results(path: str | Path) -> dict[str, Any]:
     }
 
 
-def _stored_key(path: Path) -> Any:
+def results_in_pieces(path: str | Path, rows: int) -> Iterator[dict[str, Any]]:
+    """Yield the columns of a table of results, at most `rows` rows at a time, in order.
+
+    Raises:
+        ResultsError: no such file, or not a table of results.
+    """
+    _metadata(Path(path))
+    pa, pq = _pyarrow()
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(batch_size=rows):
+            yield {
+                name: column.to_pylist()
+                if column.type == pa.string()
+                else column.to_numpy(zero_copy_only=False)
+                for name, column in zip(batch.schema.names, batch.columns, strict=True)
+            }
+
+
+def rows_of(path: str | Path) -> int:
+    """Return the number of rows of a table of results.
+
+    Raises:
+        ResultsError: no such file, or not a table of results.
+    """
+    _metadata(Path(path))
+    _, pq = _pyarrow()
+    return int(pq.read_metadata(path).num_rows)
+
+
+def _metadata(path: Path) -> dict[bytes, bytes]:
+    """Return what a table of results says of itself."""
     pa, pq = _pyarrow()
     try:
-        stored = pq.read_schema(path).metadata or {}
+        stored = pq.read_metadata(path).metadata or {}
     except (OSError, pa.ArrowInvalid) as cause:
         raise ResultsError(f"'{path}' cannot be read as Parquet: {cause}.") from cause
     if _KEY not in stored:
         raise ResultsError(f"'{path}' is no table of results; choose another --out.")
-    return json.loads(stored[_KEY])
+    return dict(stored)
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import beta
 
-from benchmarks.corpus.verdicts import CERTAIN, FLOORS, certain, is_true
+from benchmarks.corpus.verdicts import CERTAIN, FLOORS, certain_names, is_true
 
 _EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0 + 1e-9)
 _LEVEL = 0.9  # of the binomial intervals
@@ -54,7 +54,7 @@ def reached(results: Sequence[dict[str, Any]]) -> tuple[int, int]:
     """Return how many large causes without stand-ins are certain, and how many there are."""
     hits = total = 0
     for result in results:
-        names = {entry["effect"] for entry in certain(result)}
+        names = certain_names(result)
         merged = {name for pair, _ in result["merged"] for name in pair}
         for cause in result["causes"]:
             alone = (

@@ -125,6 +125,11 @@ def certain(result: dict[str, Any]) -> list[dict[str, Any]]:
     return [entry for entry in result["found"] if (entry.get("probability") or 0.0) >= CERTAIN]
 
 
+def certain_names(result: dict[str, Any]) -> set[str]:
+    """Return the names of what an answer states with at least 0.95."""
+    return {_one_name(entry["effect"]) for entry in certain(result)}
+
+
 def false_certain(result: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the certain entries that are no cause and stand for none."""
     return [entry for entry in certain(result) if not is_true(result, entry)]

@@ -27,7 +27,7 @@ SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.00
 # A tilted arm, a sound one, a body in flight with a torque offset, friction and an offset that a
 # loss of the backward power alone hides, and soft gears that a torque constant 0.2 % off and a
 # wrong zero nearly imitate.
-QUICK = (24, 32, 40, 430, 13, 222)
+QUICK = (24, 32, 430, 13)
 
 
 def case_of(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> Case:
@@ -142,6 +142,17 @@ def test_causes_that_hide_one_another_are_found(tmp_path: Path) -> None:
     result = try_cases([401], tmp_path, 22)[0]
     assert judge_result(result).placed
     assert result["after"] < 1.0
+
+
+def test_what_a_drawing_also_explains_is_named_in_its_parts(tmp_path: Path) -> None:
+    """Seed 23, case 76: a wrong drawing stood for a payload and a wrong zero of a joint."""
+    result = try_cases([76], tmp_path, 23)[0]
+    assert {entry["effect"] for entry in result["found"]} == {
+        "position_offset",
+        "payload_mass",
+        "torque_ripple",
+    }
+    assert judge_result(result).placed
 
 
 def test_a_few_cases_are_told_and_kept(tmp_path: Path) -> None:

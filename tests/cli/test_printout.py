@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from io import StringIO
 
@@ -12,6 +13,7 @@ from rich.console import Console
 from wbc import load_robot
 from wbc.cli import main
 from wbc.cli.logs.diagnose import print_diagnosis
+from wbc.cli.shared.printout import Part, print_out
 from wbc.effects import CoulombFriction
 from wbc.identification import (
     Alternative,
@@ -24,6 +26,9 @@ from wbc.identification import (
     Step,
     Support,
 )
+from wbc.identification.open_loop import OpenLoop
+from wbc.measurement import Log
+from wbc.robot import Robot
 
 
 def finding(joint: str) -> Finding:
@@ -114,3 +119,47 @@ def test_numbers_are_as_deep_as_they_are_known() -> None:
     assert with_interval(0.80028, 0.79995, 0.8006)[0] == "0.8003"
     assert with_interval(30.0, 12.0, 55.0)[0] == "30"
     assert plain(np.nan) == "–"
+
+
+def test_the_answer_is_printed_before_a_slow_part_begins() -> None:
+    file, console = StringIO(), Console(file=StringIO(), width=80)
+    console.file = file
+    seen: list[str] = []
+
+    def slow() -> str:
+        seen.append(file.getvalue())
+        return "slow part"
+
+    parts = [Part("first", "first part"), Part("slow", slow), Part("last", "last part")]
+    print_out(console, ["the answer"], parts)
+    assert seen == ["the answer\nfirst part\n"]
+    assert file.getvalue().splitlines()[1:] == ["first part", "slow part", "last part"]
+    print_out(console, ["the answer"], parts, quiet=True)
+    crowded = Part("first", "\n".join(["line"] * 100))
+    print_out(console, ["the answer"], [crowded, *parts[1:]])
+    assert len(seen) == 1  # it does not run where it is not printed
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose"])
+def test_commands_answer_before_they_simulate(
+    command: str,
+    rubbing: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first simulation waits a minute for the compiler."""
+
+    class SimulatingError(Exception):
+        pass
+
+    def stop(robot: Robot, logs: Sequence[Log]) -> OpenLoop:
+        raise SimulatingError
+
+    monkeypatch.setattr("wbc.cli.shared.open_loop.open_loop", stop)
+    asked = [command, *rubbing, "--robot", "planar_leg_fixed", "--lossless"]
+    asked += ["--add", "coulomb_friction"] if command == "diagnose" else []
+    with pytest.raises(SimulatingError):
+        main(asked)
+    said = capsys.readouterr().out
+    assert "hip" in said and "0.7" in said if command == "diagnose" else "hip" in said
+    assert main([*asked, "--quiet"]) == 0

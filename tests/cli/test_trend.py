@@ -10,13 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import wbc.identification.trend.stored as stored
 from wbc import load_robot, save_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.errors import IdentificationError, LogError, ResultsError
+from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.trend import Trend, find_runs, follow, read_index
+from wbc.identification.trend import Run, Trend, find_runs, follow, read_index
 from wbc.identification.trend.drift import WRONG, Points, fit_lines, no_chance
+from wbc.identification.trend.measure import Session, SessionResult
 from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 
@@ -171,8 +174,48 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_table(logs: Path, tmp_path:
     assert path.read_bytes() == whole.read_bytes()
     assert again.to_json() == first.to_json()
     assert follow(robot, runs, out=path).to_json() == first.to_json()  # read, not measured
-    with pytest.raises(ResultsError, match="other work"):
+    with pytest.raises(ResultsError, match="holds 1 results of what is not given now"):
         follow(robot, runs[:3], out=path)
+    with pytest.raises(ResultsError, match="other work"):
+        follow(robot, runs, out=path, lossless=True)
+
+
+def counted(session: Session) -> SessionResult:
+    """Return the size of the first log; stands in for a measurement that takes its time."""
+    size = float(Path(session.paths[0]).stat().st_size)
+    values = {("", "hip", "rms error"): Estimate(size, "N m", size - 1.0, size + 1.0)}
+    return SessionResult(session.machine, session.date, session.paths, values)
+
+
+def test_a_table_grows_by_the_sessions_that_are_new_or_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Night after night the same command; what was measured once is not measured again."""
+    monkeypatch.setattr(stored, "measure_session", counted)
+    for number in range(12):
+        log = tmp_path / f"leg{number % 3}" / f"2026-03-{1 + number // 3:02}.npz"
+        log.parent.mkdir(exist_ok=True)
+        log.write_bytes(bytes(100 + number))
+    runs, path = find_runs(sorted(tmp_path.glob("leg*/*.npz"))), tmp_path / "grows.parquet"
+    done: list[list[int]] = []
+
+    def night(given: Sequence[Run], out: Path = path) -> Trend:
+        done.append([])
+        return follow(
+            "planar_leg_fixed", given, out=out, watch=lambda count, total: done[-1].append(count)
+        )
+
+    night([run for run in runs if run.date.day < 3])  # two days of three machines
+    night(runs[:-1])  # new days come between the rows that are there
+    last = night(runs)
+    assert done == [list(range(7)), list(range(6, 12)), [11, 12]]
+    assert last.to_json() == night(runs, tmp_path / "whole.parquet").to_json()
+    assert path.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+    Path(runs[3].path).write_bytes(bytes(7))
+    assert night(runs).sessions[3].values["", "hip", "rms error"].value == 7.0
+    assert done[-1] == [11, 12]
+    assert night(runs).sessions[3].values["", "hip", "rms error"].value == 7.0
+    assert done[-1] == [12]
 
 
 def test_what_cannot_be_followed_is_told(

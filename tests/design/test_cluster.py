@@ -1,69 +1,125 @@
-"""A study and a fleet of logs on a local Dask cluster of which one worker is killed midway."""
+"""Studies, fleets and trends on a local Dask cluster of which one busy worker is killed midway."""
 
 from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from wbc import save_robot
 from wbc.design import Study, parse_sweep, run_study
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import ParallelError
-from wbc.identification import compare
-from wbc.measurement import Log
+from wbc.identification.trend import Run, diagnose_fleet, find_runs, follow
+from wbc.measurement import save_log
 from wbc.parallel import run_jobs
-from wbc.robot import Robot
 from wbc.sim.excitation import record_run
-
-LEG = load_robot("planar_leg_fixed").lossless()
-LOGS = [
-    record_run(LEG.with_effect(CoulombFriction("hip", 0.1 * k)), LEG, k, 1.0) for k in (1, 2, 3)
-]
 
 distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'wbc[cluster]'")
 
+LEG = load_robot("planar_leg_fixed").lossless()
+SETS = 8
+"""More than the six jobs that are open at a time on three workers."""
 
-def error_of(robot: Robot, log: Log) -> float:
-    """Return what a robot leaves unexplained of a log; the job of a fleet."""
-    return float(compare(robot, [log]).error)
+
+class KillingWatch:
+    """Counts the parts that are done, and kills the busiest worker after some of them."""
+
+    def __init__(self, client: Any, after: int) -> None:
+        self.client, self.after = client, after
+        self.process = client.run(os.getpid)
+        self.counts: list[int] = []
+        self.lost = 0  # jobs that the killed worker had
+
+    def __call__(self, done: int, total: int) -> None:
+        """Note what is done; what `fill_table` calls."""
+        if len(self.counts) == self.after:
+            jobs = self.client.processing()
+            busiest = max(jobs, key=lambda address: len(jobs[address]))
+            self.lost = len(jobs[busiest])
+            os.kill(self.process[busiest], signal.SIGKILL)
+        self.counts.append(done)
 
 
-def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with distributed.LocalCluster(
+        n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def client(cluster: Any) -> Iterator[Any]:
+    """A client that sees three workers; a worker that was killed is started again."""
+    with distributed.Client(cluster) as client:
+        client.wait_for_workers(3, timeout=60)
+        yield client
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, ...]:
+    """Two legs on four days each; what the hip rubs differs from set to set."""
+    folder = tmp_path_factory.mktemp("fleet")
+    paths = []
+    for number in range(SETS):
+        truth = LEG.with_effect(CoulombFriction("hip", 0.2 + 0.1 * number))
+        path = folder / f"leg{number % 2}" / f"2026-03-{1 + number // 2:02}.npz"
+        paths.append(save_log(record_run(truth, LEG, number, 1.0), path))
+    return find_runs(paths)
+
+
+def test_a_study_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
+    client: Any, tmp_path: Path
+) -> None:
     sweeps = tuple(map(parse_sweep, ("reduction=6:160", "forward_efficiency=0.5:0.98")))
     pose = tuple(load_robot("planar_leg").pose("paper").tolist())
     study = Study("planar_leg", sweeps, "foot", pose, samples=4000, seed=9)
     one = run_study(study, tmp_path / "one.parquet", chunk=50)
-    with (
-        distributed.LocalCluster(
-            n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        workers = list(client.run(os.getpid).values())
-        assert len(set(workers)) == 3
-        counts: list[int] = []
-
-        def watch(done: int, total: int) -> None:
-            if len(counts) == 5:
-                os.kill(workers[0], signal.SIGKILL)
-            counts.append(done)
-
-        address = cluster.scheduler_address
-        path = run_study(
-            study, tmp_path / "cluster.parquet", cluster=address, chunk=50, watch=watch
-        )
-        fleet = sorted(run_jobs(partial(error_of, LEG), LOGS, cluster=address))
-    assert counts == list(range(0, 4001, 50))  # every part once
+    address, watch = client.scheduler.address, KillingWatch(client, after=5)
+    path = run_study(study, tmp_path / "two.parquet", cluster=address, chunk=50, watch=watch)
+    assert watch.counts == list(range(0, 4001, 50))  # every part once
     assert path.read_bytes() == one.read_bytes()
-    assert fleet == sorted(run_jobs(partial(error_of, LEG), LOGS))
-    assert len(set(fleet)) == len(LOGS)
 
 
-def test_no_workers_and_no_scheduler_are_named() -> None:
+def test_a_fleet_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
+    client: Any, runs: tuple[Run, ...], tmp_path: Path
+) -> None:
+    diagnose = partial(
+        diagnose_fleet, "planar_leg_fixed", runs, lossless=True, candidates=["coulomb_friction"]
+    )
+    one = diagnose(tmp_path / "one.parquet")
+    watch = KillingWatch(client, after=2)
+    two = diagnose(tmp_path / "two.parquet", cluster=client.scheduler.address, watch=watch)
+    assert not one.failed
+    assert watch.lost > 0
+    assert watch.counts == list(range(SETS + 1))
+    assert two.path.read_bytes() == one.path.read_bytes()
+
+
+def test_a_trend_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
+    client: Any, runs: tuple[Run, ...], tmp_path: Path
+) -> None:
+    fitted = save_robot(LEG.with_effects(CoulombFriction("hip", 0.5)), tmp_path / "fitted.toml")
+    one, two = tmp_path / "one.parquet", tmp_path / "two.parquet"
+    first = follow(str(fitted), runs, out=one)
+    watch = KillingWatch(client, after=2)
+    second = follow(str(fitted), runs, out=two, cluster=client.scheduler.address, watch=watch)
+    assert not any(session.failure for session in first.sessions)
+    assert watch.lost > 0
+    assert watch.counts == list(range(SETS + 1))
+    assert two.read_bytes() == one.read_bytes()
+    assert second.to_json() == first.to_json()
+
+
+def test_no_workers_and_no_scheduler_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ParallelError, match="workers is 0"):
         list(run_jobs(len, ["a"], workers=0))
+    monkeypatch.setattr("wbc.parallel._PATIENCE", 0.5)
     with pytest.raises(ParallelError, match="no Dask scheduler"):
         list(run_jobs(len, ["a"], cluster="tcp://127.0.0.1:1"))

@@ -175,22 +175,6 @@ def test_a_free_base_is_held_and_the_leg_is_then_the_fixed_leg() -> None:
     assert odds[0] == pytest.approx(odds[1], rel=1e-6)
 
 
-def test_the_command_plans_for_a_quadruped_that_a_stand_holds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    command = ["experiment", "solo12", "--lossless", "--speed", "6", "--span", "0.6", "--between"]
-    command += ["rotor_inertia@FL_KFE", "payload_mass@FL_LOWER_LEG"]
-    assert main([*command, "--duration", "2", "--rounds", "2", "--json", "odds.json"]) == 0
-    assert "hold the base in a stand" in capsys.readouterr().out
-    table = np.genfromtxt("trajectory.csv", delimiter=",", names=True)
-    assert table.dtype.names is not None
-    assert len(table.dtype.names) == 1 + 3 * 12
-    said = json.loads(Path("odds.json").read_text())["log10_odds"]
-    least = {name: min(pair["value"] for pair in pairs) for name, pairs in said.items()}
-    assert least["designed"] > least["random, median"] > 0.0
-
-
 def test_a_joint_without_a_gear_behind_a_driven_one_is_refused() -> None:
     model = pin.Model()
     for name in ("driven", "loose"):

@@ -7,6 +7,10 @@ cause in them, distances from the solids of the URDF.
 
 from __future__ import annotations
 
+import json
+from contextlib import redirect_stdout
+from io import StringIO
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -29,8 +33,12 @@ KEPT = 0.81  # share of a limit: the search keeps 0.8 on its coarse grid
 
 @pytest.fixture(scope="module", params=list(ROBOTS))
 def planned(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
-    """The robot and its set points: times (N,), and (3, N, m) of the driven joints."""
+    """The robot and its set points: times (N,), and (3, N, m) of the driven joints.
+
+    What the command says is held here: which stand it needs, and odds above those of chance.
+    """
     name, out = request.param, tmp_path_factory.mktemp("planned") / "set points.csv"
+    odds = out.with_name("odds.json")
     joint, link = ROBOTS[name]
     causes = [
         f"rotor_inertia@{joint}:reflected_inertia={ROTOR}",
@@ -38,9 +46,13 @@ def planned(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     ]
     options = f"--lossless --span {SPAN} --speed {SPEED} --acceleration {ACCELERATION} --rounds 3"
     options += f" --rate {RATE} --duration {DURATION} --noise 0.05"
-    assert (
-        main(["experiment", name, *options.split(), "--out", str(out), "--between", *causes]) == 0
-    )
+    files = ["--out", str(out), "--json", str(odds)]
+    with redirect_stdout(StringIO()) as shown:
+        assert main(["experiment", name, *options.split(), *files, "--between", *causes]) == 0
+    assert ("hold the base in a stand" in shown.getvalue()) == (name == "solo12")
+    said = json.loads(odds.read_text())["log10_odds"]
+    least = {way: min(pair["value"] for pair in pairs) for way, pairs in said.items()}
+    assert least["designed"] > least["random, median"] > 0.0
     heads = out.read_text().split("\n", 1)[0].split(",")
     table = np.loadtxt(out, delimiter=",", skiprows=1)
     robot = load_robot(name).lossless()

@@ -253,6 +253,7 @@ def test_bad_commands_end_with_two(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wbc.parallel._PATIENCE", 0.5)
     assert main(["design", "planar_leg", "--sweep", "reduction=6:160", *extra]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.glob("*.parquet"))

@@ -61,6 +61,14 @@ def test_a_page_for_newcomers_fits_two_screens(page: str) -> None:
     assert len(LINK.sub(r"\1", prose(page)).split()) <= TWO_SCREENS
 
 
+@pytest.mark.parametrize(
+    "page", sorted((DOCS / "measurements" / "data").glob("*.md")), ids=lambda page: page.stem
+)
+def test_a_page_of_data_fits_two_screens(page: Path) -> None:
+    text = prose(str(page.relative_to(DOCS).with_suffix("")))
+    assert len(LINK.sub(r"\1", text).split()) <= TWO_SCREENS
+
+
 @pytest.mark.parametrize("page", NEWCOMERS)
 def test_a_term_is_linked_to_the_glossary_where_it_first_stands(page: str) -> None:
     text = prose(page)

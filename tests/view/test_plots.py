@@ -12,6 +12,7 @@ import wbc
 from sims.leg import LegControl, balanced_pose, squat
 from wbc.errors import ViewError
 from wbc.measurement import Log
+from wbc.metrics import summary, with_contact_at
 from wbc.robot import Robot
 from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
@@ -138,6 +139,31 @@ def test_the_pose_is_the_leg_and_not_the_joints_of_its_base(leg: Robot) -> None:
     q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
     chain = leg_figure(leg, q, "foot").axes[0].get_lines()[0].get_xydata()
     np.testing.assert_allclose(chain, [[0, 0], [0.2, 0.34641], [0, 0.69282]], atol=1e-5)
+
+
+def test_the_polygon_that_is_drawn_is_the_one_that_is_printed(leg: Robot) -> None:
+    """Same signs: a foot about to move up lifts 70 N upwards and holds 175 N downwards."""
+    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+    panel = leg_figure(leg, q, "foot").axes[2]
+    drawn = {p.get_label(): p.get_xy()[:-1] for p in panel.patches}
+    (printed,) = [m.value for m in summary(leg, q, "foot") if m.name == "force polygon, moving up"]
+    np.testing.assert_allclose(drawn["combined, about to move along z"], printed)
+    ends = zip(printed, np.roll(printed, -1, axis=0), strict=True)
+    straight = [a[1] - a[0] * (b[1] - a[1]) / (b[0] - a[0]) for a, b in ends if a[0] * b[0] < 0.0]
+    assert sorted(straight) == pytest.approx([-175.0, 70.0])
+    weight = panel.get_lines()[0].get_ydata()[0]
+    assert weight == pytest.approx(-9.81 * sum(body.mass for body in leg.model.inertias))
+
+
+def test_an_arm_without_torque_limits_is_drawn_without_empty_panels() -> None:
+    robot = with_contact_at(wbc.load_robot("staubli_tx40"), "link_6")
+    q = robot.configuration(joint_2=0.5, joint_3=1.2, joint_5=0.6)
+    pose, _, force = leg_figure(robot, q, "link_6").axes
+    (text,) = (text.get_text() for text in force.texts)
+    assert "no torque_limit" in " ".join(text.split())
+    names = [text.get_text() for text in pose.texts]
+    assert names == ["link_6\njoint_6\njoint_5\njoint_4", "joint_3", "joint_2\njoint_1"]
+    assert len(tradeoff_figure(robot, q, "link_6").axes) == 1
 
 
 def test_force_polytopes_of_the_fixed_leg(tmp_path: Path) -> None:

@@ -4,9 +4,10 @@ from wbc.design.efficiency_table import EfficiencyTable, read_efficiency_table
 from wbc.design.gearboxes import Gearbox, choose_gearboxes, read_gearboxes
 from wbc.design.pareto import Objective, over_gait, pareto_front, parse_objective
 from wbc.design.simulated import SIMULATIONS
+from wbc.design.stored import best_designs, read_designs, sampled_designs
 from wbc.design.study import Study, describe_columns
 from wbc.design.sweep_parameter import SweepParameter, parse_sweep
-from wbc.design.work import read_designs, run_study
+from wbc.design.work import run_study
 
 __all__ = [
     "SIMULATIONS",
@@ -15,6 +16,7 @@ __all__ = [
     "Objective",
     "Study",
     "SweepParameter",
+    "best_designs",
     "choose_gearboxes",
     "describe_columns",
     "over_gait",
@@ -25,4 +27,5 @@ __all__ = [
     "read_efficiency_table",
     "read_gearboxes",
     "run_study",
+    "sampled_designs",
 ]

@@ -90,7 +90,7 @@ def _standing_cost(leg: PointLeg, pose: FloatArray, policy: RestPolicy) -> tuple
             return np.nan, np.nan  # the motors are too weak to stand
     squared = np.mean(np.square(torques[quiet:]), axis=0)
     gears = robot.transmission
-    heat = float(gears.resistance / gears.torque_constant**2 @ squared)
+    heat = float(gears.copper_loss @ squared)
     return float(np.sqrt(squared.sum())), heat
 
 
@@ -183,7 +183,7 @@ def _drawn(robot: Robot, before: SimState, after: SimState, torque: FloatArray) 
     gears = robot.transmission
     speed = 0.5 * (before.velocity + after.velocity)[robot.actuated]
     power = torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
-    heat = gears.resistance / gears.torque_constant**2 * torque**2
+    heat = gears.copper_loss * torque**2
     return float(np.maximum(power + heat, 0.0).sum()) * _TICK
 
 

@@ -35,7 +35,7 @@ def trot(robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
         result = plant.step(state, trotter(state), _TICK)
         speed = 0.5 * (state.velocity + result.state.velocity)[robot.actuated]
         power = result.rotor_torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
-        loss = gears.resistance / gears.torque_constant**2 * result.rotor_torque**2
+        loss = gears.copper_loss * result.rotor_torque**2
         work += float(np.maximum(power, 0.0).sum()) * _TICK
         heat += float(np.maximum(power + loss, 0.0).sum()) * _TICK
         state = result.state

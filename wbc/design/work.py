@@ -5,13 +5,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from wbc.arrays import FloatArray
 from wbc.design.study import Study, describe_columns
 from wbc.errors import DesignError
 from wbc.progress import Watch
-from wbc.results import Column, ResultTable, fill_table, read_results
+from wbc.results import Column, ResultTable, fill_table
 
 ANALYTIC_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
 SIMULATED_CHUNK = 8  # designs: 1 to 30 s of work, so that little is lost when a run is killed
@@ -67,12 +65,3 @@ def run_study(
 def evaluate_chunk(study: Study, chunk: Chunk) -> dict[str, FloatArray]:
     """Return the part of the table of one chunk; what a worker runs."""
     return study.evaluate(*chunk)
-
-
-def read_designs(path: str | Path) -> dict[str, FloatArray]:
-    """Return the columns of a study's table.
-
-    Raises:
-        ResultsError: no such file, or not a table of results.
-    """
-    return {name: np.asarray(x, dtype=np.float64) for name, x in read_results(path).items()}

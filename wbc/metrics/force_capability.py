@@ -230,7 +230,7 @@ class ForceCapability:
             raise DynamicsError(
                 f"the gears of {', '.join(open_ended)} hold any torque or none (no torque_limit, "
                 "a self-locking gear, or friction above the limit): the force capability has no "
-                "finite corners. Use along() instead."
+                "finite corners. Give these gears a torque_limit in robot.toml."
             )
 
     def _scale(self) -> float:

@@ -72,7 +72,7 @@ def holding(
     perfect = np.abs(output) / ratio
     eased = np.abs(output) * np.maximum(gears.backward_efficiency, 0.0) / ratio - friction
     least = np.maximum(eased, 0.0)
-    copper = gears.resistance / gears.torque_constant**2
+    copper = gears.copper_loss
     known = bool(np.isfinite(copper).all())
     weight = copper if known else np.ones(gears.size)
     spent, rest = float(weight @ perfect**2), float(weight @ least**2)

@@ -96,7 +96,8 @@ def simulate(
             "ticks and one substep are needed."
         )
     recorder = Recorder(plant.robot, plant.temperature)
-    flow, residuals, fallbacks = EnergyFlow(), Residuals(), 0
+    flow, residuals, fallbacks, heat = EnergyFlow(), Residuals(), 0, 0.0
+    copper = plant.robot.transmission.copper_loss
     impacts: list[Impact] = []
     events: list[StepEvent] = []
     before = plant.mechanical_energy(state)
@@ -108,13 +109,14 @@ def simulate(
             recorder.add(state, result)
             state = result.state
             flow = flow + result.energy
+            heat += dt * float(copper @ np.square(result.command))
             impacts.extend(result.impacts)
             events.extend(result.events)
             residuals = worst(residuals, *(s.residuals for s in result.solutions))
             fallbacks += sum(s.method in ("sweeps", "qp") for s in result.solutions)
             if watch and tick % 100 == 99:
                 watch(tick + 1, ticks)
-    audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)
+    audit = EnergyAudit(flow, plant.mechanical_energy(state) - before, heat)
     return Simulation(
         recorder.log(), state, tuple(impacts), audit, residuals, fallbacks, tuple(events)
     )

@@ -163,6 +163,11 @@ class Transmission:
     # The derived matrices are asked for in every tick: computed once, kept read-only.
 
     @cached_property
+    def copper_loss(self) -> FloatArray:
+        """R / k_t^2 (m,), Joule heat per squared rotor torque [W/(N m)^2]; NaN where unknown."""
+        return frozen(self.resistance / self.torque_constant**2)
+
+    @cached_property
     def reduction(self) -> FloatArray:
         """R = diag(1/N), (m, m): dpsi = R dphi."""
         return frozen(np.diag(1.0 / self.gear_ratio))

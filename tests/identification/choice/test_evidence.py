@@ -25,7 +25,8 @@ def hypothesis(
 ) -> Hypothesis:
     """Return what leaves these mean squares on each of five folds of 100 rows, 40 samples each."""
     folds = np.broadcast_to(np.atleast_1d(left), 5).astype(float)[:, None]
-    return Hypothesis(effects, folds, folds[:, 0], np.array([0.4]), np.full(5, 100.0), -prior, ())
+    samples, rows = np.array([0.4]), np.full(5, 100.0)
+    return Hypothesis(effects, folds, folds, 0.0, folds[:, 0], samples, rows, -prior, ())
 
 
 def test_evidence_is_the_log_density_of_gaussian_noise() -> None:
@@ -77,7 +78,8 @@ def test_each_output_is_judged_with_the_samples_of_the_one_that_leaves_least_the
 
     def two(left: tuple[float, float], samples: tuple[float, float]) -> Hypothesis:
         folds = np.tile(left, (5, 1))
-        return Hypothesis((), folds, folds[:, 0], np.array(samples), np.full(5, 100.0), 0.0, ())
+        rows = np.full(5, 100.0)
+        return Hypothesis((), folds, folds, 0.0, folds[:, 0], np.array(samples), rows, 0.0, ())
 
     problem = SimpleNamespace(first=np.array([1.0, 1.0]))
     loud, quiet = two((50.0, 4.0), (0.4, 0.01)), two((100.0, 1.0), (0.4, 0.4))

@@ -10,7 +10,14 @@ import pytest
 
 import wbc
 from tests.swinging_leg import swing
-from wbc.effects import CoulombFriction, TransmissionEfficiency, ViscousFriction, effect_class
+from wbc.effects import (
+    CoulombFriction,
+    LinkInertias,
+    TransmissionEfficiency,
+    ViscousFriction,
+    effect_class,
+    load_robot,
+)
 from wbc.identification import (
     Alternative,
     Diagnosis,
@@ -134,6 +141,17 @@ def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
         "Missing: viscous friction of 0.4 N m s/rad at knee, coulomb friction of 0.5 N m at hip "
         "and coulomb friction of 0.5 N m at knee. That explains"
     )
+
+
+def test_a_drawing_without_a_number_that_is_told_shows_none(diagnosis: Diagnosis) -> None:
+    """The recorded TX40 listed 60 log-Cholesky numbers of its links, most of them 1e-11."""
+    null = LinkInertias.null_values(load_robot("planar_leg_fixed"), "robot")
+    drawn = LinkInertias.at("robot", {name: 0.01 for name in null})
+    numbers = {name: Estimate(0.01, "1", -0.01, 0.02) for name in null}
+    wrong = Finding(drawn, numbers, Support(1.0, 1.0, 0.0, 0.0, explained=True))
+    one = replace(diagnosis, verdict="named", findings=(wrong,))
+    assert verdict_sentence(one).startswith("Missing: link inertias at robot. That explains")
+    assert "alpha" not in str(one)
 
 
 def test_numbers_have_the_digits_they_deserve() -> None:

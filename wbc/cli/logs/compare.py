@@ -21,14 +21,13 @@ from wbc.cli.shared.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.shared.open_loop import open_loop_table
+from wbc.cli.shared.open_loop import open_loop_table, simulated_later
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
 from wbc.identification.answer.numbers import plain
 from wbc.identification.answer.provenance import provenance
-from wbc.identification.open_loop import open_loop
 
 EXIT_ABOVE = 3
 """Exit code of an error above --fail-above."""
@@ -67,10 +66,10 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "comparing"):
         comparison = compare(robot, logs)
-        simulated = open_loop(robot, logs)
+    simulated = simulated_later((robot,), logs, shown)
     parts = [
         Part("the error of every output", error_table(comparison)),
-        Part("the open-loop error", open_loop_table([simulated])),
+        Part("the open-loop error", lambda: open_loop_table(simulated())),
         *(
             [Part("warnings", Spoken("\n".join(comparison.warnings)))]
             if comparison.warnings
@@ -78,10 +77,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         ),
         Part("where it fails", where_table(comparison)),
     ]
-    content = comparison.to_json() | {
-        "open_loop": simulated.to_json(),
-        "provenance": provenance(comparison.sources, command_line()),
-    }
+    content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
     if options.against:
         given = f"{options.robot} (lossless)" if options.lossless else options.robot
         robots = {given: robot, **{name: load_robot(name) for name in options.against}}
@@ -90,8 +86,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["robots"] = [contestant.to_json() for contestant in ranked]
     answer = [comparison.sentence]
     print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
-    write_json(options.json, content, console)
-    write_report_file(options, robot, logs, shown, simulated=[simulated])
+    if options.json:
+        content["open_loop"] = simulated()[0].to_json()
+        write_json(options.json, content, console)
+    if options.report:
+        write_report_file(options, robot, logs, shown, simulated=simulated())
     return _judged(options.fail_above, comparison, shown)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from math import inf
 from typing import Any
 
@@ -24,7 +23,7 @@ from wbc.cli.shared.inputs import (
     write_json,
     write_report_file,
 )
-from wbc.cli.shared.open_loop import open_loop_table
+from wbc.cli.shared.open_loop import Simulated, open_loop_table, simulated_later
 from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import effect_class, save_robot
@@ -34,7 +33,6 @@ from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_
 from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
-from wbc.identification.open_loop import OpenLoop, open_loop
 from wbc.robot import Effect
 
 _RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
@@ -93,7 +91,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
-        simulated = [open_loop(one, logs) for one in (robot, diagnosis.robot)]
+    simulated = simulated_later((robot, diagnosis.robot), logs, shown)
     print_diagnosis(
         shown,
         diagnosis,
@@ -111,10 +109,6 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["discovery"] = discovery.to_json()
         if discovery.proposals:
             fitted, intervals = discovery.robot, dict(discovery.intervals)
-    before, after = simulated
-    content["open_loop"] = {"before": before.to_json(), "after": after.to_json()}
-    content["provenance"] = provenance(diagnosis.sources, command_line())
-    write_json(options.json, content, console)
     if options.save:
         facts = {
             "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
@@ -122,7 +116,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
         }
         path = save_robot(fitted, options.save, intervals, facts)
         shown.print(f"wrote {path}")
-    write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated)
+    if options.json:
+        before, after = simulated()
+        content["open_loop"] = {"before": before.to_json(), "after": after.to_json()}
+        content["provenance"] = provenance(diagnosis.sources, command_line())
+        write_json(options.json, content, console)
+    if options.report:
+        write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated())
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
 
 
@@ -139,7 +139,7 @@ def print_diagnosis(
     console: Console,
     diagnosis: Diagnosis,
     saved: str | None = None,
-    simulated: Sequence[OpenLoop] = (),
+    simulated: Simulated | None = None,
     *,
     quiet: bool = False,
     verbose: bool = False,
@@ -150,7 +150,7 @@ def print_diagnosis(
         console: where.
         diagnosis: the answer.
         saved: file in which the robot with the effects found is, None if in none.
-        simulated: open-loop errors of the robot as given and with the effects found.
+        simulated: returns the open-loop errors of the robot as given and with the effects found.
         quiet: print the answer alone.
         verbose: print all of the detail.
     """
@@ -169,7 +169,7 @@ def print_diagnosis(
     ):
         parts += [Part(name, Spoken(text))] if text else []
     if simulated:
-        parts.append(Part("the open-loop error", open_loop_table(simulated)))
+        parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
     parts += [Part("how the error falls", _steps_table(diagnosis))]
     if len(diagnosis.ranking) > 1:
         parts.append(Part("what else was tried", _ranking_table(diagnosis, verbose)))

@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.cli.shared.inputs import read_logs, table_console, watching, write_json
 from wbc.cli.shared.outputs import require_outputs, require_parquet
 from wbc.cli.shared.sites import checked_axes, first_contact, main_direction, pose_from
@@ -20,22 +20,22 @@ from wbc.design import (
     SIMULATIONS,
     Objective,
     Study,
+    best_designs,
     choose_gearboxes,
     describe_columns,
-    over_gait,
-    pareto_front,
     parse_objective,
     parse_sweep,
-    read_designs,
     read_efficiency_table,
     read_gearboxes,
     run_study,
+    sampled_designs,
 )
 from wbc.design.sweep_parameter import NAMES
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.robot import Robot
 
+_DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
 
 _EPILOG = f"""\
@@ -114,16 +114,14 @@ def run(options: argparse.Namespace, console: Console) -> int:
         path = run_study(
             study, options.out, workers=options.workers, cluster=options.cluster, watch=watch
         )
-    table = read_designs(path)
     if study.gait:
-        table = over_gait(table, len(study.gait), objectives)
         shown.print(f"over {len(study.gait)} instants: objectives of the worst one, else the mean")
-    front = pareto_front(table, objectives)
-    _print(study, table, front, objectives, units, shown)
+    front = best_designs(path, objectives, len(study.gait))
+    _print(study, front, objectives, units, shown)
     shown.print(f"wrote {path}: {study.size} designs")
-    write_json(options.json, _json(study, path, table, front, objectives, units), console)
+    write_json(options.json, _json(study, path, front, objectives, units), console)
     if options.figures:
-        _draw(options, study, table, front, objectives, units, shown)
+        _draw(options, study, path, front, objectives, units, shown)
     return 0
 
 
@@ -186,31 +184,30 @@ def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:
 
 def _print(
     study: Study,
-    table: Mapping[str, FloatArray],
-    front: IntArray,
+    front: Mapping[str, FloatArray],
     objectives: Sequence[Objective],
     units: Mapping[str, str],
     console: Console,
 ) -> None:
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
-    count = len(table["design"])
-    title = f"Pareto front: {len(front)} of {count} designs ({aims})"
+    count, size = len(front["design"]), study.size // max(len(study.gait), 1)
+    title = f"Pareto front: {count} of {size} designs ({aims})"
     columns = _columns(study, objectives)
     shown = Table(title=title, box=None)
     for name in columns:
         unit = "" if units[name] == "1" else f"\n[{units[name]}]"
         shown.add_column(name.replace("_", " ") + unit, justify="right")
-    chosen = front
-    if len(front) > _SHOWN:
-        chosen = front[np.linspace(0, len(front) - 1, _SHOWN).round().astype(np.int_)]
+    chosen = np.arange(count)
+    if count > _SHOWN:
+        chosen = np.linspace(0, count - 1, _SHOWN).round().astype(np.int_)
     for row in chosen:
-        shown.add_row(*(_cell(study, name, table[name][row]) for name in columns))
+        shown.add_row(*(_cell(study, name, front[name][row]) for name in columns))
     console.print(shown)
     for box in study.gearboxes:
         if box.unknown:
             console.print(f"{box.name}: no source gives {', '.join(box.unknown)}")
-    if len(front) > _SHOWN:
-        console.print(f"{_SHOWN} of {len(front)} rows, evenly spread; --json and --out hold all")
+    if count > _SHOWN:
+        console.print(f"{_SHOWN} of {count} rows, evenly spread; --json and --out hold all")
 
 
 def _cell(study: Study, name: str, value: float) -> str:
@@ -220,8 +217,7 @@ def _cell(study: Study, name: str, value: float) -> str:
 def _json(
     study: Study,
     path: Path,
-    table: Mapping[str, FloatArray],
-    front: IntArray,
+    front: Mapping[str, FloatArray],
     objectives: Sequence[Objective],
     units: Mapping[str, str],
 ) -> dict[str, Any]:
@@ -230,7 +226,8 @@ def _json(
             return None
         return float(value) if np.isfinite(value) else "unlimited"
 
-    rows = [{name: plain(values[row]) for name, values in table.items()} for row in front]
+    count = len(front["design"])
+    rows = [{name: plain(values[row]) for name, values in front.items()} for row in range(count)]
     return {
         "robot": study.robot,
         "contact": study.contact,
@@ -246,8 +243,8 @@ def _json(
 def _draw(
     options: argparse.Namespace,
     study: Study,
-    table: Mapping[str, FloatArray],
-    front: IntArray,
+    path: Path,
+    front: Mapping[str, FloatArray],
     objectives: Sequence[Objective],
     units: Mapping[str, str],
     console: Console,
@@ -256,6 +253,10 @@ def _draw(
     from wbc.view.plots import design_map, pareto_figure, write_figure
     from wbc.view.plots.design import MAPPED
 
+    table = sampled_designs(path, _DRAWN, objectives, len(study.gait))
+    count, size = len(table["design"]), study.size // max(len(study.gait), 1)
+    if count < size:
+        console.print(f"the pictures show {count} of {size} designs, evenly spread")
     theme = DARK if options.theme == "dark" else LIGHT
     varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"] or ["design"]
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
@@ -268,7 +269,9 @@ def _draw(
     }
     if len(objectives) > 1:
         aims = [objective.column for objective in objectives[:2]]
-        figures["front"] = pareto_figure(table, front, aims, varied[0], units, theme=theme)
+        both = {name: np.concatenate([front[name], values]) for name, values in table.items()}
+        best = np.arange(len(front["design"]))
+        figures["front"] = pareto_figure(both, best, aims, varied[0], units, theme=theme)
     for name, figure in figures.items():
         target = Path(options.figures) / f"{load_robot(study.robot).name}_design_{name}.png"
         console.print(f"wrote {write_figure(target, figure)}")

@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 
-from rich.console import RenderableType
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.shared.inputs import working
 from wbc.identification.answer.numbers import told
-from wbc.identification.open_loop import OpenLoop
+from wbc.identification.open_loop import OpenLoop, open_loop
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+SIMULATING = "simulating the logs (the first time, the simulator is compiled: about a minute)"
+"""What a person reads while logs are simulated."""
+
+Simulated = Callable[[], Sequence[OpenLoop]]
+"""Returns the open-loop errors of robots, simulating when it is first called."""
+
+
+def simulated_later(robots: Sequence[Robot], logs: Sequence[Log], console: Console) -> Simulated:
+    """Return a function that simulates the logs once, when their errors are first wanted.
+
+    The first simulation after the installation waits about a minute for the compiler. The answer of
+    a command does not need it, so it is printed before.
+    """
+
+    @cache
+    def simulated() -> Sequence[OpenLoop]:
+        with working(console, SIMULATING):
+            return tuple(open_loop(robot, logs) for robot in robots)
+
+    return simulated
 
 
 def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -20,11 +20,12 @@ class Part:
 
     Attributes:
         name: what is said to be missing where it does not fit.
-        shown: what is printed.
+        shown: what is printed; or a function that returns it, where that takes long: it is called
+            when all that comes before is printed, and not at all where the part is not printed.
     """
 
     name: str
-    shown: RenderableType
+    shown: RenderableType | Callable[[], RenderableType]
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,16 @@ def print_out(
         return
     absent: list[str] = []
     for part in detail:
-        lines = _lines(console, part.shown)
+        if absent and not verbose:  # no part is printed after one that did not fit
+            absent.append(part.name)
+            continue
+        shown = part.shown() if callable(part.shown) else part.shown
+        lines = _lines(console, shown)
         room = max(left - 2, 0)  # for what is said of the parts left out
-        if verbose or (len(lines) <= room and not absent):
-            console.print(part.shown, crop=not isinstance(part.shown, Spoken))
+        if verbose or len(lines) <= room:
+            console.print(shown, crop=not isinstance(shown, Spoken))
         else:
-            kept = lines[: room if room > 3 and not absent else 0]
+            kept = lines[: room if room > 3 else 0]
             _print_lines(console, kept)
             absent.append(f"the rest of {part.name}" if kept else part.name)
         left -= len(lines)

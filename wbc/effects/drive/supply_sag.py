@@ -78,7 +78,7 @@ class SupplySag(Effect):
         """Return the power of all motors at their shafts and in their windings, (..., 1) [W]."""
         gears = robot.transmission
         spin = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T * gears.gear_ratio
-        ohmic = np.nan_to_num(gears.resistance / gears.torque_constant**2)
+        ohmic = np.nan_to_num(gears.copper_loss)
         return (
             np.sum(torque * spin, axis=-1, keepdims=True),
             np.sum(ohmic * torque**2, axis=-1, keepdims=True),

@@ -152,6 +152,11 @@ class EstimationProblem:
         """Return (rows, outputs) held-out squares in units of the floor."""
         return fit.held_out(self.folds)
 
+    def held_out_beside_open(self, fit: Fit) -> tuple[FloatArray, float]:
+        """Return held-out squares (rows, outputs) beside what is open, and its cost [nats]."""
+        held = fit.held_out_residual(self.folds)
+        return fit.usual.beside_open(held, fit.jacobian, self.folds)
+
     def distortion(self, fit: Fit) -> FloatArray:
         """Return (p,) by how much parameters are off, in their scales, beside what noise does.
 

@@ -82,32 +82,25 @@ class Fit:
         return np.asarray(a.T @ a)
 
     def held_out(self, folds: IntArray) -> FloatArray:
-        """Return (rows, outputs) squares, each fold predicted without itself.
+        """Return (rows, outputs) squares, each fold predicted without itself."""
+        return self.held_out_residual(folds) ** 2
+
+    def held_out_residual(self, folds: IntArray) -> FloatArray:
+        """Return the residual (rows, outputs), each fold predicted without itself.
 
         The parameters of each fold are one Gauss-Newton step away from those of all records. Where
         the model is too rough for such a step (a bouncing link), the fold's parameters stay.
         """
-        if self.failed:
-            return np.asarray(self.residual**2)
-        if self.swings:
-            return self._held_out_damped(folds)
-        squares = np.empty(self.residual.shape)
+        held = self.residual.copy()
+        if self.failed or not self.parameters:
+            return held
         for fold in np.unique(folds):
             inside = folds == fold
-            step = self.step(~inside) if self.parameters else np.zeros(0)
-            moved = self.residual[inside] + self.jacobian[inside] @ step
-            squares[inside] = moved**2
-        return squares
-
-    def _held_out_damped(self, folds: IntArray) -> FloatArray:
-        squares = self.residual**2
-        for fold in np.unique(folds):
-            inside = folds == fold
-            step = self.step(~inside)
-            moved = self.residual + self.jacobian @ step
-            if np.sum(moved[inside] ** 2) < 4.0 * np.sum(squares[inside]):
-                squares[inside] = moved[inside] ** 2
-        return squares
+            moved = self.residual[inside] + self.jacobian[inside] @ self.step(~inside)
+            rough = self.swings and np.sum(moved**2) >= 4.0 * np.sum(held[inside] ** 2)
+            if not rough:
+                held[inside] = moved
+        return held
 
     def step(self, rows: BoolArray | IntArray) -> FloatArray:
         """Return the Gauss-Newton step (p,) on a choice of rows.

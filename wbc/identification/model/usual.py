@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.kept_columns import STEP
 from wbc.robot import Effect, Parameter
 
@@ -78,6 +78,49 @@ class UsualRows:
         variance = np.maximum(squares, 1.0)
         each = np.log(variance) + squares / variance
         return float(len(residual) * self.samples @ each + self.residual @ self.residual)
+
+    def beside_open(
+        self, held: FloatArray, jacobian: FloatArray, folds: IntArray
+    ) -> tuple[FloatArray, float]:
+        """Return held-out squares (rows, outputs) beside what is open, and what that costs [nats].
+
+        A fold that is left out may be the only one that tells some of the drawn numbers. What the
+        others then predict is off by as much as the prior leaves open, which a prediction with one
+        value for each number takes for a miss. So the drawn numbers are integrated over. Numbers
+        without a prior keep their one value: they have to repeat themselves from fold to fold.
+
+        With r the held-out residual of a fold, W its weights, J its derivatives by the drawn
+        numbers and A what all folds and the prior know of them, the log density of r is
+
+            -1/2 r' (W - W J A^-1 J' W) r  +  1/2 log det(A - J' W J)  -  1/2 log det A  + const
+
+        (Woodbury). Where nothing is drawn, these are the held-out squares, and no cost.
+
+        Args:
+            held: (rows, outputs) residual of each row, predicted without its fold.
+            jacobian: (rows, outputs, p) per unit of each parameter's scale.
+            folds: (rows,) number of the fold of every row.
+        """
+        drawn = np.any(self.jacobian, axis=0)
+        if not drawn.any():
+            return held**2, 0.0
+        a = jacobian[:, :, drawn] * self.weights[:, None]
+        count = int(drawn.sum())
+        usual = self.jacobian[:, drawn]
+        known = a.reshape(-1, count).T @ a.reshape(-1, count) + usual.T @ usual
+        squares, cost = np.empty_like(held), 0.0
+        for fold in np.unique(folds):
+            inside = folds == fold
+            own = a[inside].reshape(-1, count)
+            moment = own.T @ (held[inside] * self.weights).ravel()
+            still_open = a[inside] @ np.linalg.solve(known, moment) / self.weights
+            squares[inside] = held[inside] * (held[inside] - still_open)
+            cost += 0.5 * (_log_det(known) - _log_det(known - own.T @ own))
+        return squares, cost
+
+
+def _log_det(matrix: FloatArray) -> float:
+    return float(np.linalg.slogdet(matrix)[1])
 
 
 def _slope(effect: Effect, parameter: Parameter, before: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from wbc.identification.answer.diagnosis.sentence import verdict_sentence
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.trend.measure import Session, robot_and_logs
 from wbc.identification.trend.runs import Run
-from wbc.identification.trend.stored import work_key
+from wbc.identification.trend.stored import work_key, work_names
 from wbc.identification.trend.trend import sessions_of
 from wbc.progress import Watch
 from wbc.results import Column, ResultTable, fill_table, read_results
@@ -108,7 +108,8 @@ def diagnose_fleet(
     """Diagnose every session of every machine; a row each, also for one that fails.
 
     A session is all logs of one machine with one date. A run that was killed goes on where it
-    ended; the table is then the same to the last bit.
+    ended; the table is then the same to the last bit. So it is when the table grows: sessions
+    that the file holds already are not diagnosed again unless their logs changed.
 
     Args:
         robot: name or path of the robot that all machines are held against.
@@ -124,7 +125,7 @@ def diagnose_fleet(
     Raises:
         IdentificationError: no run.
         EffectError: an unknown candidate.
-        ResultsError: the file holds the results of other work.
+        ResultsError: the file holds sessions that are not given, or the results of other work.
         ParallelError: workers is 0, or no cluster at the address.
     """
     sessions = sessions_of(robot, runs, columns, lossless)
@@ -136,6 +137,7 @@ def diagnose_fleet(
         work_key("diagnose", sessions, candidates=names and list(names)),
         _columns(robot),
         len(sessions),
+        work_names(sessions),
     )
     work = partial(diagnosed_row, names)
     path = fill_table(table, work, sessions, workers=workers, cluster=cluster, watch=watch)

@@ -21,7 +21,6 @@ _TEXT = Column(kind="text")
 _NUMBER = Column("see the column unit")
 
 SESSION_COLUMNS = {
-    "session": Column(kind="count"),
     "machine": _TEXT,
     "date": _TEXT,
     "effect": _TEXT,
@@ -38,24 +37,35 @@ SESSION_COLUMNS = {
 
 
 def work_key(work: str, sessions: Sequence[Session], **settings: Any) -> dict[str, Any]:
-    """Return what the results of sessions depend on: equal keys, equal tables.
+    """Return what the results of all sessions depend on; see `work_names` for their logs.
 
-    Logs and column map enter by path, size and time of the last change, not by content: reading
-    all logs of a fleet would take as long as the work.
+    The column map enters by path, size and time of the last change.
     """
     first = sessions[0]
-    files = [[s.machine, s.date, *(_stamp(path) for path in s.paths)] for s in sessions]
-    digest = hashlib.sha256(json.dumps(files).encode("utf-8")).hexdigest()
     return {
         "work": work,
         "robot": fingerprint(load_robot(first.robot)),
         "lossless": first.lossless,
         "columns": _stamp(first.columns) if first.columns else None,
-        "sessions": len(sessions),
-        "logs": digest,
         "version": version("wbc"),
         **settings,
     }
+
+
+def work_names(sessions: Sequence[Session]) -> tuple[str, ...]:
+    """Return a name for the part of every session: which one it is, and of which logs.
+
+    Logs enter by path, size and time of the last change, not by content: reading all logs of a
+    fleet would take as long as the work.
+    """
+    return tuple(
+        f"{_digest([s.machine, s.date])}-{_digest([_stamp(path) for path in s.paths])}"
+        for s in sessions
+    )
+
+
+def _digest(what: Sequence[Any]) -> str:
+    return hashlib.sha256(json.dumps(what).encode("utf-8")).hexdigest()[:24]
 
 
 def _stamp(path: str) -> list[str | int]:
@@ -67,15 +77,13 @@ def _stamp(path: str) -> list[str | int]:
     return [path, found.st_size, found.st_mtime_ns]
 
 
-def measured_rows(numbered: tuple[int, Session]) -> dict[str, Any]:
+def measured_rows(session: Session) -> dict[str, Any]:
     """Return the rows of one session; what a worker runs."""
-    number, session = numbered
     result = measure_session(session)
     empty: tuple[Quantity, Estimate] = (("", "", ""), Estimate(np.nan, "1", np.nan, np.nan))
     entries = list(result.values.items()) or [empty]
     count = len(entries)
     return {
-        "session": [number] * count,
         "machine": [result.machine] * count,
         "date": [result.date] * count,
         "effect": [effect for (effect, _, _), _ in entries],
@@ -94,7 +102,9 @@ def stored_sessions(columns: Mapping[str, Any], sessions: Sequence[Session]) -> 
     """Return the sessions of a table."""
     values: list[dict[Quantity, Estimate]] = [{} for _ in sessions]
     failures, warnings = [""] * len(sessions), [""] * len(sessions)
-    for row, number in enumerate(columns["session"].tolist()):
+    numbers = {(s.machine, s.date): number for number, s in enumerate(sessions)}
+    for row, session in enumerate(zip(columns["machine"], columns["date"], strict=True)):
+        number = numbers[session]
         failures[number] = columns["failure"][row]
         warnings[number] = columns["warnings"][row]
         if failures[number]:

@@ -27,6 +27,7 @@ from wbc.identification.trend.stored import (
     measured_rows,
     stored_sessions,
     work_key,
+    work_names,
 )
 from wbc.progress import Watch
 from wbc.results import ResultTable, fill_table, read_results
@@ -183,12 +184,12 @@ def follow(
         workers: processes; -1 takes all cores.
         cluster: address of a Dask scheduler instead.
         watch: called with the sessions done and their total.
-        out: Parquet file for a row per session and quantity. What a run that was killed left
-            beside it is not measured again; a whole file is read.
+        out: Parquet file for a row per session and quantity. Sessions that it holds already, or
+            that a killed run left beside it, are not measured again; new ones are added.
 
     Raises:
         IdentificationError: no run, or no session that can be measured.
-        ResultsError: the file holds the results of other logs, or of another robot.
+        ResultsError: the file holds sessions that are not given, or those of another robot.
         ParallelError: workers is 0, or no cluster at the address.
     """
     sessions = sessions_of(robot, runs, columns, lossless)
@@ -196,11 +197,17 @@ def follow(
         raise IdentificationError("no log was given.")
     with TemporaryDirectory() as folder:
         path = Path(out) if out else Path(folder) / "sessions.parquet"
-        table = ResultTable(path, work_key("trend", sessions), SESSION_COLUMNS, len(sessions))
+        table = ResultTable(
+            path,
+            work_key("trend", sessions),
+            SESSION_COLUMNS,
+            len(sessions),
+            work_names(sessions),
+        )
         fill_table(
             table,
             measured_rows,
-            list(enumerate(sessions)),
+            sessions,
             workers=workers,
             cluster=cluster,
             watch=watch,

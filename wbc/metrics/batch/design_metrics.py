@@ -349,8 +349,7 @@ def _forces(
 
 def _copper(designs: Designs) -> FloatArray:
     """Return heat per torque squared of each motor, alike for all where the robot names none."""
-    motors = designs.robot.transmission
-    heat = motors.resistance / motors.torque_constant**2
+    heat = designs.robot.transmission.copper_loss
     return np.where(np.isfinite(heat).all(), heat, 1.0)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from wbc.sim.energy.energy_flow import EnergyFlow
 
 
@@ -14,15 +16,24 @@ class EnergyAudit:
     Attributes:
         flow: work and losses of the run.
         stored: change of kinetic plus potential energy of links, rotors and gear springs [J].
+        joule_heat: of the windings, R (tau / k_t)^2 over time [J]; NaN where a motor's constants
+            are unknown. It comes from the supply beside the motors' work and is no part of the
+            balance above.
     """
 
     flow: EnergyFlow
     stored: float
+    joule_heat: float = np.nan
 
     @property
     def residual(self) -> float:
         """What the books do not close by [J]; O(dt) by the order of the time step."""
         return self.flow.work - self.stored - self.flow.bent - self.flow.lost
+
+    @property
+    def electric(self) -> float:
+        """What the supply gives, less what it gets back: motor work plus Joule heat [J]."""
+        return self.flow.motor + self.joule_heat
 
     def __str__(self) -> str:
         """Return the books as a table."""
@@ -36,6 +47,8 @@ class EnergyAudit:
             *((f"lost: {name.replace('_', ' ')}", v) for name, v in self.flow.losses.items()),
             ("residual", self.residual),
         ]
+        if np.isfinite(self.joule_heat):
+            rows.append(("beside: Joule heat", self.joule_heat))
         return "\n".join(f"{name:24s}{value:14.6f} J" for name, value in rows)
 
 

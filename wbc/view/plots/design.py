@@ -31,6 +31,7 @@ MAPPED = (
     "landing_error_high",
     "landing_error_low",
 )
+_SHARES = ("impact_mitigation", "heat_saved")  # between 0 and 1: evenly spread colours
 _DECADE = 20.0  # largest over smallest value from which colours are spread by the logarithm
 _SPREAD = 1e-6  # relative; a column that varies less than that shows nothing
 
@@ -133,7 +134,7 @@ def _map(
 ) -> None:
     x, y = (table[column] for column in varied[:2])
     z = np.where(np.isfinite(table[name]), table[name], np.nan)
-    norm = _norm(z)
+    norm = _norm(z, name in _SHARES)
     across, up = np.unique(x), np.unique(y)
     if len(varied) == 2 and len(across) * len(up) == len(z):
         order = np.lexsort((x, y))
@@ -149,10 +150,10 @@ def _map(
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _norm(values: FloatArray) -> Normalize:
+def _norm(values: FloatArray, share: bool) -> Normalize:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    if low > 0.0 and high > _DECADE * low:
+    if not share and low > 0.0 and high > _DECADE * low:
         return LogNorm(low, high)
     return Normalize(low, high)
 

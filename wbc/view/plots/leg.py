@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from textwrap import fill
+
 import numpy as np
 import pinocchio as pin
 from matplotlib.axes import Axes
@@ -26,8 +29,14 @@ from wbc.view.quantities.impacts import robot_weight
 from wbc.view.scene.shapes import robot_shapes
 
 # One colour for one assumption about the gears, in both panels.
-_FORWARD, _BACKWARD, _PERFECT = 0, 1, 2
-_DASH = {_PERFECT: DASHES[1], _BACKWARD: DASHES[0], _FORWARD: DASHES[2]}
+_FORWARD, _BACKWARD, _PERFECT, _COMBINED = 0, 1, 2, 3
+_DASH = {
+    _PERFECT: DASHES[1],
+    _BACKWARD: DASHES[0],
+    _FORWARD: DASHES[2],
+    _COMBINED: DASHES[3],
+}
+_NEAR = 0.04  # of the panel: names of joints closer than that are written as one
 
 
 def leg_figure(
@@ -35,11 +44,15 @@ def leg_figure(
 ) -> Figure:
     """Return pose, inertia ellipsoids and force polytopes of one contact (Sim & Ramos, IV.D).
 
+    The forces are those of the point on its surroundings. The combined polygon is that of
+    `wbc.metrics.ForceCapability.moving`: the point is about to move along the second axis, as
+    the foot of a leg whose body sinks. Where no motor limits the force its panel says why.
+
     The semi-axes of the ellipsoids are the principal inertias in kg, so that larger is heavier,
     as the paper draws them; the Forward-GIT is left out where it does not exist (floating base).
 
     Args:
-        robot: with torque limits on every gear that the contact loads.
+        robot: whose gears and links are drawn.
         position: q (nq,), not singular.
         contact: name of the contact point.
         theme: page colours.
@@ -68,19 +81,20 @@ def _draw_pose(
     frame = model.getFrameId(point.frame)
     foot = np.asarray(data.oMf[frame].act(point.offset))[rows]
     joint, driven = int(model.frames[frame].parentJoint), set(robot.transmission.joints)
-    chain = [foot]
+    chain, names = [foot], [contact]
     while model.names[joint] in driven:
         chain.append(np.asarray(data.oMi[joint].translation)[rows])
+        names.append(model.names[joint])
         joint = int(model.parents[joint])
     _draw_body(ax, robot, data.oMi[joint], joint, rows, theme)
     line = np.array(chain)
     ax.plot(line[:, 0], line[:, 1], color=theme.ink, linewidth=4, solid_capstyle="round", alpha=0.6)
-    for name in robot.transmission.joints:
+    for name in driven - set(names):  # of other limbs: in their place, without a name
         place = np.asarray(data.oMi[model.getJointId(name)].translation)[rows]
-        ax.plot(*place, "o", color=theme.series[0], markersize=9)
-        _name(ax, name, place)
+        ax.plot(*place, "o", color=theme.faint, markersize=6, zorder=1)
+    ax.plot(*line[1:].T, "o", color=theme.series[0], markersize=9)
     ax.plot(*foot, "o", color=theme.series[1], markersize=7)
-    _name(ax, contact, foot)
+    _name_places(ax, names, line)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.12, 0.06)
     ax.set_title("pose")
@@ -88,8 +102,16 @@ def _draw_pose(
     ax.set_ylabel(f"{axes[1]} [m]")
 
 
-def _name(ax: Axes, text: str, place: FloatArray) -> None:
-    ax.annotate(text, (place[0], place[1]), xytext=(9, 4), textcoords="offset points", fontsize=8)
+def _name_places(ax: Axes, names: list[str], places: FloatArray) -> None:
+    """Write names (k,) beside places (k, 2), a line each for those that lie on each other."""
+    near = _NEAR * max(float(np.ptp(places, axis=0).max()), 1e-9)
+    left = list(range(len(names)))
+    while left:
+        here = places[left[0]]
+        same = [k for k in left if np.linalg.norm(places[k] - here) <= near]
+        left = [k for k in left if k not in same]
+        text = "\n".join(names[k] for k in same)
+        ax.annotate(text, (here[0], here[1]), xytext=(9, 4), textcoords="offset points", fontsize=8)
 
 
 def _draw_body(
@@ -148,15 +170,21 @@ def _draw_force(
     ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
 ) -> None:
     capability = force_capability(robot, q, contact, axes)
-    names = {
-        Direction.BACKWARD: ("hold (backward)", _BACKWARD),
-        Direction.STUCK: ("perfect gears", _PERFECT),
-        Direction.FORWARD: ("lift (forward)", _FORWARD),
+    polygons = {
+        "hold (backward)": (_BACKWARD, partial(capability.vertices, Direction.BACKWARD)),
+        "perfect gears": (_PERFECT, partial(capability.vertices, Direction.STUCK)),
+        "lift (forward)": (_FORWARD, partial(capability.vertices, Direction.FORWARD)),
+        f"combined, about to move along {axes[1]}": (
+            _COMBINED,
+            partial(capability.moving, (0.0, 1.0)),
+        ),
     }
-    for mode, (label, number) in names.items():
+    reason = ""
+    for label, (number, find) in polygons.items():
         try:
-            corners = capability.vertices(mode)
-        except DynamicsError:
+            corners = find()
+        except DynamicsError as cause:
+            reason = str(cause)
             continue
         order = np.argsort(np.arctan2(*(corners - corners.mean(axis=0)).T[::-1]))
         colour, dash = theme.series[number], _DASH[number]
@@ -165,14 +193,20 @@ def _draw_force(
             corners[order], fill=False, edgecolor=colour, linestyle=dash, linewidth=1.4, label=label
         )
         ax.add_patch(outline)
+    if not ax.patches:
+        text = fill(reason, 36)
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=8)
+        ax.set_axis_off()
+        ax.set_title("force capability")
+        return
     if robot.floating_size:
-        weight = robot_weight(robot)
+        weight = -robot_weight(robot)  # what a foot that carries all presses on the ground with
         ax.axhline(weight, color=theme.ink, linewidth=0.9, linestyle=":")
         place = ("axes fraction", "data")
         ax.annotate("weight", (1.01, weight), xycoords=place, va="center", fontsize=8)
     ax.autoscale_view()
     ax.margins(0.06, 0.08)
     _legend_below(ax)
-    ax.set_title("force capability")
+    ax.set_title("force on the surroundings")
     ax.set_xlabel(f"$f_{axes[0]}$ [N]")
     ax.set_ylabel(f"$f_{axes[1]}$ [N]")

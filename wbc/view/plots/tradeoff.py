@@ -25,7 +25,8 @@ def tradeoff_figure(
     """Return what less efficient gears cost and bring along one direction (Sim & Ramos, IV.D).
 
     Panels over the forward efficiency of all gears: the wedge's backward efficiency; force that
-    can be lifted and held over the force with perfect gears; for a floating base the impact
+    can be lifted and held over the force with perfect gears (left out where no motor limits it);
+    for a floating base the impact
     mitigation factor (it is 1 for a base that cannot move).
 
     Args:
@@ -38,13 +39,15 @@ def tradeoff_figure(
     """
     eta = np.linspace(0.505, 1.0, 100)
     sweep = efficiency_sweep(robot, position, contact, direction, eta, axes=axes)
-    panels = 3 if robot.floating_size else 2
+    limited = bool(np.isfinite(sweep.conventional).all())
+    panels = 1 + limited + bool(robot.floating_size)
     with drawing(theme):
         figure, grid = new_figure(1, panels, 3.35 * panels, 3.1)
         _draw_relation(grid[0][0], robot, eta, theme)
-        _draw_ratios(grid[0][1], sweep, theme)
+        if limited:
+            _draw_ratios(grid[0][1], sweep, theme)
         if robot.floating_size:
-            _draw_mitigation(grid[0][2], sweep, theme)
+            _draw_mitigation(grid[0][-1], sweep, theme)
         for ax in grid[0]:
             ax.set_xlabel("forward efficiency $\\eta_f$ [-]")
             ax.set_xlim(0.5, 1.0)
@@ -64,8 +67,13 @@ def _draw_relation(ax: Axes, robot: Robot, eta: FloatArray, theme: Theme) -> Non
         fontsize=8,
     )
     ax.scatter(forward, backward, color=theme.ink, zorder=3)
-    for joint, f, b in zip(gears.joints, forward, backward, strict=True):
-        ax.annotate(joint, (f, b), xytext=(5, -11), textcoords="offset points", fontsize=8)
+    for f, b in dict.fromkeys(zip(forward.tolist(), backward.tolist(), strict=True)):
+        same = np.flatnonzero((forward == f) & (backward == b))
+        text = "\n".join(gears.joints[j] for j in same) if len(same) < gears.size else "all gears"
+        ax.annotate(
+            text, (f, b), xytext=(0, -7), ha="center", va="top",
+            textcoords="offset points", fontsize=8,
+        )  # fmt: skip
     ax.set_title("backward efficiency of the wedge")
     ax.set_ylabel("$\\eta_b$ [-]")
 

@@ -80,8 +80,10 @@ class Finding:
 
     @property
     def numbers(self) -> Mapping[str, Estimate]:
-        """What a person reads: the quantities, or else the parameters."""
-        return self.quantities or self.parameters
+        """What a person reads: the quantities of what is drawn, or else the parameters."""
+        if self.quantities or self.effect.departures.size:
+            return self.quantities
+        return self.parameters
 
     @property
     def probability(self) -> float:

@@ -61,10 +61,12 @@ def quantities_of(
     told = _simplest(estimates, found)
     differ = {name: e for name, e in told.items() if not e.low <= before[name].value <= e.high}
     sentences = [_numbers_told(fit, rows)]
+    if not differ:
+        sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
     if same := [name for name in told if name not in differ]:
         sentences.append(f"as drawn within what these logs tell: {', '.join(same)}")
     if silent := _silent(estimates, found):
-        sentences.append(f"these logs do not tell, left as drawn: {', '.join(silent)}")
+        sentences.append(f"these logs do not tell, left as drawn: {_listed(silent, found)}")
     return differ, sentences
 
 
@@ -140,3 +142,17 @@ def _silent(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> lis
     """Return the names of what is not told and not only said in the place of something."""
     stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
     return [n for n in found if n not in known and not n.startswith(stand_ins)]
+
+
+def _listed(names: list[str], found: Mapping[str, Quantity]) -> str:
+    """Return names in a row, those of a body of which all are there as one."""
+    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
+    bodies: dict[str, list[str]] = {}
+    for name in found:
+        if not name.startswith(stand_ins):
+            bodies.setdefault(name.rpartition(".")[0], []).append(name)
+    parts = []
+    for body, own in bodies.items():
+        there = [name for name in own if name in names]
+        parts += [f"all of {body}"] if body and there == own else there
+    return ", ".join(parts)

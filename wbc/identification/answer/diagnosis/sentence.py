@@ -118,6 +118,9 @@ def _sum_up(findings: Sequence[Finding]) -> str:
 
 def _said(finding: Finding) -> str:
     """Return an effect at its place with its size; of many numbers those that a person checks."""
+    place = f"{spoken(finding.effect.name)} at {finding.effect.where}"
+    if finding.effect.departures.size and not finding.quantities:
+        return place
     if not finding.quantities:
         said = finding.effect.said({name: e.unit for name, e in finding.parameters.items()})
         given = [
@@ -132,12 +135,12 @@ def _said(finding: Finding) -> str:
         + (f" instead of {plain(e.drawn)}" if e.drawn is not None else "")
         for name, e in shown
     )
-    return f"{spoken(finding.effect.name)} at {finding.effect.where} ({sizes})"
+    return f"{place} ({sizes})"
 
 
 def _replaced(findings: Sequence[Finding]) -> bool:
     """Return whether the robot as given has something in the place of an effect."""
-    own = [e for f in findings if not f.quantities for e in f.parameters.values()]
+    own = [e for f in findings if not f.quantities for e in f.numbers.values()]
     return any(e.drawn is not None for e in own)
 
 

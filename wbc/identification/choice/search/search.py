@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wbc.identification.choice.search import moves
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.weighing.certainty import doubted_names
 from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key, without
 
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
@@ -105,8 +105,28 @@ class Search:
                 return other
             if one := self.best(moves.merges(proposer, current), current):
                 return one
+            if several := self.best(self._in_parts(current), current):
+                return several
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
+
+    def _in_parts(self, current: Hypothesis) -> list[Hypothesis]:
+        """Return hypotheses with several causes where one says as much as several at once.
+
+        A wrong drawing of a link moves its mass, its centre and its inertia: it also explains what
+        a payload and a tilted base do together. Neither of them takes its place alone, so they are
+        added one after the other, as long as they ask for less than it does.
+        """
+        proposer, found = self.proposer, []
+        plain = replace(self, proposer=proposer.of_one_claim)
+        for effect in current.effects:
+            if effect.claims == 1 or current.swings:
+                continue
+            parts = proposer.trials.of(without(current.effects, effect))
+            while parts is not None and parts.asked < current.asked:
+                found.append(parts)
+                parts = plain._addition(parts)
+        return found
 
     def _pair(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best pair of causes of those that add to the evidence by themselves.

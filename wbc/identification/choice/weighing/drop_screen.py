@@ -132,4 +132,5 @@ def _without(
 
 def _as_left(problem: EstimationProblem, h: Hypothesis, residual: FloatArray) -> Hypothesis:
     """Return the hypothesis as if it left this residual (rows, outputs), nothing held out."""
-    return replace(h, folds=fold_means(problem.folds, residual**2))
+    squares = fold_means(problem.folds, residual**2)
+    return replace(h, folds=squares, beside=squares)

@@ -34,7 +34,7 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
         problem: the logs.
         hypotheses: at least one.
     """
-    priors = np.array([h.prior for h in hypotheses])
+    priors = np.array([h.prior - h.open for h in hypotheses])
     return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + priors)
 
 
@@ -56,12 +56,12 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
 def _log_density(
     h: Hypothesis, samples: FloatArray, distorted: FloatArray, simulated: bool
 ) -> FloatArray:
-    total = h.rows @ h.folds
-    others = (total - h.rows[:, None] * h.folds) / (h.rows.sum() - h.rows)[:, None]
-    left, variance = h.folds, np.maximum(others, 1.0) + distorted
+    total = h.rows @ h.beside
+    others = (total - h.rows[:, None] * h.beside) / (h.rows.sum() - h.rows)[:, None]
+    left, variance = h.beside, np.maximum(others, 1.0) + distorted
     if simulated:
         # A simulated link is off by as much in a way of its own: nothing below that is evidence.
-        left, variance = (np.maximum(squares, 1.0 + distorted) for squares in (h.folds, others))
+        left, variance = (np.maximum(squares, 1.0 + distorted) for squares in (h.beside, others))
     return np.asarray(-0.5 * np.sum(samples * (np.log(variance) + left / variance), axis=0))
 
 

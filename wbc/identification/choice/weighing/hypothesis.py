@@ -24,6 +24,8 @@ class Hypothesis:
     Attributes:
         effects: the causes with fitted parameters, in the order in which they act.
         folds: (F, outputs) held-out mean squares of each fold, in floors.
+        beside: (F, outputs) the same beside what is open of numbers that are drawn to a prior.
+        open: what these numbers cost, being open while a fold is left out [nats].
         blocks: (B,) held-out mean squares of each block, all outputs together.
         samples: (outputs,) independent samples per row of what this hypothesis leaves.
         rows: (F,) rows of each fold.
@@ -33,6 +35,8 @@ class Hypothesis:
 
     effects: tuple[Effect, ...]
     folds: FloatArray
+    beside: FloatArray
+    open: float
     blocks: FloatArray
     samples: FloatArray
     rows: FloatArray

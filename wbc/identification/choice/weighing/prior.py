@@ -29,10 +29,11 @@ def asked(effects: Sequence[Effect]) -> float:
     """Return what the names, places and numbers of a set of causes cost [nats].
 
     An effect that says several things at once counts as several names: a wrong drawing of a link,
-    its mass, its centre and its inertia.
+    its mass, its centre and its inertia. Numbers that are drawn to what is usual ask for nothing:
+    the evidence is that of all of them together (`UsualRows.beside_open`).
     """
     names = {effect.name: effect.claims for effect in effects}
-    numbers = sum(effect.freedom for effect in effects)
+    numbers = sum(effect.freedom for effect in effects if not effect.departures.size)
     return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
 
 

@@ -151,10 +151,13 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     squares = problem.held_out(fit)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
+    beside, cost = problem.held_out_beside_open(fit)
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares),
+        beside=fold_means(problem.folds, beside),
+        open=cost,
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),
         rows=rows,
