@@ -28,6 +28,7 @@ from sims import (
     imperfect_loop,
     parallelogram,
     standing,
+    tilting_table,
     trot,
     wedge,
 )
@@ -142,6 +143,11 @@ def designs() -> None:
         keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
         wbc([*ARM_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
         keep(OUT / theme / "staubli_tx40_design_map.png", "design_arm" + ending)
+    slid = tilting_table.main()
+    plots(
+        lambda theme: {"tilting_table": tilting_table.figure(slid, theme)},
+        tilting_table="tilting_table",
+    )
     plots(case_study.draw, case_foot="case_foot", case_efficiency="case_efficiency")
     flow, blocks = energy_flow.main(), wedge.panels(wedge.main())
     plots(

@@ -123,7 +123,8 @@ class Plant:
         plant flows to the touchdown, takes the impact there, and flows on. A barrier that is hit
         again within one step bounces faster than the step can tell: it is hit without restitution
         and is kept as a row, which may close but not be passed, for what is left of the step. So
-        every barrier that closes is kept, in finitely many parts.
+        is a point that lands slowly; its impact comes at the end. So every barrier that closes is
+        kept, in finitely many parts.
 
         Args:
             state: where it starts.
@@ -139,7 +140,7 @@ class Plant:
         impacts: list[Impact] = []
         if state.memory or setup.memory:
             state = state.replace(memory=checked_memory(setup.robot, setup.memory, state.memory))
-        struck = kept = np.zeros(setup.barriers.size, dtype=bool)
+        struck = kept = slow = np.zeros(setup.barriers.size, dtype=bool)
         start, left = state, dt
         if len(state.closed) != setup.barriers.size:
             state, impact, fresh = settle(setup, state, dt)
@@ -149,6 +150,9 @@ class Plant:
             part = flow(PartInput(setup, state, command, left, external, kept))
             if part.landed:
                 landing = ~state.closed & ~kept & (part.gap < -TOUCH)
+                if self._slowly(state, part, landing, left):
+                    kept, slow = kept | landing, slow | landing
+                    continue
                 found = self._until_landing(state, command, part, left, external, kept)
                 if found is None:
                     kept = kept | landing
@@ -156,12 +160,16 @@ class Plant:
                 part = found
             parts.append(part)
             left -= part.state.time - state.time
-            if left <= 1e-9 * dt:
+            state, over = part.state, left <= 1e-9 * dt
+            if slow.any():
+                state = state.replace(closed=state.closed & ~slow)
+            if not over or slow.any():
+                state, impact, fresh = settle(setup, state, dt if over else left, ~(struck | slow))
+                impacts += [impact] if impact is not None else []
+                kept, struck = kept | (struck & fresh), struck | fresh
+            if over:
                 break
-            state, impact, fresh = settle(setup, part.state, left, ~struck)
-            impacts += [impact] if impact is not None else []
-            kept, struck = kept | (struck & fresh), struck | fresh
-        return StepResult(part.state, dt, command, tuple(parts), tuple(impacts), start, setup)
+        return StepResult(state, dt, command, tuple(parts), tuple(impacts), start, setup)
 
     def run(
         self,
@@ -234,6 +242,20 @@ class Plant:
         if not within(torque, low, high, given):
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
         return given
+
+    def _slowly(self, state: SimState, part: Flow, landing: BoolArray, step: float) -> bool:
+        """Whether all that lands are points that close no faster than gravity's share of a step.
+
+        The speed g h is what any step may change without an instant of its own for it. With the
+        restitution e, all bounces from g h (1 - e) / (2 e) on would be over within the step.
+        """
+        setup = self._setup
+        if not landing[setup.barriers.limits :].any() or landing[: setup.barriers.limits].any():
+            return False
+        springy = 2.0 * self.restitution
+        share = min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
+        way = self._every_gap(state)[landing] - part.gap[landing]
+        return bool(way.max() <= share * setup.gravity * step**2)
 
     def _until_landing(
         self,

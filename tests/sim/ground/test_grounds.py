@@ -311,3 +311,22 @@ def test_a_leg_with_a_round_foot_stands_a_radius_higher() -> None:
     round_leg = replace(leg, contacts=(replace(foot, radius=0.03),))
     state = Plant(round_leg).state(balanced_pose(leg, lift=0.03))
     assert Plant(round_leg).gaps(state) == pytest.approx([0.0], abs=1e-12)
+
+
+def test_a_slow_landing_is_a_row_of_its_step() -> None:
+    """It took three solves and an impact; every foot that rocks does so in every other step."""
+    robot = ball(0.05, 0.5)
+    plant, q, v = Plant(robot), robot.neutral(), np.zeros(6)
+    q[2], v[2] = 0.05 + 4e-6, -3e-3
+    state = plant.state(q, v)
+    before = plant.mechanical_energy(state)
+    for _ in range(3):
+        result = plant.step(state, [], 1e-3)
+        assert len(result.parts) == 1
+        assert not result.events
+        state = result.state
+        assert plant.gaps(state)[0] >= -1e-6
+        assert plant.mechanical_energy(state) <= before + 1e-12
+        before = plant.mechanical_energy(state)
+    assert np.abs(state.velocity).max() < 1e-9
+    assert len(plant.step(plant.state(q, 10.0 * v), [], 1e-3).parts) == 2
