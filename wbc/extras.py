@@ -37,5 +37,5 @@ def needs(extra: str, what: str) -> Iterator[None]:
             raise
         raise MissingPackageError(
             f"{what} needs the package {package}, which a bare installation does not have; "
-            f"install it with: pip install 'wbc[{extra}]'"
+            f"install it with: pip install 'wbc[{extra}]' (in a clone: pip install '.[{extra}]')"
         ) from cause

@@ -18,6 +18,7 @@ BY_BENCHMARKS = {  # need the outside data
     "ricmonk_open_loop.png",
     "simple_pendulum_open_loop.png",
     "tiago.png",
+    "tx40.png",
 }
 
 
