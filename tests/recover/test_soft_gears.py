@@ -261,25 +261,36 @@ def _struck_logs(springs: tuple[tuple[float, float], ...], play: tuple[float, fl
     return [_log(stiffness, damping, 0.0, s, wound=(0.004, 0.004), play=play) for s in (5, 6)]
 
 
-# A soft hip beside a loose knee: the play came out 8.6 % too large, where the link's beginning is
-# missed; two loose gears come out within 5 %.
-@pytest.mark.parametrize(("springs", "play", "within"), [(*TOGETHER[0], 0.05), (*TOGETHER[1], 0.1)])
+# Links that bounce have many valleys: from 1 and 3 % beside the truth a soft hip with a loose knee
+# ends with a play 11 % too large and 2.6 % of the error, from 3 and 2 % below it with 0.3 % and
+# 1.9 %. The better end counts, as in a search.
+@pytest.mark.parametrize(
+    ("springs", "play", "starts"),
+    [(*TOGETHER[0], [(1.01, 1.03)]), (*TOGETHER[1], [(1.01, 1.03), (0.97, 0.98)])],
+)
 def test_links_that_strike_together_are_followed(
-    springs: tuple[tuple[float, float], ...], play: tuple[float, float], within: float
+    springs: tuple[tuple[float, float], ...],
+    play: tuple[float, float],
+    starts: list[tuple[float, float]],
 ) -> None:
     """Links that strike throw one another: in turn they left more than stiff gears (1.8 times)."""
     problem = EstimationProblem.from_logs(
         load_robot("planar_leg_fixed").lossless(), _struck_logs(springs, play)
     )
-    begun: list[Effect] = [
-        Backlash(joint, 1.01 * width, k, c) if width else JointCompliance(joint, 1.03 * k, c)
-        for joint, width, (k, c) in zip(("hip", "knee"), play, springs, strict=True)
-    ]
-    fit = problem.fit(begun)
+
+    def near(wider: float, stiffer: float) -> list[Effect]:
+        return [
+            Backlash(joint, wider * width, k, c)
+            if width
+            else JointCompliance(joint, stiffer * k, c)
+            for joint, width, (k, c) in zip(("hip", "knee"), play, springs, strict=True)
+        ]
+
+    fit = min((problem.fit(near(*start)) for start in starts), key=lambda fit: fit.error)
     assert fit.error < 0.15**2 * problem.fit(()).error
     for effect, width, (k, _) in zip(fit.effects, play, springs, strict=True):
         name, true = ("width", width) if width else ("stiffness", k)
-        assert effect.values[name] == pytest.approx(true, rel=within)
+        assert effect.values[name] == pytest.approx(true, rel=0.05)
 
 
 def test_a_soft_and_a_loose_gear_are_both_named() -> None:
