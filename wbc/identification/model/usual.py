@@ -118,22 +118,6 @@ class UsualRows:
             cost += 0.5 * (_log_det(known) - _log_det(known - own.T @ own))
         return squares, cost
 
-    def told(self, jacobian: FloatArray) -> float:
-        """Return how many of the drawn numbers the logs tell, the rest being as drawn.
-
-        The trace of what the logs know of them over what logs and prior know together.
-
-        Args:
-            jacobian: (rows, outputs, p) per unit of each parameter's scale.
-        """
-        drawn = np.any(self.jacobian, axis=0)
-        if not drawn.any():
-            return 0.0
-        count = int(drawn.sum())
-        a = (jacobian[:, :, drawn] * self.weights[:, None]).reshape(-1, count)
-        usual = self.jacobian[:, drawn].T @ self.jacobian[:, drawn]
-        return float(count - np.trace(np.linalg.solve(a.T @ a + usual, usual)))
-
 
 def _log_det(matrix: FloatArray) -> float:
     return float(np.linalg.slogdet(matrix)[1])

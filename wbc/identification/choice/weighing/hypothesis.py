@@ -25,8 +25,7 @@ class Hypothesis:
         effects: the causes with fitted parameters, in the order in which they act.
         folds: (F, outputs) held-out mean squares of each fold, in floors.
         beside: (F, outputs) the same beside what is open of numbers that are drawn to a prior.
-        open: what these numbers cost, being open while a fold is left out and told by the
-            logs in the end [nats].
+        open: what these numbers cost, being open while a fold is left out [nats].
         blocks: (B,) held-out mean squares of each block, all outputs together.
         samples: (outputs,) independent samples per row of what this hypothesis leaves.
         rows: (F,) rows of each fold.

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.errors import IdentificationError
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means
-from wbc.identification.choice.weighing.prior import asked, implausible, told_numbers
+from wbc.identification.choice.weighing.prior import asked, implausible
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import ITERATIONS, Fit
 from wbc.identification.model.kept_columns import IMPOSSIBLE
@@ -157,7 +157,7 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         effects=fit.effects,
         folds=fold_means(problem.folds, squares),
         beside=fold_means(problem.folds, beside),
-        open=cost + told_numbers(fit),
+        open=cost,
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),
         rows=rows,
