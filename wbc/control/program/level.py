@@ -16,7 +16,7 @@ from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
-from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution
+from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution, QPStatus
 from wbc.control.torque.direction_search import GUESSES, SMALL, DirectedSolution, DirectionSearch
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
@@ -99,6 +99,13 @@ class Level:
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._output = np.zeros(0)
         self._saturated = self._whole = self._solvable = False
+
+    def forget(self) -> None:
+        """Start the next tick without the rows that bound the last one."""
+        self._saturated = False
+        self._search.forget()
+        if self._guess is not None:
+            self._guess.forget()
 
     def assemble(
         self,
@@ -218,7 +225,8 @@ class Level:
         if not verdict[0].usable:
             return Refusal(verdict, found, self)
         push = found.solution.z[program.rows.torque]
-        self._saturated = bool((abs(push) > _BINDS).any())
+        stopped = found.solution.status is not QPStatus.SOLVED
+        self._saturated = stopped or bool((abs(push) > _BINDS).any())
         if self._guess is not None:
             self._guess.learn(found.solution.z[program.rows.torque.stop :])
         return Answer(found, self._realise(found, gears), verdict)
