@@ -17,10 +17,10 @@ from wbc.identification import compare, diagnose
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.filters.smoothing import low_pass, white_level
+from wbc.identification.records.filters.smoothing import white_level
 from wbc.identification.records.noise.noise_floor import drawn_noise, find_repeats, noise_floor
 from wbc.identification.records.preparation import prepare
-from wbc.measurement import Log
+from wbc.measurement import Log, low_pass
 
 
 @pytest.fixture(scope="module")
