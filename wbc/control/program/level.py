@@ -141,14 +141,15 @@ class Level:
         self._whole = False
         if not self._solvable:
             return Refusal(None, None, self)
-        if self._guess is not None and not self._saturated:
+        guessed = self._guess is not None and not self._saturated
+        if self._guess is not None and guessed:
             found = self._guessed(self._guess, gears, first)
             if found is not None:
                 realised = self._realise(found, gears)
                 if realised.exact:
                     return Answer(found, realised, _SOLVED)
         self._whole = True
-        return self._searched(gears, first)
+        return self._searched(gears, first, starts_over=guessed)
 
     def problem(self, gears: GearState | None) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of its solution."""
@@ -210,7 +211,9 @@ class Level:
             *(acceleration, solution.iterations),
         )
 
-    def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
+    def _searched(
+        self, gears: GearState, first: FloatArray, *, starts_over: bool
+    ) -> Answer | Refusal:
         self._assemble_whole()
         program = self.program
         found = self._search.solve(
@@ -219,6 +222,7 @@ class Level:
             gears.limits,
             gears.speed,
             gears.last_output,
+            starts_over=starts_over,
         )
         self._output = found.output
         verdict = judged(found, program)

@@ -93,15 +93,18 @@ class Cascade:
         """Whether the budget is spent."""
         return self.iterations >= self._most
 
-    def solve(self, problem: BlockProblem) -> QPSolution:
-        """Return the solution, or one that is not SOLVED."""
+    def solve(self, problem: BlockProblem, *, starts_over: bool = False) -> QPSolution:
+        """Return the solution, or one that is not SOLVED.
+
+        The own solver first tries the rows that bound the last solution, unless it `starts_over`.
+        """
         start = perf_counter()
-        solution = self._solve(problem)
+        solution = self._solve(problem, starts_over)
         self.spent += perf_counter() - start
         self.count += 1
         return solution
 
-    def _solve(self, problem: BlockProblem) -> QPSolution:
+    def _solve(self, problem: BlockProblem, starts_over: bool) -> QPSolution:
         self.blocking = -1
         self.iterations += _PROGRAM
         if self.exhausted:
@@ -109,7 +112,7 @@ class Cascade:
         if self._own is None:
             return self._ask_other(problem)
         if self._own_first:
-            solution = self._ask_own(self._own, problem)
+            solution = self._ask_own(self._own, problem, starts_over)
             if solution.status in _CERTAIN or self.iterations > _EARLY * self._most:
                 return solution
             if float(np.abs(problem.right).max(initial=0.0)) > self._tolerance / _ROUNDING:
@@ -140,8 +143,10 @@ class Cascade:
             return None
         return _nothing(problem)._replace(x=found, iterations=self._own.steps)
 
-    def _ask_own(self, own: DualActiveSet, problem: BlockProblem) -> QPSolution:
-        solution = own.solve(problem, self._most - self.iterations)
+    def _ask_own(
+        self, own: DualActiveSet, problem: BlockProblem, starts_over: bool = False
+    ) -> QPSolution:
+        solution = own.solve(problem, self._most - self.iterations, starts_over=starts_over)
         self.iterations += own.steps
         self.blocking = own.blocking
         return solution

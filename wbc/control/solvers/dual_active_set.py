@@ -91,17 +91,23 @@ class DualActiveSet:
             self.forget()
         return found
 
-    def solve(self, problem: BlockProblem, most: int | None = None) -> QPSolution:
+    def solve(
+        self, problem: BlockProblem, most: int | None = None, *, starts_over: bool = False
+    ) -> QPSolution:
         """Return the solution of a program of the size given on construction.
 
-        At most `most` rows are added or dropped, `max_iterations` where it is left out. INFEASIBLE
-        where rows contradict one another, ITERATION_LIMIT after too many steps, both with the x
-        reached; FAILED, with an x of NaN, where rounding leaves the rows unmet.
+        The rows that bound the last solution are tried first, unless it `starts_over`. At most
+        `most` rows are added or dropped, `max_iterations` where it is left out. INFEASIBLE where
+        rows contradict one another, ITERATION_LIMIT after too many steps, both with the x reached;
+        FAILED, with an x of NaN, where rounding leaves the rows unmet.
         """
         self.steps, self.blocking = 0, -1
-        found = self._settled(problem)
-        if found is not None:
-            return found
+        if starts_over:
+            self._take(problem)
+        else:
+            found = self._settled(problem)
+            if found is not None:
+                return found
         status = self._climbed(problem, self._most if most is None else most)
         if status is QPStatus.SOLVED:
             found = self._settled(problem)
@@ -121,9 +127,13 @@ class DualActiveSet:
         """
         self.steps, self.blocking = 0, -1
         closest = problem.nearest_to(x)
-        diagonal, pull, rows, right, softness, *_ = closest
-        place_blocks(rows, right, softness, diagonal, pull, *self._rows, *self._diagonal)
+        self._take(closest)
         return self._reached if self._climbed(closest, most) is QPStatus.SOLVED else None
+
+    def _take(self, problem: BlockProblem) -> None:
+        """Copy what climbing needs of a program."""
+        diagonal, pull, rows, right, softness, *_ = problem
+        place_blocks(rows, right, softness, diagonal, pull, *self._rows, *self._diagonal)
 
     def _settled(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
         """Correct the binding rows a few times; return the solution where that ends."""

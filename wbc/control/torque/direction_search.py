@@ -88,6 +88,8 @@ class DirectionSearch:
         limits: Limits,
         speed: FloatArray,
         last_output: FloatArray,
+        *,
+        starts_over: bool = False,
     ) -> DirectedSolution:
         """Return the solution of the assembled program with directions that agree with it.
 
@@ -97,6 +99,7 @@ class DirectionSearch:
             limits: least and greatest N tau_phi (m,) [N m].
             speed: expected dpsi (m,) [rad/s], for efforts.
             last_output: T (m,) of the last tick [N m], for efforts.
+            starts_over: whether the rows that bound the last solution are not worth a try.
         """
         program, near = self.program, None
         self._plain.start_tick()
@@ -105,7 +108,8 @@ class DirectionSearch:
             slope = slopes.at(positive)
             program.assemble_torque_limits(slope, *limits)
             program.assemble_efforts(slope, speed, last_output)
-            solution = self._plain.solve(program.blocks)
+            solution = self._plain.solve(program.blocks, starts_over=starts_over)
+            starts_over = False
             if np.isfinite(solution.x).all():
                 near = solution.x
             if solution.status is not QPStatus.SOLVED:
