@@ -24,8 +24,8 @@ _FLAT = 1e-9  # thickness over size; coal's hull of a mesh with none (4e-17) end
 class Shape:
     """A convex solid on a link, or an obstacle in the world.
 
-    A mesh becomes its convex hull. The distance of two meshes is that of their triangles: it is
-    not negative where one lies inside the other, and its direction then points the wrong way.
+    A mesh becomes its convex hull, so that hollows count as full. The distance of two solids is
+    negative where they overlap, also where one lies inside the other.
 
     Attributes:
         name: how messages call it.
