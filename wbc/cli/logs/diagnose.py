@@ -30,7 +30,7 @@ from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
 from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
-from wbc.identification.answer.numbers import plain, sure, with_interval
+from wbc.identification.answer.numbers import plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
 from wbc.robot import Effect
@@ -225,8 +225,7 @@ def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
         column.justify = "right"
     tried = [row for row in diagnosis.ranking if row.standing != "found"]
     for row in tried if whole else tried[:_RANKED]:
-        sign = "+" if row.difference > 0.0 else ""
-        paired = f"{sign}{plain(row.difference, 2)} ± {plain(row.deviation, 1)}"
+        paired = with_deviation(row.difference, row.deviation)
         table.add_row(row.text, plain(row.error), paired, row.judgement)
     if len(tried) > _RANKED and not whole:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
