@@ -106,8 +106,11 @@ def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str
         rows["commit"] = facts["commit"]
     rows["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     for source in sources:
+        # The digest is that of the file, which may hold many logs.
+        path = source.label.partition("#")[0]
+        known = sum(1 for other in sources if other.label.partition("#")[0] == path)
         digest = f"sha256 {source.sha256}" if source.sha256 else "made in memory"
-        rows[f"data: {log_name(source.label)}"] = digest
+        rows[f"data: {path}"] = digest if known == 1 else f"{digest} ({known} logs)"
     return rows
 
 

@@ -38,9 +38,9 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         case "partial":
             sure = certain_findings(diagnosis)
             certain = _sum_up(sure)
-            what = "Missing or different" if _replaced(sure) else "Missing"
+            what = "missing or different" if _replaced(sure) else "missing"
             return (
-                f"{what}, that is certain: {certain}. {_progress(diagnosis)}. More is missing "
+                f"Certainly {what}: {certain}. {_progress(diagnosis)}. More is missing "
                 "that no known effect explains."
             )
         case "unknown":
