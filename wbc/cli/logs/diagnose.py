@@ -190,18 +190,23 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
 
 
 def _effects_table(diagnosis: Diagnosis) -> Table:
-    table = Table("effect at place, parameter", "value", "90 % interval", "unit", box=None)
+    """Return the effects found; one with a single number takes a single line."""
+    table = Table("effect at place", "value", "90 % interval", "unit", "", box=None)
     table.columns[0].overflow = "fold"
     table.columns[1].justify = "right"
     for finding in diagnosis.findings:
-        table.add_row(
-            f"{finding.effect.name} at {finding.effect.where}", "", sure(finding.probability)
-        )
+        name, certainty = f"{finding.effect.name} at {finding.effect.where}", ""
+        alone = len(finding.numbers) == 1
+        if alone:
+            certainty = sure(finding.probability)
+        else:
+            table.add_row(name, "", "", "", sure(finding.probability))
         for number, e in finding.numbers.items():
             value, interval = with_interval(e.value, e.low, e.high)
             unit = "" if e.unit == "1" else e.unit
-            drawn = "" if e.drawn is None else f" (as given {plain(e.drawn)})"
-            table.add_row(f"  {number}", value, interval, f"{unit}{drawn}".strip())
+            table.add_row(name if alone else f"  {number}", value, interval, unit, certainty)
+            if e.drawn is not None:
+                table.add_row("  as given" if alone else "    as given", plain(e.drawn))
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:
