@@ -35,7 +35,10 @@ class RobotSource:
     lossless: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+_NAMED = 6  # names of one kind that a line shows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """One robot model that controller, simulator and identification share.
 
@@ -133,6 +136,23 @@ class Robot:
         if not self.model.existJointName(joint):
             raise RobotError(unknown_name(f"joint of '{self.name}'", joint, self.joints))
         return int(self.model.getJointId(joint))
+
+    def __repr__(self) -> str:
+        """Return the robot in a line or two: its joints, contacts and effects."""
+        loose = [joint for joint in self.joints if joint not in self.transmission.joints]
+        parts = {
+            "driven": self.transmission.joints,
+            "not driven": loose,
+            "contacts": [contact.name for contact in self.contacts],
+            "effects": [f"{effect.name} at {effect.where}" for effect in self.effects],
+        }
+        said = [
+            f"{what}: {', '.join(names[:_NAMED])}"
+            + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+            for what, names in parts.items()
+            if names
+        ]
+        return f"Robot({'; '.join((self.name, *said))})"
 
     @property
     def joints(self) -> tuple[str, ...]:
