@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.records.noise.synthetic_noise import synthetic_noise
 from wbc.identification.records.record import Record
 
@@ -95,7 +95,10 @@ def with_even_noise(
     """
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
     repeated = sorted({k for pair in find_repeats(records) for k in pair})
-    reference = np.mean(levels[repeated or slice(None)], axis=0)
+    judged = _judged(records)
+    reference = _mean_of(levels, judged & np.isin(range(len(records)), repeated)[:, None])
+    reference = np.where(np.isnan(reference), _mean_of(levels, judged), reference)
+    reference = np.where(np.isnan(reference), 0.0, reference)
     certainty = np.minimum(np.sqrt(reference / levels), 1.0)
     even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
     return even, [noise * share for noise, share in zip(drawn, certainty, strict=True)]
@@ -116,7 +119,53 @@ def noise_floor(
     if not pairs:
         return NoiseFloor(sensors, sensors, ())
     differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in pairs]
-    return NoiseFloor(_covariance(np.concatenate(differences)), sensors, pairs)
+    repeated = _covariance(np.concatenate(differences))
+    return NoiseFloor(_over_all(records, pairs, repeated, sensors), sensors, pairs)
+
+
+def _over_all(
+    records: Sequence[Record],
+    pairs: Sequence[tuple[int, int]],
+    repeated: FloatArray,
+    sensors: FloatArray,
+) -> FloatArray:
+    """Return the covariance (k, k) of repeats as the mean over the rows of all logs.
+
+    An output may have no weight in some logs: their rows count as zeros in every mean. Where it has
+    none in the repeats, the sensors' noise is all that is known.
+    """
+    judged, rows = _judged(records), np.array([record.rows for record in records])
+    chosen = [i for i, _ in pairs]
+    everywhere = rows @ judged / rows.sum()
+    there = rows[chosen] @ judged[chosen] / rows[chosen].sum()
+    known = there > 0.0
+    scale = np.sqrt(np.where(known, everywhere / np.where(known, there, 1.0), 0.0))
+    covariance = repeated * np.outer(scale, scale)
+    return np.where(np.outer(known, known), covariance, np.where(_neither(known), sensors, 0.0))
+
+
+def _neither(known: BoolArray) -> BoolArray:
+    return np.outer(~known, ~known)
+
+
+def _judged(records: Sequence[Record]) -> BoolArray:
+    """Return (logs, outputs) whether an output has any weight in a log."""
+    return np.array([record.weight.any(axis=0) for record in records])
+
+
+def _mean_of(levels: FloatArray, chosen: BoolArray) -> FloatArray:
+    """Return the mean (k,) of the levels (logs, k) chosen, NaN where there is none."""
+    count = chosen.sum(axis=0)
+    total = np.where(chosen, levels, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _moving(record: Record) -> BoolArray:
+    """Return which coordinates (nv,) move: noise and tremor of a held joint repeat nothing."""
+    moves = record.noise.moving(record.motion.velocity, record.bandwidth)
+    driven = record.robot.actuated
+    moves[driven] &= record.weight[:, : driven.size].any(axis=0)
+    return moves
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -136,7 +185,7 @@ def find_repeats(records: Sequence[Record]) -> tuple[tuple[int, int], ...]:
             if first.motion.position.shape != second.motion.position.shape:
                 continue
             spread = np.ptp(first.motion.velocity, axis=0)
-            moving = spread > 0.0
+            moving = (spread > 0.0) & _moving(first)
             distance = first.motion.velocity - second.motion.velocity
             apart = np.sqrt(np.mean(distance**2, axis=0))[moving] / spread[moving]
             copies = np.array_equal(first.torque, second.torque)
