@@ -17,10 +17,10 @@ from wbc.effects import (
     effect_class,
 )
 from wbc.errors import LogError
-from wbc.identification import diagnose
+from wbc.identification import compare, diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
-from wbc.measurement import Log
+from wbc.measurement import Log, check_logs
 from wbc.sim import Sensor
 from wbc.sim.excitation import ENCODER, record_run
 from wbc.transmission import mesh_input
@@ -178,12 +178,18 @@ def bench_log(robot: Robot, seed: int) -> Log:
     )
 
 
+def without_positions(log: Log) -> Log:
+    return log.select(n for n in log.names if not n.endswith(".position"))
+
+
 def test_a_dynamometer_gives_efficiencies_and_friction_in_both_directions(tmp_path: Path) -> None:
     (tmp_path / "bench.urdf").write_text(URDF)
     (tmp_path / "robot.toml").write_text(BENCH)
     assert len(BENCH.strip().splitlines()) <= 10
     robot = load_robot(tmp_path / "robot.toml")
-    found = diagnose(robot, [bench_log(robot, k) for k in (1, 2)], KINDS)
+    logs = [without_positions(bench_log(robot, k)) for k in (1, 2)]
+    assert all(quality.usable for quality in check_logs(logs, robot))
+    found = diagnose(robot, logs, KINDS)
     findings = {f.effect.key: f for f in found.findings}
     assert findings.keys() == {
         ("transmission_efficiency", "test"),
@@ -194,3 +200,25 @@ def test_a_dynamometer_gives_efficiencies_and_friction_in_both_directions(tmp_pa
     assert gear["backward_efficiency"].value == pytest.approx(0.7, abs=0.005)
     friction = findings["rotor_coulomb_friction", "test"].parameters
     assert friction["level"].value == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_bench_is_judged_alike_with_and_without_its_angles(tmp_path: Path) -> None:
+    (tmp_path / "bench.urdf").write_text(URDF)
+    (tmp_path / "robot.toml").write_text(BENCH)
+    robot = load_robot(tmp_path / "robot.toml")
+    logs = [bench_log(robot, k) for k in (1, 2)]
+    with_angles = compare(robot, logs)
+    without = compare(robot, [without_positions(log) for log in logs])
+    # What stands behind a shaft without links is not described, and not said to be wrong.
+    assert [output.output for output in without.outputs] == ["test", "brake"]
+    for one, other in zip(with_angles.outputs, without.outputs, strict=True):
+        assert other.rms == pytest.approx(one.rms, rel=0.02)
+        assert other.floor == pytest.approx(one.floor, rel=0.1)
+
+
+def test_a_velocity_is_not_enough_where_gravity_acts(sensed: list[Log]) -> None:
+    poor = without_positions(sensed[0])
+    (finding,) = check_logs([poor], LEG)[0].of_kind("joints_unknown")
+    assert "velocity of hip, knee alone is not enough" in finding.text + finding.way_out
+    with pytest.raises(LogError, match="depends on the position"):
+        compare(LEG, [poor])

@@ -70,6 +70,8 @@ def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     model = robot.model
     positions = np.full((len(channels.time), model.nv), np.nan)
     for name in robot.single_joints:
+        if name in channels.placeless:
+            continue
         positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)

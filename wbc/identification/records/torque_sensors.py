@@ -48,19 +48,21 @@ def without_torque_sensors(robot: Robot, logs: Sequence[Log]) -> list[Log]:
 
 
 def not_judged(records: Sequence[Record]) -> tuple[int, ...]:
-    """Return the outputs that say nothing: drives without a report, links that the robot has not.
-
-    Behind the sensor of a joint that carries no mass stands what the robot does not describe, such
-    as the other motor of a dynamometer.
-    """
-    robot = records[0].robot
+    """Return the outputs that say nothing: drives without a report, links not described."""
     drives = np.flatnonzero(~np.all([record.reported for record in records], axis=0))
+    return (*map(int, drives), *without_links(records[0].robot))
+
+
+def without_links(robot: Robot) -> tuple[int, ...]:
+    """Return the outputs behind the sensors of joints that carry no mass.
+
+    What stands there the robot does not describe, such as the other motor of a dynamometer.
+    """
     first = output_count(robot) - len(robot.torque_sensors)
     data = robot.model.createData()
     pin.computeSubtreeMasses(robot.model, data)
-    empty = [
+    return tuple(
         first + k
         for k, joint in enumerate(robot.torque_sensors)
         if data.mass[robot.model.getJointId(joint)] <= 0.0
-    ]
-    return (*map(int, drives), *empty)
+    )
