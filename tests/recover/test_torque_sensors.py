@@ -18,6 +18,8 @@ from wbc.effects import (
 )
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
+from wbc.identification.classic import ClassicFit, identify
+from wbc.identification.classic.base_parameters import link_names
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
 from wbc.measurement import Log, check_logs
@@ -78,6 +80,24 @@ def test_a_wrong_mass_and_a_lossy_gear_are_named_each_on_its_side(sensed: list[L
     assert mass[0] < 0.8 * mass[1]
     names = [output.output for output in with_sensor.outputs]
     assert names == ["hip", "knee", "hip (link side)", "knee (link side)"]
+
+
+def test_the_classic_fit_reads_the_links_from_the_sensor(sensed: list[Log]) -> None:
+    with_sensor, without = identify(LEG, sensed), identify(LEG, blind(sensed))
+    assert with_sensor.joints == ("hip", "knee", "hip (link side)", "knee (link side)")
+
+    def off(fit: ClassicFit) -> float:
+        """Return how far the shin's greatest moment is from the truth, as a share."""
+        truth = {n: v for n, _, v in link_names(LEG.with_effects(HEAVY))}
+        drawn = {n: v for n, _, v in link_names(LEG)}
+        (found,) = [p for p in fit.parameters if p.name == "mz shin"]
+        change = truth["mz shin"] - drawn["mz shin"]
+        return abs((found.value - found.drawn) / change - 1.0)
+
+    # The knee's gear loses a fifth, and a fit of perfect gears puts a part of it into the shin.
+    assert off(with_sensor) < 0.01
+    assert off(without) > 0.05
+    assert np.all(with_sensor.left[2:] < 0.1)
 
 
 def test_neither_row_knows_what_is_wrong_on_the_other_side(sensed: list[Log]) -> None:
