@@ -24,8 +24,8 @@ def find_repeats(
 
     Two logs belong together when they have the same joints, the same length and rate within 1 %,
     and every joint's position (without one, its velocity) agrees within `tolerance` of its motion
-    (rms, time counted from the start). The response may thus differ a little, as a closed loop makes it; identical
-    copies are no repeats and stay out (the first of them counts).
+    (rms, time counted from the start). The response may thus differ a little, as a closed loop
+    makes it; identical copies are no repeats and stay out (the first of them counts).
 
     Args:
         logs: of one robot.
