@@ -14,6 +14,8 @@ from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
 
+_HIDDEN = 1e-9  # share of a row that is seen, below which only rounding is left
+
 
 def sensed_joints(robot: Robot, logs: Sequence[Log]) -> tuple[str, ...]:
     """Return the driven joints with `<joint>.joint_torque` in all logs.
@@ -48,9 +50,16 @@ def without_torque_sensors(robot: Robot, logs: Sequence[Log]) -> list[Log]:
 
 
 def not_judged(records: Sequence[Record]) -> tuple[int, ...]:
-    """Return the outputs that say nothing: drives without a report, links not described."""
+    """Return the outputs that say nothing.
+
+    Drives without a report, links that are not described, and a base that touches all the time at
+    contacts without force sensors: their forces are what its balance asks for.
+    """
     drives = np.flatnonzero(~np.all([record.reported for record in records], axis=0))
-    return (*map(int, drives), *without_links(records[0].robot))
+    shares = [r.balance.seen_share if r.balance is not None else np.inf for r in records]
+    balanced = np.max(np.broadcast_arrays(*shares, np.zeros(1)), axis=0) < _HIDDEN
+    carried = np.flatnonzero(balanced) if balanced.size > 1 else drives[:0]
+    return (*map(int, drives), *map(int, carried), *without_links(records[0].robot))
 
 
 def without_links(robot: Robot) -> tuple[int, ...]:
