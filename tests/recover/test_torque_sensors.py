@@ -20,6 +20,7 @@ from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.classic import ClassicFit, identify
 from wbc.identification.classic.base_parameters import link_names
+from wbc.identification.formulas import discover
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
 from wbc.measurement import Log, check_logs
@@ -119,6 +120,19 @@ def test_dry_friction_is_told_by_its_side_of_the_sensor() -> None:
         logs = [SENSING.measure(real, record_run(real, LEG, k, 3.0), k) for k in (7, 8)]
         found = diagnose(LEG, logs, KINDS)
         assert [f.effect.key for f in found.findings] == [hidden.key]
+
+
+def test_a_formula_behind_the_sensor_knows_nothing_of_the_gear(sensed: list[Log]) -> None:
+    with_sensor, without = discover(LEG, sensed), discover(LEG, blind(sensed))
+    loss = "|load_knee| * sign(v_knee)"
+    terms = {p.effect.where: set(p.coefficients) for p in with_sensor.proposals}
+    # The heavy shin hangs behind the sensor, the loss of the knee's gear is before it.
+    assert terms["knee"]
+    assert loss not in terms["knee"]
+    assert any(loss in p.coefficients for p in without.proposals)
+    assert "between motor and torque sensor" in with_sensor.remainder
+    assert "at knee" in with_sensor.remainder
+    assert with_sensor.outcome == "partial"
 
 
 def test_a_found_rotor_friction_is_saved_and_used_without_the_sensor(tmp_path: Path) -> None:
