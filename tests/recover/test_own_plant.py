@@ -75,7 +75,16 @@ NEAR_REST = {
     ),
 }
 RUNS = 2
-BUILT_UP = {"eta_f": (1.0, 0.8), "eta_b": (1.0, 0.75), "bent_length": (0.0, 0.03)}
+LOSSES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
+    "load_presliding": (
+        {"eta_f": (1.0, 0.8), "eta_b": (1.0, 0.75), "bent_length": (0.0, 0.03)},
+        {"forward_efficiency": 0.8, "backward_efficiency": 0.75, "length": 0.03},
+    ),
+    "load_stribeck_friction": (
+        {"slow_share": (0.0, 0.3), "slow_speed": 0.8},
+        {"coefficient": 0.3, "speed": 0.8},
+    ),
+}
 
 
 @pytest.fixture(scope="module")
@@ -100,14 +109,15 @@ def logs_of(tables: Sequence[Mapping[str, np.ndarray]]) -> list[Log]:
     return logs
 
 
-def test_losses_of_a_gear_that_build_up_are_found() -> None:
-    lanes = [Lane(BUILT_UP, excitation=30 + run, noise=70 + run) for run in range(RUNS)]
+@pytest.mark.parametrize("name", LOSSES)
+def test_losses_that_depend_on_way_or_speed_are_found(name: str) -> None:
+    flaws, truth = LOSSES[name]
+    lanes = [Lane(flaws, excitation=30 + run, noise=70 + run) for run in range(RUNS)]
     logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
     diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
     assert diagnosis.verdict == "named"
     (found,) = diagnosis.effects
-    assert found.key == ("load_presliding", "knee")
-    truth = {"forward_efficiency": 0.8, "backward_efficiency": 0.75, "length": 0.03}
+    assert found.key == (name, "knee")
     assert found.values == pytest.approx(truth, rel=0.03)
 
 

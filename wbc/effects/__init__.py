@@ -14,6 +14,7 @@ from wbc.effects.formula.torque_term import TorqueTerm
 from wbc.effects.friction.coulomb_friction import CoulombFriction
 from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
 from wbc.effects.friction.load_friction import LoadFriction
+from wbc.effects.friction.load_stribeck_friction import LoadStribeckFriction
 from wbc.effects.friction.quadratic_drag import QuadraticDrag
 from wbc.effects.friction.stribeck_friction import StribeckFriction
 from wbc.effects.friction.thermal_viscous_friction import ThermalViscousFriction
@@ -52,6 +53,7 @@ __all__ = [
     "LinkInertias",
     "LoadFriction",
     "LoadPresliding",
+    "LoadStribeckFriction",
     "PayloadMass",
     "PositionOffset",
     "Presliding",

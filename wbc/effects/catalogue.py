@@ -16,6 +16,7 @@ from wbc.effects.formula.custom_torque import CustomTorque
 from wbc.effects.friction.coulomb_friction import CoulombFriction
 from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
 from wbc.effects.friction.load_friction import LoadFriction
+from wbc.effects.friction.load_stribeck_friction import LoadStribeckFriction
 from wbc.effects.friction.quadratic_drag import QuadraticDrag
 from wbc.effects.friction.rotor_coulomb_friction import RotorCoulombFriction
 from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
@@ -50,6 +51,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     TransmissionEfficiency,
     LoadPresliding,
     LoadFriction,
+    LoadStribeckFriction,
     QuadraticDrag,
     RotorInertia,
     PayloadMass,
