@@ -172,3 +172,32 @@ def test_the_error_falls_with_every_cause_added(diagnoses: dict[str, Diagnosis])
         errors = [step.error for step in diagnoses[name].steps]
         assert errors == sorted(errors, reverse=True)
         assert errors[-1] < 1.3
+
+
+@pytest.mark.parametrize(
+    ("follows", "name", "values"),
+    [
+        (True, "voltage_scaling", {"share": 1.0, "nominal": 48.0}),
+        (False, "torque_constant", {"factor": 0.85}),
+    ],
+)
+def test_a_drive_that_follows_its_supply_is_told_from_a_wrong_constant(
+    follows: bool, name: str, values: dict[str, float]
+) -> None:
+    """One log on a supply that falls by 2 % a second, one on a nearly empty battery."""
+    fading = (0.0, 0.02 if follows else 0.0)
+    flaws: list[dict[str, Any]] = [{"fading": fading}, {"torque_factor": (1.0, 0.85)}]
+    if not follows:
+        flaws[0]["torque_factor"] = (1.0, 0.85)
+    tables = simulate(
+        [Lane(flaw, excitation=30 + k, noise=90 + k) for k, flaw in enumerate(flaws)],
+        duration=6.0,
+        step=4e-4,
+    )
+    for table, share in zip(tables, (1.0 - 0.02 * tables[0]["time"], 0.85), strict=True):
+        table["knee.voltage"] = table["hip.voltage"] = 48.0 * share * np.ones(table["time"].size)
+    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs_of(tables))
+    assert diagnosis.verdict == "named"
+    (found,) = diagnosis.effects
+    assert found.key == (name, "knee")
+    assert found.values == pytest.approx(values, rel=0.03)

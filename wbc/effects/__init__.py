@@ -9,6 +9,7 @@ from wbc.effects.drive.thermal_drift import ThermalDrift
 from wbc.effects.drive.torque_constant import TorqueConstant
 from wbc.effects.drive.torque_offset import TorqueOffset
 from wbc.effects.drive.torque_ripple import TorqueRipple
+from wbc.effects.drive.voltage_scaling import VoltageScaling
 from wbc.effects.formula.custom_torque import CustomTorque
 from wbc.effects.formula.torque_term import TorqueTerm
 from wbc.effects.friction.coulomb_friction import CoulombFriction
@@ -69,6 +70,7 @@ __all__ = [
     "TorqueTerm",
     "TransmissionEfficiency",
     "ViscousFriction",
+    "VoltageScaling",
     "effect_class",
     "load_robot",
     "save_robot",

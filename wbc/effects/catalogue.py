@@ -12,6 +12,7 @@ from wbc.effects.drive.thermal_drift import ThermalDrift
 from wbc.effects.drive.torque_constant import TorqueConstant
 from wbc.effects.drive.torque_offset import TorqueOffset
 from wbc.effects.drive.torque_ripple import TorqueRipple
+from wbc.effects.drive.voltage_scaling import VoltageScaling
 from wbc.effects.formula.custom_torque import CustomTorque
 from wbc.effects.friction.coulomb_friction import CoulombFriction
 from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
@@ -68,6 +69,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     ActuationDelay,
     ThermalDrift,
     SupplySag,
+    VoltageScaling,
     CurrentLimit,
     JointCompliance,
     Backlash,
