@@ -7,11 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import savgol_coeffs
 
 from wbc.errors import LogError
-from wbc.measurement import (
-    filtered_derivatives,
-    local_polynomial_operator,
-    low_pass,
-)
+from wbc.measurement import derivative, local_polynomial_operator, low_pass
 
 
 def _stamps(rows: int, seed: int) -> np.ndarray:
@@ -39,10 +35,10 @@ def test_local_polynomials_are_exact_on_polynomials(
 ) -> None:
     time = _stamps(80, seed)
     polynomial = np.polynomial.Polynomial(coefficients[: degree + 1])
-    for derivative in range(min(degree, 2) + 1):
-        operator = local_polynomial_operator(time, 0.03, degree, derivative)
-        expected = polynomial.deriv(derivative)(time) if derivative else polynomial(time)
-        scale = 10.0 ** (-11 + 3 * derivative)
+    for times in range(min(degree, 2) + 1):
+        operator = local_polynomial_operator(time, 0.03, degree, times)
+        expected = polynomial.deriv(times)(time) if times else polynomial(time)
+        scale = 10.0 ** (-11 + 3 * times)
         np.testing.assert_allclose(operator @ polynomial(time), expected, atol=10 * scale)
 
 
@@ -60,34 +56,28 @@ def test_a_window_that_is_too_short_is_refused() -> None:
         local_polynomial_operator(np.arange(60) * 0.01, 0.02, 3)
 
 
-def test_derivatives_of_a_jittered_noisy_motion() -> None:
-    time = _stamps(5000, 3)
+def test_derivatives_of_a_noisy_motion() -> None:
+    rate = 500.0
+    time = np.arange(5000) / rate
     rng = np.random.default_rng(0)
     position, _, acceleration = _motion(time)
     q = position + 2e-5 * rng.normal(size=time.size)
     inner = slice(100, -100)
     naive = np.gradient(np.gradient(q, time), time)
-    filtered = filtered_derivatives(time, q, 12.0).second
+    filtered = derivative(derivative(low_pass(q, 12.0, rate, 4), rate), rate)
     level = np.std(acceleration)
     assert np.std((naive - acceleration)[inner]) > 0.1 * level
     assert np.std((filtered - acceleration)[inner]) < 1e-3 * level
 
 
 def test_the_low_pass_halves_the_amplitude_at_the_cutoff_without_phase() -> None:
-    time = _stamps(6000, 1)
+    time = np.arange(6000) / 500.0
     for frequency, low, high in ((1.0, 0.99, 1.01), (10.0, 0.49, 0.51), (40.0, -0.01, 0.01)):
         wave = np.stack(
             [np.sin(2 * np.pi * frequency * time), np.cos(2 * np.pi * frequency * time)], 1
         )
-        out = low_pass(time, wave, 10.0)
+        out = low_pass(wave, 10.0, 500.0, 4)
         inner = slice(1000, -1000)
         gain = out[inner].T @ wave[inner] / (0.5 * wave[inner].shape[0])
         assert low < gain[0, 0] < high
         assert abs(gain[0, 1]) < 0.01
-
-
-@pytest.mark.parametrize("cutoff", [0.01, 240.0])
-def test_cutoffs_outside_the_log_are_refused(cutoff: float) -> None:
-    time = np.arange(2000) * 0.002
-    with pytest.raises(LogError, match="outside what this log allows"):
-        low_pass(time, time, cutoff)

@@ -16,7 +16,7 @@ from wbc.measurement.motion.align import align_velocity
 from wbc.measurement.motion.local_noise import residual_noise
 from wbc.measurement.motion.local_polynomial import local_polynomial_operator
 from wbc.measurement.motion.velocity_fit import VelocityFit, fit_velocity
-from wbc.measurement.motion.zero_phase import Derivatives, filtered_derivatives, low_pass
+from wbc.measurement.motion.zero_phase import derivative, low_pass
 from wbc.measurement.repeats import find_duplicates, find_repeats
 from wbc.measurement.source import LogSource
 from wbc.measurement.suspicions.find import (
@@ -37,7 +37,6 @@ __all__ = [
     "MAX_ROWS",
     "ColumnMap",
     "ColumnRule",
-    "Derivatives",
     "Log",
     "LogFinding",
     "LogQuality",
@@ -51,8 +50,8 @@ __all__ = [
     "check_log",
     "check_logs",
     "cut_at_gaps",
+    "derivative",
     "feedback_torques",
-    "filtered_derivatives",
     "find_duplicates",
     "find_repeats",
     "find_suspicions",

@@ -17,10 +17,10 @@ from wbc.identification import compare, diagnose
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.filters.smoothing import low_pass, white_level
-from wbc.identification.records.noise.noise_floor import drawn_noise, find_repeats, noise_floor
+from wbc.identification.records.filters.smoothing import white_level
+from wbc.identification.records.noise.noise_floor import close_repeats, drawn_noise, noise_floor
 from wbc.identification.records.preparation import prepare
-from wbc.measurement import Log
+from wbc.measurement import Log, find_repeats, low_pass
 
 
 @pytest.fixture(scope="module")
@@ -117,17 +117,16 @@ def test_a_matrix_whose_residual_moved_is_that_of_the_moved_residual() -> None:
 
 def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
     records = prepare(ROBOT, logs)
-    assert find_repeats(records) == ((0, 1),)
+    repeats = close_repeats(records, find_repeats(logs))
+    assert repeats == ((0, 1),)
+    # Two runs of one excitation that a closed loop answers differently tell no noise.
+    assert close_repeats(records, ((0, 1, 2),)) == ((0, 1),)
     residuals = [condensed_residual(ROBOT, [record]) for record in records]
-    floor = noise_floor(records, residuals, drawn_noise(records))
+    floor = noise_floor(residuals, drawn_noise(records), repeats)
     assert floor.source == "repeats"
     assert floor.values == pytest.approx(np.sqrt(np.diag(floor.sensors)), rel=0.25)
     whitened = np.concatenate(residuals) @ floor.whitening
     assert np.sqrt(np.mean(whitened**2)) == pytest.approx(1.0, abs=0.15)
-
-
-def test_a_copy_of_a_log_is_no_repeat(logs: list[Log]) -> None:
-    assert find_repeats(prepare(ROBOT, [logs[0], logs[0]])) == ()
 
 
 def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> None:

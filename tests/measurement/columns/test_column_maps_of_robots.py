@@ -12,7 +12,7 @@ from tests.measurement.conftest import outside
 from wbc.measurement import (
     align_velocity,
     check_log,
-    filtered_derivatives,
+    derivative,
     load_log,
     load_logs,
     low_pass,
@@ -74,10 +74,11 @@ def test_servo_logs_carry_what_the_drive_did() -> None:
 
 def test_emps_force_reproduces_the_published_identification() -> None:
     log = load_log(outside("emps/emps_estimation.parquet"), _map("emps"))
-    motion = filtered_derivatives(log.time, log.column("slide.position"), 40.0)
-    force = low_pass(log.time, log.column("slide.motor_torque"), 40.0)
-    sign = low_pass(log.time, np.sign(motion.first), 40.0)
-    regressor = np.stack([motion.second, motion.first, sign, np.ones(len(log))], axis=1)
+    rate = 1.0 / log.sample_time
+    velocity = derivative(low_pass(log.column("slide.position"), 40.0, rate, 4), rate)
+    force = low_pass(log.column("slide.motor_torque"), 40.0, rate, 4)
+    sign = low_pass(np.sign(velocity), 40.0, rate, 4)
+    regressor = np.stack([derivative(velocity, rate), velocity, sign, np.ones(len(log))], axis=1)
     found = np.linalg.lstsq(regressor, force, rcond=None)[0]
     np.testing.assert_allclose(found, [95.06, 202.0, 20.53, -3.13], rtol=0.02)
 
@@ -110,14 +111,14 @@ def test_tiago_starts_with_the_motion_and_its_velocity_is_a_low_pass_of_it() -> 
     assert len(quality.of_kind("velocity_filtered")) == 8
     # Undoing T dv/dt + v = dq/dt must give the derivative of the position, which is not used for it
     # beyond the one number T; a pure shift leaves several times as much.
-    aligned = align_velocity(log)
+    aligned, rate = align_velocity(log), 1.0 / log.sample_time
     for joint in ("torso_lift_joint", "arm_1_joint", "arm_4_joint"):
-        truth = filtered_derivatives(log.time, log.column(f"{joint}.position"), 5.0).first
-        found = low_pass(aligned.time, aligned.column(f"{joint}.velocity"), 5.0)
+        truth = derivative(low_pass(log.column(f"{joint}.position"), 5.0, rate, 4), rate)
+        found = low_pass(aligned.column(f"{joint}.velocity"), 5.0, rate, 4)
         shifted = np.interp(
             log.time + quality.velocity_delay[joint], log.time, log.column(f"{joint}.velocity")
         )
         inner = slice(60, -60)
         left = np.std((found - truth)[inner])
         assert left < 0.01 * np.std(truth[inner])
-        assert left < 0.3 * np.std((low_pass(log.time, shifted, 5.0) - truth)[inner])
+        assert left < 0.3 * np.std((low_pass(shifted, 5.0, rate, 4) - truth)[inner])

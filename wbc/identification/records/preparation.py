@@ -13,10 +13,7 @@ from wbc.errors import IdentificationError
 from wbc.identification.records.channels import Channels, read_channels
 from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity, choose_bandwidth
 from wbc.identification.records.filters.smoothing import (
-    derivative,
-    differentiate,
     gate,
-    low_pass,
     quantisation_level,
     white_level,
 )
@@ -27,6 +24,7 @@ from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.measurement.machine import loaded
+from wbc.measurement.motion.zero_phase import derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.measurement.log import Log
 from wbc.measurement.motion.local_noise import residual_noise
-from wbc.measurement.motion.zero_phase import filtered_derivatives, low_pass
+from wbc.measurement.motion.zero_phase import derivative, differentiate, low_pass
 from wbc.measurement.torque import rotor_torques, torque_quantity
 from wbc.robot import Motion, Robot
 
@@ -21,6 +20,7 @@ _ROWS = 400  # kept per log: more samples of one motion say no more about a gros
 _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
 _HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
 _MOVES = 5.0  # times the noise of an encoder: white noise itself has one
+_ORDER = 4  # of each pass: what is above the cut-off must not count as motion
 _BASE = 6  # coordinates of a free flyer, the first ones
 _EDGE = 0.05  # share of the log at either end, where the filter has not settled
 
@@ -120,12 +120,14 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     q, v, a = _motion(robot, grid, position, cutoff)
     reported = rotor_torques(log, robot.transmission) * robot.transmission.gear_ratio
     on_grid = np.stack([np.interp(grid, log.time, column) for column in reported.T], axis=1)
-    torque = low_pass(grid, on_grid, cutoff)
+    rate = 1.0 / float(grid[1] - grid[0])
+    torque = low_pass(on_grid, cutoff, rate, _ORDER)
     held = {
         name: low_pass(
-            grid,
             np.stack([np.interp(grid, log.time, f) for f in _force(log, name)], axis=1),
             cutoff,
+            rate,
+            _ORDER,
         )
         for name in forces
     }
@@ -223,15 +225,12 @@ def _motion(
     robot: Robot, grid: FloatArray, position: FloatArray, cutoff: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return q (N, nq), v and a (N, nv) of a low-passed motion."""
-    smooth = filtered_derivatives(grid, position, cutoff)
-    if not robot.has_free_flyer:
-        return smooth.value, smooth.first, smooth.second
-    q = smooth.value.copy()
-    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    step = float(grid[1] - grid[0])
-    steps = np.array([pin.difference(robot.model, a, b) for a, b in pairwise(q)])
-    v = np.concatenate([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]]) / step
-    return q, v, np.gradient(v, step, axis=0)
+    rate = 1.0 / float(grid[1] - grid[0])
+    q = low_pass(position, cutoff, rate, _ORDER)
+    if robot.has_free_flyer:
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    v = differentiate(q, rate, robot.model)
+    return q, v, derivative(v, rate)
 
 
 def _conversion(robot: Robot, quantities: tuple[str, ...]) -> FloatArray:

@@ -60,12 +60,6 @@ class Proposer:
         return replace(self, candidates=tuple(c for c in self.candidates if not deflects(c)))
 
     @property
-    def of_one_claim(self) -> Self:
-        """The same among causes that act at once and say one thing each."""
-        one = tuple(c for c in self.candidates if c.claims == 1 and not deflects(c))
-        return replace(self, candidates=one)
-
-    @property
     def yielding(self) -> Self:
         """The same among gears that yield."""
         return replace(self, candidates=tuple(c for c in self.candidates if deflects(c)))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from wbc.identification.choice.search import moves
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.weighing.certainty import doubted_names
 from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key, without
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
@@ -105,38 +105,8 @@ class Search:
                 return other
             if one := self.best(moves.merges(proposer, current), current):
                 return one
-            if several := self.best(self._in_parts(current), current):
-                return several
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
-
-    def _in_parts(self, current: Hypothesis) -> list[Hypothesis]:
-        """Return hypotheses with several causes where one says as much as several at once.
-
-        A wrong drawing of a link moves its mass, its centre and its inertia: it also explains what
-        a payload and a tilted base do together. Neither of them takes its place alone, so they are
-        added one after the other, as long as they ask for less than it does. Two of them at one
-        link would be its drawing in other words.
-        """
-        proposer, found = self.proposer, []
-        plain = replace(self, proposer=proposer.of_one_claim)
-        for effect in current.effects:
-            if effect.claims == 1 or current.swings:
-                continue
-            parts = proposer.trials.of(without(current.effects, effect))
-            while parts is not None and parts.asked < current.asked:
-                found.append(parts)
-                parts = plain._addition(parts)
-        return found
-
-    def _at_changed_links(self, h: Hypothesis) -> list[Key]:
-        """Return every cause that changes a link which a cause of a hypothesis changes already."""
-        robot = self.proposer.trials.problem.robot
-        own = (e.where for e in h.effects if "change" in e.acts_by and e.where in robot.bodies)
-        changed = {robot.body_joint(where) for where in own}
-        bodies = [body for body in robot.bodies if robot.body_joint(body) in changed]
-        kinds = [c for c in self.proposer.candidates if "change" in c.acts_by]
-        return [(kind.name, body) for kind in kinds for body in bodies]
 
     def _pair(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best pair of causes of those that add to the evidence by themselves.
@@ -147,12 +117,12 @@ class Search:
         pairs = moves.pairs(self.proposer, current)
         return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
 
-    def _addition(self, current: Hypothesis, but: Sequence[Key] = ()) -> Hypothesis | None:
+    def _addition(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best hypothesis with a cause more, none of those that are left out.
 
         What explains much by impossible numbers hides what explains less: it is put aside.
         """
-        exclude: list[Key] = list(but)
+        exclude: list[Key] = []
         for _ in range(_MASKS + 1):
             longer = moves.additions(self.proposer, current, exclude)
             if better := self.best(longer, current):

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.records.noise.synthetic_noise import synthetic_noise
 from wbc.identification.records.record import Record
+from wbc.robot import Motion
 
 _SHRINKAGE = 0.03
 _ROWS = 1500  # of drawn noise per log, by which its covariance is known to some 5 % ...
 _DRAWS = 16  # ... but no more draws than this
-_SAME_MOTION = 0.02  # of the range of motion: runs closer than this are repeats of one another
+_SAME_MOTION = 0.02  # of the range of motion: of runs this close only the noise differs
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,9 @@ def drawn_noise(records: Sequence[Record]) -> list[FloatArray]:
 
 
 def with_even_noise(
-    records: Sequence[Record], drawn: Sequence[FloatArray]
+    records: Sequence[Record],
+    drawn: Sequence[FloatArray],
+    repeats: Sequence[tuple[int, int]],
 ) -> tuple[tuple[Record, ...], list[FloatArray]]:
     """Return records and drawn noise with rows scaled so that the noise is equal in all of them.
 
@@ -94,7 +98,7 @@ def with_even_noise(
     there may be no smaller.
     """
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
-    repeated = sorted({k for pair in find_repeats(records) for k in pair})
+    repeated = sorted({k for pair in repeats for k in pair})
     reference = np.mean(levels[repeated or slice(None)], axis=0)
     certainty = np.minimum(np.sqrt(reference / levels), 1.0)
     even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
@@ -102,21 +106,22 @@ def with_even_noise(
 
 
 def noise_floor(
-    records: Sequence[Record], residuals: Sequence[FloatArray], drawn: Sequence[FloatArray]
+    residuals: Sequence[FloatArray],
+    drawn: Sequence[FloatArray],
+    repeats: Sequence[tuple[int, int]],
 ) -> NoiseFloor:
     """Return the floor from repeated runs where there are any, else from the sensors' noise.
 
     Args:
-        records: the logs.
-        residuals: (rows, m + b) condensed residual of each.
+        residuals: (rows, m + b) condensed residual of each log.
         drawn: (rows, m + b) noise of the sensors in each.
+        repeats: pairs of logs, as of `close_repeats`.
     """
     sensors = _covariance(np.concatenate(drawn))
-    pairs = find_repeats(records)
-    if not pairs:
+    if not repeats:
         return NoiseFloor(sensors, sensors, ())
-    differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in pairs]
-    return NoiseFloor(_covariance(np.concatenate(differences)), sensors, pairs)
+    differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in repeats]
+    return NoiseFloor(_covariance(np.concatenate(differences)), sensors, tuple(repeats))
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -127,19 +132,27 @@ def _covariance(values: FloatArray) -> FloatArray:
     return np.asarray(moments + least * np.eye(len(moments)))
 
 
-def find_repeats(records: Sequence[Record]) -> tuple[tuple[int, int], ...]:
-    """Return the pairs of records that went through the same motion (and are not copies)."""
-    pairs = []
-    for i, first in enumerate(records):
-        for j in range(i + 1, len(records)):
-            second = records[j]
-            if first.motion.position.shape != second.motion.position.shape:
-                continue
-            spread = np.ptp(first.motion.velocity, axis=0)
-            moving = spread > 0.0
-            distance = first.motion.velocity - second.motion.velocity
-            apart = np.sqrt(np.mean(distance**2, axis=0))[moving] / spread[moving]
-            copies = np.array_equal(first.torque, second.torque)
-            if apart.size and apart.max() < _SAME_MOTION and not copies:
-                pairs.append((i, j))
-    return tuple(pairs)
+def close_repeats(
+    records: Sequence[Record], groups: Sequence[Sequence[int]]
+) -> tuple[tuple[int, int], ...]:
+    """Return the pairs of repeated runs so close that what differs between them is noise.
+
+    Args:
+        records: the logs.
+        groups: indices of logs of the same excitation, as of `wbc.measurement.find_repeats`.
+    """
+    return tuple(
+        (i, j)
+        for group in groups
+        for i, j in combinations(group, 2)
+        if _close(records[i].motion, records[j].motion)
+    )
+
+
+def _close(first: Motion, second: Motion) -> bool:
+    if first.velocity.shape != second.velocity.shape:
+        return False
+    spread = np.ptp(first.velocity, axis=0)
+    moving = spread > 0.0
+    apart = np.sqrt(np.mean((first.velocity - second.velocity) ** 2, axis=0))
+    return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
