@@ -201,3 +201,16 @@ def test_a_drive_that_follows_its_supply_is_told_from_a_wrong_constant(
     (found,) = diagnosis.effects
     assert found.key == (name, "knee")
     assert found.values == pytest.approx(values, rel=0.03)
+
+
+def test_losses_under_load_are_named_beside_something_unknown() -> None:
+    """They were left out, and Coulomb friction of 1.6 N m stood in their place."""
+    flaws = {"eta_f": (1.0, 0.75), "eta_b": (1.0, 0.7), "position_friction": (0.0, 0.5)}
+    lanes = [Lane(flaws, excitation=30 + run, noise=95 + run) for run in range(RUNS)]
+    logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
+    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    assert diagnosis.verdict == "unknown"
+    found = {effect.key: effect.values for effect in diagnosis.effects}
+    losses = found["transmission_efficiency", "knee"]
+    assert losses["forward_efficiency"] == pytest.approx(0.75, abs=0.02)
+    assert losses["backward_efficiency"] == pytest.approx(0.7, abs=0.02)

@@ -136,6 +136,8 @@ class Effect(ABC):
             and what does instead, in words.
         expected: log prior odds [nats], beside other effects, that a real machine has it where its
             model has not: robots come with models without friction, and friction is in all.
+        one_fit: whether a search tries it, where it is expected, at all joints in one fit with all
+            else that is; not what scales with all that a gear carries.
         claims: how many things it says of a machine at once; each costs as much as a name of its
             own before the logs speak, so that an effect that says less is named where it suffices.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
@@ -150,6 +152,7 @@ class Effect(ABC):
     experiment: ClassVar[str]
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
     expected: ClassVar[float] = 0.0
+    one_fit: ClassVar[bool] = True
     claims: ClassVar[int] = 1
     near_rest: ClassVar[bool] = False
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
