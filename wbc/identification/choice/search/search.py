@@ -18,7 +18,8 @@ _MASKS = 2  # times that what explains most and is not believed is put aside
 # Hypotheses in a row that may hold a wrong drawing that is not believed: the move after it can
 # still confirm or remove it. Its ten numbers per link take up a part of whatever is missing, so
 # that the search goes on beside it without end: TIAGo's arm ends after 45 s instead of 400 s, with
-# the same seven frictions. Other causes doubted half-way may be right when the rest is found.
+# the same seven frictions. Other causes doubted half-way may be right when the rest is found. A
+# removal is no chance: nothing was added that could confirm it.
 _CHANCES = 2
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
@@ -45,8 +46,10 @@ class Search:
         """
         current, been = start, {frozenset(start.keys): start}
         held: Counter[str] = Counter()
+        shorter = False
         for _ in range(_MOST_MOVES):
-            held = Counter({name: held[name] + 1 for name in self._doubted_drawings(current)})
+            doubted = self._doubted_drawings(current)
+            held = Counter({name: held[name] + (not shorter) for name in doubted})
             lasting = [name for name, count in held.items() if count >= _CHANCES]
             if lasting:
                 # It does not reach the answer, nor does what rests on it.
@@ -60,6 +63,7 @@ class Search:
             before = been.get(frozenset(better.keys))
             if before is not None and better.error > _AGAIN * before.error:
                 return best_of(self, list(been.values()))
+            shorter = len(better.effects) < len(current.effects)
             current = better
             been[frozenset(current.keys)] = current
             self.path.append(current)
