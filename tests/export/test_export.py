@@ -20,6 +20,7 @@ from wbc.effects import (
     JointSpring,
     LinkInertia,
     PayloadMass,
+    RotorInertia,
     StribeckFriction,
     SupplySag,
     ThermalDrift,
@@ -148,6 +149,38 @@ def test_mujoco_reads_every_kind_of_robot(name: str) -> None:
     expected = np.triu(expected) + np.triu(expected, 1).T
     expected[joints] += turned.T @ np.diag(gears.reflected_inertia) @ turned
     np.testing.assert_allclose(mass[joints], expected[joints], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["ricmonk", "tiago", "anymal"])
+def test_mujoco_accelerates_a_fitted_robot_as_our_plant_does(name: str) -> None:
+    """Passive joints, seven axes with a wrong drawing, a free base: one short step each."""
+    robot, random, step = load_robot(name).lossless(), np.random.default_rng(1), 1e-6
+    joint = robot.transmission.joints[0]
+    robot = robot.with_effects(
+        ViscousFriction(joint, 0.3),
+        TorqueConstant(joint, 0.9),
+        RotorInertia(joint, 0.05),
+        LinkInertia.at(robot.bodies[-1], {"alpha": 0.05, "t1": 0.02}),
+    )
+    q = pin.integrate(robot.model, robot.neutral(), random.uniform(-0.3, 0.3, robot.model.nv))
+    v, torque = random.uniform(-1.0, 1.0, robot.model.nv), random.uniform(-2.0, 2.0, 12)
+    torque = torque[: robot.transmission.size]
+    plant = Plant(robot, Plane(height=-50.0))
+    after = plant.step(plant.state(q, v), torque / robot.transmission.gear_ratio, step).state
+    mine = (after.velocity - v) / step
+    model = mujoco.MjModel.from_xml_string(export_robot(robot, "mjcf").text)
+    model.opt.timestep = step
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, torque
+    if robot.has_free_flyer:
+        turn = pin.XYZQUATToSE3(q[:7]).rotation
+        data.qpos[3:7], data.qvel[:3] = q[[6, 3, 4, 5]], turn @ v[:3]
+        mine[:3] = turn @ (mine[:3] + np.cross(v[3:6], v[:3]))
+    start = data.qvel.copy()
+    mujoco.mj_step(model, data)
+    theirs = (data.qvel - start) / step
+    np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
 
 
 @pytest.mark.parametrize("to", ["mjcf", "urdf", "isaac"])
