@@ -175,6 +175,7 @@ class Controller:
         self._disturbance.forget()
         self._fallback.forget()
         self._plant.forget()
+        self._programs.forget()
 
     def step(
         self,
