@@ -71,7 +71,8 @@ def printed(diagnosis: Diagnosis, **how: bool) -> list[str]:
 def test_the_answer_comes_first_and_fits_a_screen(long_answer: Diagnosis) -> None:
     usual = printed(long_answer)
     assert usual[0] == "verdict: named"
-    assert usual[1].startswith("Missing: coulomb friction of 0.5 N m at joint_0")
+    # One effect at many places is said once: it was a headline of seventeen lines.
+    assert usual[1].startswith("Missing: coulomb friction at 12 places (0.50 N m). That explains")
     assert len(usual) < 57  # and three files written: below 60
     assert "not shown: the rest of what was found, what is left" in "\n".join(usual)
     everything = printed(long_answer, verbose=True)
@@ -114,11 +115,18 @@ def test_quiet_commands_print_the_answer_alone(
 
 
 def test_numbers_are_as_deep_as_they_are_known() -> None:
-    from wbc.identification.answer.numbers import plain, with_interval
+    from wbc.identification.answer.numbers import plain, with_deviation, with_interval
 
     assert with_interval(0.80028, 0.79995, 0.8006)[0] == "0.8003"
     assert with_interval(30.0, 12.0, 55.0)[0] == "30"
     assert plain(np.nan) == "–"
+    # A difference has the digits that its standard error leaves: it was +96016 ± 12635.
+    assert with_deviation(96016.3, 12635.1) == "+96,000 ± 13,000"
+    assert with_deviation(-12.6, 102.4) == "−10 ± 100"
+    assert with_deviation(9.7e6, 651798.0) == "+9,700,000 ± 650,000"
+    assert with_deviation(0.01234, 0.00456) == "+0.0123 ± 0.0046"
+    assert with_deviation(-0.3, 99.0) == "0 ± 99"
+    assert with_deviation(0.5, 0.0) == "+0.500 ± 0"
 
 
 def test_the_answer_is_printed_before_a_slow_part_begins() -> None:

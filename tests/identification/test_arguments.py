@@ -23,6 +23,9 @@ def test_names_single_logs_and_paths_are_told_in_words(what: Callable[..., objec
     for arguments, says in (
         (("planar_leg_fixed", [LOG]), r"not 'planar_leg_fixed'; load it with load_robot"),
         ((robot, LOG), r"give one log as \[log\]"),
+        ((robot, "run.csv"), r"not 'run.csv'; read files with load_logs"),
+        ((robot, Path("run.csv")), r"not 'run.csv'; read files with load_logs"),
+        ((robot, 3), r"logs are expected, not '3'"),
         ((robot, ["run.csv"]), r"not 'run.csv'; read files with load_logs"),
     ):
         with pytest.raises(IdentificationError, match=says):

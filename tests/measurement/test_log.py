@@ -121,6 +121,8 @@ def test_a_table_in_memory_becomes_a_log() -> None:
     assert log.source.ignored == ("comment",)
     with pytest.raises(LogError, match="Unknown column 'time'"):
         Log.from_frame({"t": [0.0, 0.1]})
+    with pytest.raises(LogError, match="or a dictionary of columns by name, not list; files are"):
+        Log.from_frame([1, 2])
 
 
 def test_a_log_shows_itself_on_a_screen() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from wbc.control import JouleHeatEffort
-from wbc.effects import load_robot
+from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
 from wbc.measurement import Log, check_log, rotor_torques
@@ -157,3 +157,13 @@ def test_every_place_that_prints_lines_of_a_gear_is_tried_here(
     for rest, action in CASES.values():
         refusal(action, load(HEAD + rest, tmp_path))
     assert places == tried
+
+
+def test_a_robot_says_in_a_line_what_it_is() -> None:
+    """A console showed every array of its gears: a screen and a half."""
+    leg = load_robot("planar_leg_fixed").with_effect(CoulombFriction("hip", 0.5))
+    assert repr(leg) == (
+        "Robot(planar_leg_fixed; driven: hip, knee; contacts: foot; "
+        "effects: coulomb_friction at hip)"
+    )
+    assert len(repr(load_robot("solo12"))) < 200

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -45,6 +46,10 @@ def require_logs(logs: Sequence[Log]) -> None:
     """
     if isinstance(logs, Log):
         raise IdentificationError("a sequence of logs is expected; give one log as [log].")
+    if isinstance(logs, str | Path) or not isinstance(logs, Iterable):
+        raise IdentificationError(
+            f"logs are expected, not {str(logs)!r}; read files with load_logs([...])."
+        )
     for log in logs:
         if not isinstance(log, Log):
             raise IdentificationError(

@@ -93,8 +93,13 @@ class Log:
             source: where it came from, if that is known.
 
         Raises:
-            LogError: no column `time`, or columns that make no log (see `Log`).
+            LogError: no table, no column `time`, or columns that make no log (see `Log`).
         """
+        if not (hasattr(frame, "keys") or hasattr(frame, "columns")):
+            raise LogError(
+                "Log.from_frame takes a pandas or polars frame, or a dictionary of columns by "
+                f"name, not {type(frame).__name__}; files are read with load_logs([...])."
+            )
         names = [str(name) for name in (frame.keys() if hasattr(frame, "keys") else frame.columns)]
         if TIME not in names:
             raise LogError("log in memory: " + unknown_name("column", TIME, names))

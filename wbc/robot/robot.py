@@ -12,10 +12,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen, remade
+from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
+from wbc.robot.motion import Motion
 from wbc.robot.mounting import RotorMounting, rotor_mounting
 from wbc.transmission import Transmission
 
@@ -35,7 +36,10 @@ class RobotSource:
     lossless: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+_NAMED = 6  # names of one kind that a line shows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """One robot model that controller, simulator and identification share.
 
@@ -133,6 +137,23 @@ class Robot:
         if not self.model.existJointName(joint):
             raise RobotError(unknown_name(f"joint of '{self.name}'", joint, self.joints))
         return int(self.model.getJointId(joint))
+
+    def __repr__(self) -> str:
+        """Return the robot in a line or two: its joints, contacts and effects."""
+        loose = [joint for joint in self.joints if joint not in self.transmission.joints]
+        parts = {
+            "driven": self.transmission.joints,
+            "not driven": loose,
+            "contacts": [contact.name for contact in self.contacts],
+            "effects": [f"{effect.name} at {effect.where}" for effect in self.effects],
+        }
+        said = [
+            f"{what}: {', '.join(names[:_NAMED])}"
+            + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+            for what, names in parts.items()
+            if names
+        ]
+        return f"Robot({'; '.join((self.name, *said))})"
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -256,6 +277,33 @@ class Robot:
     def sensed(self) -> IntArray:
         """Numbers (s,) of the gears with a torque sensor behind them."""
         return frozen([self.transmission.index(j) for j in self.torque_sensors], np.int_)
+
+    def gear_efficiencies(
+        self,
+        motion: Motion,
+        forward: FloatArray | None = None,
+        backward: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return eta_f and eta_b of all gears at a motion, (..., m); (m,) where it matters nowhere.
+
+        Args:
+            motion: one sample or many.
+            forward: eta_f (m,) to start from; that of the transmission when left out.
+            backward: eta_b (m,), likewise.
+        """
+        gears = self.transmission
+        forward = gears.forward_efficiency if forward is None else forward
+        backward = gears.backward_efficiency if backward is None else backward
+        for effect in self.effects:
+            forward, backward = effect.gear_efficiencies(self, motion, forward, backward)
+        return forward, backward
+
+    @property
+    def varying_gears(self) -> BoolArray:
+        """(m,) gears whose efficiencies depend on the motion."""
+        gears = self.transmission
+        found = [e.where for e in self.effects if "gear_efficiencies" in e.acts_by]
+        return frozen([joint in found for joint in gears.joints], np.bool_)
 
     def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
         """Return the same robot with torque sensors behind the gears of these joints."""

@@ -130,6 +130,11 @@ def _next_velocity(
     lost = np.abs(n["ratio"]) * n["rotor_coulomb"]
     # Back-EMF at the middle of the step; at its start the winding would brake half a step late.
     brake = 0.5 * step * winding.brake
+    # Loss gains are 1/eta_b: see `_numbers`.
+    gains = n["forward"][..., None], 1.0 / n["backward"][..., None]
+    for effect in stack.effects:
+        gains = effect.gear_efficiencies(stack.robot, motion, *gains)
+    n = {**n, "forward": gains[0][..., 0], "backward": 1.0 / gains[1][..., 0]}
     # The motion is forward if it is so against full friction, backward likewise, else it sticks.
     forward = _branch(n, velocity, smooth - dry, motor - lost, brake, step)
     backward = _branch(n, velocity, smooth + dry, motor + lost, brake, step)

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc import load_robot
 from wbc.errors import LogError, ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
@@ -131,3 +132,16 @@ def test_the_camera_frames_all_of_a_motion_that_it_follows(
         middles.append(points[:, 0].mean())
     assert tops[1] > tops[0] + 0.15
     assert abs(middles[1] - middles[0]) < 0.5
+
+
+def test_the_whole_motion_of_a_machine_with_a_fixed_base_is_framed(tmp_path: Path) -> None:
+    """A slide that moves 2.5 times its size was treated as a robot that walks away."""
+    time = np.linspace(0.0, 1.0, 51)
+    columns = {"slide.position": 0.25 * time, "slide.velocity": np.full(51, 0.25)}
+    log = Log(time, {**columns, "slide.rotor_torque": np.full(51, 20.0)})
+    scene = scene_of(write_playback(tmp_path / "slide.html", load_robot("emps"), log))
+    along = np.array(scene["camera"]["points"])[:, 0]
+    assert along.min() == pytest.approx(-0.05, abs=1e-3)
+    assert along.max() == pytest.approx(0.30, abs=1e-3)
+    assert not scene["follow"]
+    assert scene["gears"][0]["unit"] == "N"

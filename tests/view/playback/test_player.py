@@ -139,6 +139,27 @@ def test_the_camera_fills_the_window_with_the_robot(tab: Any, size: tuple[int, i
     tab.set_viewport_size({"width": 1000, "height": 700})
 
 
+def test_the_frame_button_finds_a_robot_that_went_away(
+    tab: Any, leg: Robot, squat: Log, tmp_path: Path
+) -> None:
+    """It framed the place where the motion began, and an empty window was left."""
+    away = squat.column("base_x.position") + 5.0 * squat.time / squat.time[-1]
+    walk = write_playback(
+        tmp_path / "walk.html", leg, squat.with_columns({"base_x.position": away})
+    )
+    other = tab.context.browser.new_page(viewport={"width": 1000, "height": 700})
+    other.add_init_script(CLOCK)
+    other.goto(walk.as_uri())
+    other.evaluate("pump(0), pump(0)")
+    other.wait_for_function("() => window.player", polling=50)
+    for followed in (True, False):
+        other.get_by_label("follow").set_checked(followed)
+        other.evaluate("player.setPlaying(false), player.seek(1.9)")
+        other.click("#frame")
+        assert max(map(abs, other.evaluate("player.middle()"))) < 0.7
+    other.close()
+
+
 def test_joints_take_the_colour_of_power_or_of_the_residual(tab: Any, leg: Robot) -> None:
     hubs = {name: ("robot", f"j{leg.model.getJointId(name)}", "hub") for name in ("hip", "knee")}
     tab.evaluate("player.seek(0.45)")

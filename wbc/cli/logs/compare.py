@@ -26,7 +26,7 @@ from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
-from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.numbers import plain, with_deviation
 from wbc.identification.answer.provenance import provenance
 
 EXIT_ABOVE = 3
@@ -156,16 +156,15 @@ def error_table(comparison: Comparison) -> Table:
 
 def contest_table(ranked: Sequence[Contestant]) -> Table:
     """Return robots beside the best of them."""
-    table = Table("", "robot", "error", "worse by", "", "numbers", "", box=None, title="robots")
-    for column in table.columns[2:6]:
+    table = Table("", "robot", "error", "worse by", "numbers", "", box=None, title="robots")
+    for column in table.columns[2:5]:
         column.justify = "right"
     for c in ranked:
         table.add_row(
             str(c.rank),
             c.name,
-            f"{c.error:.2f}",
-            "" if c.standing == "best" else f"{c.difference:.3g}",
-            "" if c.standing == "best" else f"\N{PLUS-MINUS SIGN} {c.deviation:.2g}",
+            plain(c.error),
+            "" if c.standing == "best" else with_deviation(c.difference, c.deviation),
             str(c.parameters),
             "; ".join((c.standing, *c.warnings)),
         )

@@ -30,7 +30,7 @@ from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
 from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
-from wbc.identification.answer.numbers import plain, sure, with_interval
+from wbc.identification.answer.numbers import plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
 from wbc.robot import Effect
@@ -190,18 +190,23 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
 
 
 def _effects_table(diagnosis: Diagnosis) -> Table:
-    table = Table("effect at place, parameter", "value", "90 % interval", "unit", box=None)
+    """Return the effects found; one with a single number takes a single line."""
+    table = Table("effect at place", "value", "90 % interval", "unit", "", box=None)
     table.columns[0].overflow = "fold"
     table.columns[1].justify = "right"
     for finding in diagnosis.findings:
-        table.add_row(
-            f"{finding.effect.name} at {finding.effect.where}", "", sure(finding.probability)
-        )
+        name, certainty = f"{finding.effect.name} at {finding.effect.where}", ""
+        alone = len(finding.numbers) == 1
+        if alone:
+            certainty = sure(finding.probability)
+        else:
+            table.add_row(name, "", "", "", sure(finding.probability))
         for number, e in finding.numbers.items():
             value, interval = with_interval(e.value, e.low, e.high)
             unit = "" if e.unit == "1" else e.unit
-            drawn = "" if e.drawn is None else f" (as given {plain(e.drawn)})"
-            table.add_row(f"  {number}", value, interval, f"{unit}{drawn}".strip())
+            table.add_row(name if alone else f"  {number}", value, interval, unit, certainty)
+            if e.drawn is not None:
+                table.add_row("  as given" if alone else "    as given", plain(e.drawn))
         if finding.alternatives:
             table.add_row("  or " + ", or ".join(finding.rivals))
         for warning in finding.warnings:
@@ -225,8 +230,7 @@ def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
         column.justify = "right"
     tried = [row for row in diagnosis.ranking if row.standing != "found"]
     for row in tried if whole else tried[:_RANKED]:
-        sign = "+" if row.difference > 0.0 else ""
-        paired = f"{sign}{plain(row.difference, 2)} ± {plain(row.deviation, 1)}"
+        paired = with_deviation(row.difference, row.deviation)
         table.add_row(row.text, plain(row.error), paired, row.judgement)
     if len(tried) > _RANKED and not whole:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")

@@ -18,7 +18,7 @@ from wbc.cli.shared.inputs import (
 from wbc.cli.shared.outputs import require_outputs, require_parquet
 from wbc.cli.shared.printout import Part, add_depth_options, print_out
 from wbc.errors import WbcError
-from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.numbers import plain, with_deviation
 from wbc.identification.trend import Trend, find_runs, follow, read_index
 
 EXIT_DRIFTS = 4
@@ -119,7 +119,7 @@ def _table(trend: Trend, drifting: bool) -> Table:
     for drift in trend.drifts:
         if drift.drifts != drifting:
             continue
-        change = f"{plain(drift.change, 2)} ± {plain(drift.deviation, 1)}"
+        change = with_deviation(drift.change, drift.deviation)
         unit = "" if drift.unit == "1" else drift.unit
         first, last = plain(drift.first.value), plain(drift.last.value)
         table.add_row(drift.machine, drift.name, first, last, change, unit)

@@ -33,6 +33,19 @@ def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
     return texts[0], f"{texts[1]} … {texts[2]}"
 
 
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a difference with its sign and standard error, both to two digits of the error."""
+    if not (math.isfinite(value) and math.isfinite(deviation) and deviation > 0.0):
+        return f"{'+' if value > 0.0 else ''}{plain(value)} ± {plain(deviation, 2)}"
+    places = 1 - math.floor(math.log10(deviation))
+    near, error = round(value, places), round(deviation, places)
+    if error >= 10.0 ** (2 - places):  # 99.6 became 100
+        places -= 1
+    shown = max(places, 0)
+    told = f"{near:+,.{shown}f}" if near else "0"
+    return f"{told} ± {error:,.{shown}f}".replace("-", "−")
+
+
 def sure(probability: float) -> str:
     """Return a probability as a person says it; nothing is quite certain."""
     percent = round(100.0 * probability)

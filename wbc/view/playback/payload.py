@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
+from wbc.robot.coordinates import unit_at
 from wbc.transmission import Direction
 from wbc.view.palette import (
     DIRECTION_COLOURS,
@@ -74,7 +75,7 @@ def playback_payload(
         "metres_per_newton": _arrow_scale(track, size),
         "camera": _camera(robot, track, size, shapes),
         "floating": robot.floating_size > 0,
-        "follow": bool(np.ptp(track.center_of_mass[:, :2], axis=0).max() > _LEAVES * size.reach),
+        "follow": _leaves(robot, track, size),
         "residual_span": _residual_span(ghost),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
@@ -120,6 +121,7 @@ def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, 
     return {
         "name": gear.joint,
         "number": robot.model.getJointId(gear.joint),
+        "unit": unit_at(robot, gear.joint, "N m"),
         "torque": _packed(gear.torque),
         "power": _packed(gear.power),
         "direction": _packed(np.nan_to_num(gear.direction)),
@@ -161,6 +163,12 @@ def _floor(track: Track, slabs: Sequence[GroundSlab]) -> list[float] | None:
     return [round(surface_under(slabs, point)[0], 5) for point in track.center_of_mass]
 
 
+def _leaves(robot: Robot, track: Track, size: SceneSize) -> bool:
+    """Return whether the robot moves away, which only a robot with a free base does."""
+    span = np.ptp(track.center_of_mass[:, :2], axis=0).max()
+    return bool(robot.floating_size > 0 and span > _LEAVES * size.reach)
+
+
 def _camera(
     robot: Robot, track: Track, size: SceneSize, shapes: Sequence[LinkShape]
 ) -> dict[str, Any]:
@@ -171,7 +179,7 @@ def _camera(
     lives in the x-z plane is seen nearly along y.
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
-    leaves = np.ptp(track.center_of_mass[:, :2], axis=0).max() > _LEAVES * size.reach
+    leaves = _leaves(robot, track, size)
     points = []
     for frame in np.linspace(0, len(track.time) - 1, _FRAMED).astype(int):
         center = track.center_of_mass

@@ -9,7 +9,7 @@ from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, OpenLoop, Ranked
 from wbc.identification.answer.diagnosis.sentence import spoken, verdict_sentence, what_to_do
-from wbc.identification.answer.numbers import plain, sure, told, with_interval
+from wbc.identification.answer.numbers import plain, sure, told, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.measurement import LogQuality, LogSource
 
@@ -106,8 +106,11 @@ def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str
         rows["commit"] = facts["commit"]
     rows["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     for source in sources:
+        # The digest is that of the file, which may hold many logs.
+        path = source.label.partition("#")[0]
+        known = sum(1 for other in sources if other.label.partition("#")[0] == path)
         digest = f"sha256 {source.sha256}" if source.sha256 else "made in memory"
-        rows[f"data: {log_name(source.label)}"] = digest
+        rows[f"data: {path}"] = digest if known == 1 else f"{digest} ({known} logs)"
     return rows
 
 
@@ -149,6 +152,7 @@ def step_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         {
             "label": f"+ {spoken(step.added)} at {step.where}" if step.added else "as given",
             "error": step.error,
+            "told": plain(step.error),
         }
         for step in diagnosis.steps
     ]
@@ -185,8 +189,7 @@ def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
     """Return the ranked table: model, error, judgement, odds, paired difference."""
     table = []
     for row in rows:
-        sign = "+" if row.difference > 0.0 else ""
-        paired = f"{sign}{plain(row.difference)} ± {plain(row.deviation, 2)}"
+        paired = with_deviation(row.difference, row.deviation)
         table.append(
             {
                 "model": row.text,

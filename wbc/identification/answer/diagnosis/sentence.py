@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 _MOST = 3
 """Numbers of one effect in a sentence; tables hold all."""
+_MANY = 3
+"""Places from which on an effect is said once: the tables that follow name them all."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
 
@@ -38,9 +40,9 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         case "partial":
             sure = certain_findings(diagnosis)
             certain = _sum_up(sure)
-            what = "Missing or different" if _replaced(sure) else "Missing"
+            what = "missing or different" if _replaced(sure) else "missing"
             return (
-                f"{what}, that is certain: {certain}. {_progress(diagnosis)}. More is missing "
+                f"Certainly {what}: {certain}. {_progress(diagnosis)}. More is missing "
                 "that no known effect explains."
             )
         case "unknown":
@@ -113,7 +115,28 @@ def _floors(output: OutputLevel) -> float:
 
 
 def _sum_up(findings: Sequence[Finding]) -> str:
-    return _joined([_said(finding) for finding in findings])
+    """Return the effects at their places; one that is at many places is said once."""
+    effects: dict[str, list[Finding]] = {}
+    for finding in findings:
+        effects.setdefault(finding.effect.name, []).append(finding)
+    said = []
+    for alike in effects.values():
+        together = len(alike) >= _MANY and not any(finding.quantities for finding in alike)
+        said += [_said_once(alike)] if together else [_said(finding) for finding in alike]
+    return _joined(said)
+
+
+def _said_once(findings: Sequence[Finding]) -> str:
+    """Return one effect at many places, with the range of its size if it has one number."""
+    effect = findings[0].effect
+    said = f"{spoken(effect.name)} at {len(findings)} places"
+    units = {e.unit for finding in findings for e in finding.parameters.values()}
+    if len(findings[0].parameters) != 1 or len(units) != 1:
+        return said
+    sizes = [e.value for finding in findings for e in finding.parameters.values()]
+    ends = dict.fromkeys((plain(min(sizes), 2), plain(max(sizes), 2)))
+    size = f"{' to '.join(ends)} {units.pop()}".removesuffix(" 1")
+    return f"{said} ({size})"
 
 
 def _said(finding: Finding) -> str:

@@ -21,18 +21,21 @@ function frameCamera() {
   const aim = eye.map((e, k) => e - depth * d[k]);
   target().set(aim[0], aim[2], -aim[1]);
   viewer.camera.position.set(eye[0], eye[2], -eye[1]);
+  // The points of a robot that moves away are those of its start.
+  if (data.follow) shift(at3(data.com, 0), centerNow());
   viewer.camera.updateProjectionMatrix();
   anchor = null;
   viewer.controls.update();
   viewer.set_dirty();
 }
+function shift(from, to) {
+  const dx = to[0] - from[0], dz = -(to[1] - from[1]);
+  target().x += dx; target().z += dz;
+  viewer.camera.position.x += dx; viewer.camera.position.z += dz;
+}
 function follow(center) {
   if (!layers.follow) { anchor = null; return; }
-  if (anchor) {
-    const dx = center[0] - anchor[0], dz = -(center[1] - anchor[1]);
-    target().x += dx; target().z += dz;
-    viewer.camera.position.x += dx; viewer.camera.position.z += dz;
-  }
+  if (anchor) shift(anchor, center);
   anchor = center;
 }
 // The size of every force at the tip of its arrow, largest first; one that would cover another waits.

@@ -63,6 +63,10 @@ function drawGear(g, i) {
   g.node.scale.set(swell, swell, 1);
 }
 let anchor = null;
+function centerNow() {
+  const [i, j, s] = locate(now), after = at3(data.com, j);
+  return at3(data.com, i).map((x, k) => x + s * (after[k] - x));
+}
 function drawFrame() {
   const [i, j, s] = locate(now);
   const near = s < 0.5 ? i : j;
@@ -70,7 +74,7 @@ function drawFrame() {
   if (data.ghost) { node("ghost").visible = layers.ghost; if (layers.ghost) place(data.ghost, "ghost", i, j, s); }
   for (const c of data.contacts) drawContact(c, near);
   for (const g of data.gears) drawGear(g, near);
-  const center = at3(data.com, i).map((x, k) => x + s * (at3(data.com, j)[k] - x));
+  const center = centerNow();
   Object.values(com).forEach((o) => { o.visible = layers["centre of mass"]; });
   const floor = data.floor === null ? null : data.floor[near];
   com.ball.position.set(...center);

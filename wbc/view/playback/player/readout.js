@@ -1,7 +1,8 @@
 const cells = [];
 function buildReadout() {
   const table = $("gears"), withResidual = data.gears.some((g) => g.residual);
-  table.innerHTML = "<tr><th>joint</th><th>N m</th><th>W</th><th></th>" + (withResidual ? "<th>residual / floor</th>" : "") + "</tr>";
+  const units = [...new Set(data.gears.map((g) => g.unit))];
+  table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (withResidual ? "<th>residual / floor</th>" : "") + "</tr>";
   for (const g of data.gears) {
     const row = table.insertRow();
     const made = Array.from({ length: withResidual ? 5 : 4 }, () => row.insertCell());

@@ -21,5 +21,11 @@ requestAnimationFrame(() => {
       const seen = data.camera.points.map((p) => v1.set(p[0], p[2], -p[1]).project(viewer.camera).toArray());
       return [0, 1].map((k) => Math.max(...seen.map((p) => Math.abs(p[k]))));
     },
+    // Where the centre of mass is in the window; 1 is the border.
+    middle() {
+      viewer.camera.updateMatrixWorld();
+      const c = centerNow();
+      return v1.set(c[0], c[2], -c[1]).project(viewer.camera).toArray().slice(0, 2);
+    },
     picture() { drawFrame(); viewer.render(); } };
 });

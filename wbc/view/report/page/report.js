@@ -35,7 +35,7 @@ function drawStairs() {
   shown.annotations = [{ x: 1, xanchor: "left", xref: "x", y: 1.0, yref: "paper", yanchor: "bottom", text: "noise floor", showarrow: false, font: { color: style("--before"), size: 11 } }];
   const label = (text) => narrow && text.length > 24 ? text.replace(" at ", "<br>at ") : text;
   Plotly.react("stairs", [{ type: "bar", orientation: "h", x: steps.map((s) => s.error), y: steps.map((s) => label(s.label)),
-    text: steps.map((s) => s.error.toPrecision(3)), textposition: "outside", cliponaxis: false, marker: { color: style("--after") },
+    text: steps.map((s) => s.told), textposition: "outside", cliponaxis: false, marker: { color: style("--after") },
     hovertemplate: "%{y}<br>%{x:.4g} noise floors<extra></extra>" }], shown, config);
 }
 
