@@ -41,6 +41,7 @@ def main() -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     arm = load_robot("staubli_tx40")
     report(leg, "shin", 1.0, 6.0)
+    report(arm, "link_3", 1.0, 3.0)
     report(arm, "link_4", 1.0, 3.0)
 
 

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import inf
-from typing import ClassVar, final
-
-import numpy as np
 
 from wbc.effects import (
     CoulombFriction,
     GravityDirection,
     LoadFriction,
+    LoadStribeckFriction,
     StribeckFriction,
     ViscousFriction,
 )
-from wbc.effects.joint_effect import JointEffect
 from wbc.identification.servo.servo_fit import Span
-from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.robot import Effect, Robot
 from wbc.robot.dc_drive import DcDrive
 
 SUPPLY = 7.4  # [V]
-WEIGHT = 0.49 * 9.81 * 0.1  # [N m] of the pendulum when level
 # Data sheet of the XL330-M288 at 5 V: stalls with 0.52 N m and 1.47 A, idles at 103 rpm. That puts
 # the torque constant between 0.354 (all losses inside) and 0.464 N m/A and the resistance at
 # 3.40 ohm. Round numbers elsewhere.
@@ -36,7 +31,7 @@ SPANS = {
     "load": Span(0.0, 0.2, 0.9),
     "stribeck": Span(0.0, 0.01, 0.2),
     "stribeck_speed": Span(0.02, 0.5, 5.0),
-    "load_stribeck": Span(0.0, 0.05, 1.0),
+    "load_stribeck": Span(0.0, 0.05, 0.9),
     "source_resistance": Span(0.0, 1.0, 8.0),
     "current_limit": Span(0.2, 1.75, 5.0),
     "heating": Span(0.0, 0.02, 1.0),
@@ -54,6 +49,7 @@ STARTS: tuple[dict[str, float], ...] = (
         "cooling": 1.0,
     },
     {"load": 0.35, "load_stribeck": 0.6, "stribeck_speed": 3.0},
+    {"load_stribeck": 0.2},
 )
 # What the runs leave open stays near the starts above: [rad] per doubling.
 HOLDS = {
@@ -81,37 +77,6 @@ RIVALS = {"+ load stribeck, limit": (*LOAD_STRIBECK, "current_limit")}
 ELECTRICAL = ("source_resistance", "current_limit", "heating")
 
 
-@final
-@dataclass(frozen=True)
-class LoadStribeck(JointEffect):
-    """Friction in proportion to the load that is there near rest only.
-
-    Its level is share |weight sin q| exp(-(v/speed)^2): at the speeds at which it acts the load
-    is the pendulum's weight. Friction under load that falls with speed, as in BAM's models M4 to
-    M6, is `LoadFriction` and this.
-
-    Attributes:
-        share: of the load, at rest.
-        speed: Stribeck speed [rad/s].
-    """
-
-    share: float
-    speed: float
-
-    name: ClassVar[str] = "load_stribeck"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", 0.0, 0.0, 1.0, 0.1),
-        Parameter("speed", "rad/s", 0.5, 0.001, 20.0, 0.1, shape=True),
-    )
-    explanation: ClassVar[str] = "Loaded teeth rub more while their film of grease is broken."
-    experiment: ClassVar[str] = "Lift the same weight at a creep and fast."
-
-    def joint_friction(self, robot: Robot, motion: Motion) -> np.ndarray:
-        ratio = self.joint_velocity(robot, motion) / self.speed
-        load = WEIGHT * np.abs(np.sin(self.joint_position(robot, motion)))
-        return self.on_joint(robot, motion, self.share * load * np.exp(-(ratio**2)))
-
-
 def servo(base: Robot, values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
     """Return robot and drive with these numbers; what is not given is not there."""
     gears = base.transmission.replace(
@@ -127,7 +92,7 @@ def servo(base: Robot, values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
     ]
     if "load" in values:
         effects.append(LoadFriction("shaft", values["load"]))
-    for kind in (StribeckFriction, LoadStribeck):
+    for kind in (StribeckFriction, LoadStribeckFriction):
         level = values.get(kind.name.removesuffix("_friction"))
         if level is not None:
             effects.append(kind("shaft", level, values["stribeck_speed"]))

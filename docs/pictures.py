@@ -28,6 +28,7 @@ from sims import (
     imperfect_loop,
     parallelogram,
     standing,
+    stepping,
     tilting_table,
     trot,
     wedge,
@@ -204,7 +205,7 @@ def loops() -> None:
 
 
 def walked() -> None:
-    """Run the study of walking and take its film."""
+    """Run the studies of walking and take their films."""
     found = trot.main()
     plots(lambda theme: trot.draw(found, theme), trot="trot")
     page, film = trot.film(OUT / "trot.html", 2.4), OUT / "trot.gif"
@@ -212,6 +213,13 @@ def walked() -> None:
         film, page, start=0.4, stop=2.4, speed=0.5, width=640, height=440, frame_rate=10.0
     )
     keep(film, "trot")
+    steps = stepping.main(engines=("MuJoCo",), scenes=("on the spot", "forward", "step"))
+    plots(lambda theme: stepping.draw(steps, theme), stepping="stepping")
+    page, film = stepping.film(OUT / "stepping.html", 6), OUT / "stepping.gif"
+    write_animation(
+        film, page, start=0.5, stop=6.0, speed=1.0, width=600, height=680, frame_rate=6.0
+    )
+    keep(film, "stepping")
 
 
 def plots(draw: Draw, **names: str) -> None:

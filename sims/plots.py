@@ -24,7 +24,8 @@ class Panel:
     Attributes:
         title, across, up: what stands above, below and beside.
         lines: label -> (x, y), drawn as lines.
-        points: label -> (x, y), drawn as dots; those that a line's label names have its colour.
+        points: label -> (x, y), drawn as dots, the first ones largest; those that a line's label
+            names have its colour.
         dots: what such dots are called in the legend.
         log: whether the upward axis is logarithmic.
     """
@@ -63,9 +64,10 @@ def _draw(ax: Axes, panel: Panel, theme: Theme) -> None:
     colours = dict(zip({**panel.lines, **panel.points}, theme.series, strict=False))
     for i, (label, (x, y)) in enumerate(panel.lines.items()):
         ax.plot(x, y, color=colours[label], linestyle=DASHES[i], label=label or None)
-    for label, (x, y) in panel.points.items():
+    for i, (label, (x, y)) in enumerate(panel.points.items()):
         own = None if label in panel.lines else label or None
-        ax.plot(x, y, "o", color=colours[label], markersize=5.0, label=own)
+        size = 5.0 + 3.0 * (len(panel.points) - 1 - i)  # of equal values each shows as a ring
+        ax.plot(x, y, "o", color=colours[label], markersize=size, label=own)
     if panel.dots:
         ax.plot([], [], "o", color=theme.ink, markersize=5.0, label=panel.dots)
 

@@ -36,7 +36,6 @@ _DOWN = 0.1  # [m/s] at which a foot that is late goes on down
 _STIFFNESS = 5.0  # [1/s] with which the capture point follows the plan
 _REACH = np.array([0.3, 0.2])  # [m] that a foothold may move, ahead or back and outwards
 _INWARDS = 0.03  # [m] that it may move towards the other foot
-_LIFT = 0.3  # share of a swing for which a foot that steps up does not go ahead
 _TOUCH = 1e-3  # [m] above the ground within which a corner of a sole counts as touching
 
 
@@ -223,22 +222,11 @@ class Stepper:
         if share > 1.0:
             down = np.array([0.0, 0.0, _DOWN])
             return Reference(end - (share - 1.0) * SINGLE * down, -down)
-        # a foot that goes up rises first, so that its toe does not meet the edge
-        first = _LIFT if end[2] > start[2] + _TOUCH else 0.0
-        along, up = _partly(share, first, 1.0), _partly(share, 0.0, 1.0 - first)
+        path, slope, bend = minimum_jerk(max(share, 0.0))
         rise, climb, curve = hump(share)
-        way = end - start
-        path = [np.array([along[k] * way[0], along[k] * way[1], up[k] * way[2]]) for k in range(3)]
-        above = np.array([0.0, 0.0, _CLEARANCE])
+        way, above = end - start, np.array([0.0, 0.0, _CLEARANCE])
         return Reference(
-            start + path[0] + rise * above,
-            (path[1] + climb * above) / SINGLE,
-            (path[2] + curve * above) / SINGLE**2,
+            start + path * way + rise * above,
+            (slope * way + climb * above) / SINGLE,
+            (bend * way + curve * above) / SINGLE**2,
         )
-
-
-def _partly(share: float, start: float, stop: float) -> tuple[float, float, float]:
-    """Return a smooth path from 0 to 1 between two shares of a swing, and its two slopes."""
-    length = stop - start
-    path, slope, bend = minimum_jerk(min(max((share - start) / length, 0.0), 1.0))
-    return path, slope / length, bend / length**2

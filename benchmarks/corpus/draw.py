@@ -27,12 +27,17 @@ LISTED = (
     "torque_offset", "torque_ripple", "actuation_delay", "position_offset",
     "gravity_direction", "supply_sag", "current_limit", "thermal_drift",
 )  # fmt: skip
-LATER = ("presliding", "directional_viscous_friction", "load_presliding")
+LATER = (
+    "presliding", "directional_viscous_friction", "load_presliding", "load_stribeck_friction",
+)  # fmt: skip
 """Effects that came to the list later; seeds below `_FIRST` are the cases that they always were."""
-_FIRST = {"presliding": 24, "directional_viscous_friction": 30, "load_presliding": 30, DRAWING: 30}
+_FIRST = {
+    "presliding": 24, "directional_viscous_friction": 30, "load_presliding": 30, DRAWING: 30,
+    "load_stribeck_friction": 33,
+}  # fmt: skip
 _WRONG_DRAWINGS = 1.0 / 3.0  # share of all cases
 _ONLY_CLOSED_LOOP = ("backlash", "current_limit")
-_ONLY_PRESCRIBED = ("load_presliding",)
+ONLY_PRESCRIBED = ("load_presliding", "load_stribeck_friction")
 _ALONE = ("backlash", "joint_compliance", "current_limit")
 _ALL_GEARS = {"actuation_delay": 0.7} | dict.fromkeys(
     ("viscous_friction", "coulomb_friction", "transmission_efficiency", "load_friction",
@@ -149,10 +154,10 @@ def _effects(random: np.random.Generator, machine: Machine, kind: str, seed: int
     if kind == "unlisted":
         return [str(random.choice(outside))]
     if kind == "mixed":
-        prescribed = _ONLY_PRESCRIBED if closed else ()
+        prescribed = ONLY_PRESCRIBED if closed else ()
         listed = [n for n in inside if n not in (*_ALONE, *prescribed)]
         return [str(random.choice(listed)), str(random.choice(outside))]
-    elsewhere = _ONLY_PRESCRIBED if closed else _ONLY_CLOSED_LOOP
+    elsewhere = ONLY_PRESCRIBED if closed else _ONLY_CLOSED_LOOP
     possible = [n for n in inside if n not in elsewhere]
     if kind in ("two", "three"):
         possible = [n for n in possible if n not in _ALONE]

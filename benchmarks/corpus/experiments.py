@@ -20,6 +20,7 @@ RUN_FOR = {
     "link_inertia": "shake",
     "link_inertias": "shake",
     "torque_ripple": "sweep",
+    "load_stribeck_friction": "sweep",
     "load_friction": "slow",  # lift and lower slowly
     "transmission_efficiency": "slow",
     "torque_constant": "holds",  # still in many poses

@@ -117,6 +117,22 @@ def loss_gains(machine: Machine, flaws: Sequence[Flaw]) -> tuple[np.ndarray, np.
     return forward / (1.0 - load), backward / (1.0 + load)
 
 
+def gains_at(
+    machine: Machine, flaws: Sequence[Flaw], spin: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the gains of `loss_gains` (N, m) at speeds of the gears (N, m)."""
+    forward, backward = (
+        np.array(np.broadcast_to(g, spin.shape)) for g in loss_gains(machine, flaws)
+    )
+    for flaw in flaws:
+        if flaw.effect == "load_stribeck_friction":
+            j, p = machine.driven.index(flaw.where), flaw.values
+            share = p["coefficient"] * np.exp(-((spin[:, j] / p["speed"]) ** 2))
+            forward[:, j] /= 1.0 - share
+            backward[:, j] /= 1.0 + share
+    return forward, backward
+
+
 def smooth_torque(
     machine: Machine, flaws: Sequence[Flaw], q: np.ndarray, v: np.ndarray
 ) -> np.ndarray:

@@ -13,7 +13,7 @@ from benchmarks.corpus.flaws import (
     Flaw,
     changed_machine,
     dry_level,
-    loss_gains,
+    gains_at,
     smooth_torque,
 )
 from benchmarks.corpus.machine import Machine
@@ -82,13 +82,13 @@ def needed_torque(
     joint = joint + dry_level(machine, flaws, omega) * np.tanh(omega / SLOW)
     inverse = np.linalg.inv(machine.topology)
     output, spin, rise = joint @ machine.topology, omega @ inverse.T, alpha @ inverse.T
-    gains = loss_gains(machine, flaws)
+    gains = gains_at(machine, flaws, spin)
     mesh = meshed(output, spin, *gains)
     for flaw in flaws:
         if flaw.effect == "load_presliding":
             j = machine.driven.index(flaw.where)
             bent = bristles((theta @ inverse.T)[:, j], flaw.values["length"])
-            mesh[:, j] = loaded(output[:, j], bent, float(gains[0][j]), float(gains[1][j]))
+            mesh[:, j] = loaded(output[:, j], bent, gains[0][:, j], gains[1][:, j])
     delivered = mesh + machine.reflected * rise
     reported = reported_torque(machine, flaws, motion.time, spin, delivered)
     return np.concatenate([reported, -links[:, :b]], axis=1)
@@ -145,8 +145,10 @@ def bristles(position: np.ndarray, length: float) -> np.ndarray:
     return bent
 
 
-def loaded(output: np.ndarray, bent: np.ndarray, forward: float, backward: float) -> np.ndarray:
-    """Return the mesh input for an output, both (N,), of a gear whose losses build up."""
+def loaded(
+    output: np.ndarray, bent: np.ndarray, forward: np.ndarray, backward: np.ndarray
+) -> np.ndarray:
+    """Return the mesh input for an output, all (N,), of a gear whose losses build up."""
     along = bent * np.sign(output)
     grow, shrink = forward - 1.0, 1.0 - backward
     return output * (1.0 + 0.5 * (grow + shrink) * along + 0.5 * (grow - shrink) * along**2)

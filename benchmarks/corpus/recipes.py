@@ -109,6 +109,9 @@ def _of_joints(random: np.random.Generator, effect: str, j: int, typical: Typica
     if effect == "stribeck_friction":
         slow = float(random.uniform(0.1, 0.5)) * speed
         return Recipe(lambda u: {"level": u, "speed": slow}, torque)
+    if effect == "load_stribeck_friction":
+        slow = float(random.uniform(0.1, 0.5)) * speed
+        return Recipe(lambda u: {"coefficient": u, "speed": slow}, 0.4)
     if effect == "joint_spring":
         rest = float(typical.machine.centre[j] + random.uniform(-0.5, 0.5))
         return Recipe(lambda u: {"stiffness": u, "rest": rest}, 2.0 * torque)

@@ -24,6 +24,7 @@ _SHAPES = {
     ("stribeck_friction", "speed"),
     ("presliding", "length"),
     ("load_presliding", "length"),
+    ("load_stribeck_friction", "speed"),
     ("thermal_drift", "time_constant"),
     ("joint_compliance", "damping"),
     ("backlash", "stiffness"),

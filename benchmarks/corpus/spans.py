@@ -55,6 +55,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
         )
     elif effect == "stribeck_friction":
         yield from ((flaw(level=_SMALL * torque, speed=s * speed),) for s in _SLOWNESS)
+    elif effect == "load_stribeck_friction":
+        yield from ((flaw(coefficient=_SMALL, speed=s * speed),) for s in _SLOWNESS)
     elif effect == "presliding":
         yield from ((flaw(level=_SMALL * torque, length=length),) for length in _BENT)
     elif effect == "joint_spring":

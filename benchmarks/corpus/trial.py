@@ -17,6 +17,7 @@ from benchmarks.corpus.draw import draw_case
 from benchmarks.corpus.experiments import following_runs
 from benchmarks.corpus.folder import write_folder
 from benchmarks.corpus.record import Table, record_cases
+from benchmarks.corpus.targets import with_targets
 from benchmarks.corpus.truth import truth_of
 from wbc.effects import load_robot
 from wbc.errors import WbcError
@@ -30,11 +31,20 @@ _TOUCHES = 5.0  # [N], five times the largest noise of the force sensors
 
 
 def try_cases(
-    numbers: Sequence[int], folder: Path, seed: int, withheld: bool = False
+    numbers: Sequence[int],
+    folder: Path,
+    seed: int,
+    withheld: bool = False,
+    targets: bool = False,
 ) -> list[Result]:
     """Diagnose these cases, follow the experiments that are asked for, and write the results.
 
-    With `withheld` the force sensors are taken away, and flags say which contacts touch.
+    Args:
+        numbers: of the cases.
+        folder: of the results.
+        seed: of the corpus.
+        withheld: take the force sensors away; flags say which contacts touch.
+        targets: take the torques away; targets and the gains of position drives make them.
     """
     cases = [draw_case(number, seed) for number in numbers]
     start = time.perf_counter()
@@ -43,10 +53,10 @@ def try_cases(
     results, open_ends = [], []
     for case, recorded in zip(cases, tables, strict=True):
         logs = [without_forces(log) if withheld else log for log in logs_of(recorded)]
-        result, diagnosis = tried(case, logs)
+        result, diagnosis = tried(case, logs, targets)
         result["simulation_seconds"] = spent
         results.append(result)
-        if diagnosis is not None and diagnosis.verdict == "ambiguous" and not withheld:
+        if diagnosis is not None and diagnosis.verdict == "ambiguous" and not (withheld or targets):
             open_ends.append((case, logs, result, following_runs(case, diagnosis)))
         else:
             _write(result, folder)
@@ -84,12 +94,16 @@ def robot_of(case: Case) -> Robot:
         return load_robot(str(write_folder(case.machine, Path(folder))))
 
 
-def tried(case: Case, logs: Sequence[Log]) -> tuple[Result, Diagnosis | None]:
+def tried(
+    case: Case, logs: Sequence[Log], targets: bool = False
+) -> tuple[Result, Diagnosis | None]:
     """Diagnose a case; return the result held against its truth, and the diagnosis if any."""
-    result = described(case)
+    result, robot = described(case), robot_of(case)
+    if targets:
+        robot, logs = with_targets(case, robot, logs)
     start = time.process_time()
     try:
-        diagnosis = diagnose(robot_of(case), logs)
+        diagnosis = diagnose(robot, logs)
     except WbcError as error:
         return {**result, "verdict": "error", "message": str(error), "found": []}, None
     result["seconds"] = time.process_time() - start

@@ -32,6 +32,7 @@ _PARAMETERS = {
     "stribeck_friction": 1,
     "directional_viscous_friction": 2,
     "load_presliding": 2,
+    "load_stribeck_friction": 1,
     DRAWING: 10,
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.corpus.case import Case
-from benchmarks.corpus.draw import LATER, LISTED
+from benchmarks.corpus.draw import LATER, LISTED, ONLY_PRESCRIBED
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import draw_machine
 from benchmarks.corpus.flaws import Flaw
@@ -45,6 +45,7 @@ def flaw_of(effect: str, machine: Machine) -> Flaw:
             {"forward_efficiency": 0.75, "backward_efficiency": 0.65, "length": 0.05},
         ),
         "load_friction": Flaw(effect, last, {"coefficient": 0.15}),
+        "load_stribeck_friction": Flaw(effect, last, {"coefficient": 0.3, "speed": 0.5}),
         "quadratic_drag": Flaw(effect, last, {"coefficient": 0.1 * torque}),
         "transmission_efficiency": Flaw(
             effect, last, {"forward_efficiency": 0.8, "backward_efficiency": 0.7}
@@ -103,7 +104,7 @@ def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, e
 
 def test_the_librarys_effects_are_the_plants_in_closed_loop() -> None:
     machine = draw_machine(np.random.default_rng(3), "pendulum")
-    left_out = ("joint_compliance", "backlash", "supply_sag", "load_presliding")
+    left_out = ("joint_compliance", "backlash", "supply_sag", *ONLY_PRESCRIBED)
     names = [e for e in (*LISTED, *LATER) if e not in left_out]
     cases = [recorded(machine, (flaw_of(name, machine),), ("multisine",)) for name in names]
     jobs = [(case, case.excitations) for case in cases]

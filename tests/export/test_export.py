@@ -10,23 +10,30 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.effects.test_effect_catalogue import away_from_null
 from wbc import Robot, load_robot
 from wbc.cli import main
 from wbc.effects import (
+    EFFECTS,
     ActuationDelay,
     CoulombFriction,
     JointSpring,
     LinkInertia,
     PayloadMass,
+    RotorInertia,
     StribeckFriction,
+    SupplySag,
+    ThermalDrift,
     TorqueConstant,
     TorqueOffset,
     TransmissionEfficiency,
     ViscousFriction,
+    VoltageScaling,
     save_robot,
 )
 from wbc.errors import RobotError
 from wbc.export import export_robot
+from wbc.robot import Effect
 from wbc.sim import Plane, Plant, simulate
 
 _DURATION, _STEP = 0.6, 2e-4  # [s]; no joint reaches its stop
@@ -142,6 +149,65 @@ def test_mujoco_reads_every_kind_of_robot(name: str) -> None:
     expected = np.triu(expected) + np.triu(expected, 1).T
     expected[joints] += turned.T @ np.diag(gears.reflected_inertia) @ turned
     np.testing.assert_allclose(mass[joints], expected[joints], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["ricmonk", "tiago", "anymal"])
+def test_mujoco_accelerates_a_fitted_robot_as_our_plant_does(name: str) -> None:
+    """Passive joints, seven axes with a wrong drawing, a free base: one short step each."""
+    robot, random, step = load_robot(name).lossless(), np.random.default_rng(1), 1e-6
+    joint = robot.transmission.joints[0]
+    robot = robot.with_effects(
+        ViscousFriction(joint, 0.3),
+        TorqueConstant(joint, 0.9),
+        RotorInertia(joint, 0.05),
+        LinkInertia.at(robot.bodies[-1], {"alpha": 0.05, "t1": 0.02}),
+    )
+    q = pin.integrate(robot.model, robot.neutral(), random.uniform(-0.3, 0.3, robot.model.nv))
+    v, torque = random.uniform(-1.0, 1.0, robot.model.nv), random.uniform(-2.0, 2.0, 12)
+    torque = torque[: robot.transmission.size]
+    plant = Plant(robot, Plane(height=-50.0))
+    after = plant.step(plant.state(q, v), torque / robot.transmission.gear_ratio, step).state
+    mine = (after.velocity - v) / step
+    model = mujoco.MjModel.from_xml_string(export_robot(robot, "mjcf").text)
+    model.opt.timestep = step
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, torque
+    if robot.has_free_flyer:
+        turn = pin.XYZQUATToSE3(q[:7]).rotation
+        data.qpos[3:7], data.qvel[:3] = q[[6, 3, 4, 5]], turn @ v[:3]
+        mine[:3] = turn @ (mine[:3] + np.cross(v[3:6], v[:3]))
+    start = data.qvel.copy()
+    mujoco.mj_step(model, data)
+    theirs = (data.qvel - start) / step
+    np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "isaac"])
+def test_no_effect_is_left_out_in_silence(to: str) -> None:
+    """Each changes the file's numbers, or stands in its list; a supply's power did neither."""
+    leg, coupled = (load_robot(n).lossless() for n in ("planar_leg_fixed", "parallelogram_leg"))
+    for name, kind in EFFECTS.items():
+        robot = coupled if name.startswith("rotor_") else leg
+        where = kind.places(robot)[-1]
+        effect = away_from_null(kind, robot, where)
+        if name == "current_limit":  # half of the motor's own
+            effect = kind.at(where, {"limit": 10.0})
+        exported, plain = (export_robot(r, to) for r in (robot.with_effect(effect), robot))
+        assert exported.text != plain.text, name
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [VoltageScaling("knee", 1.0, 48.0), SupplySag("robot", 0.01), ThermalDrift("knee", 0.02, 5.0)],
+    ids=lambda effect: effect.name,
+)
+def test_a_drive_that_depends_on_more_than_its_torque_has_no_gain(effect: Effect) -> None:
+    """A supply of a random voltage became a torque constant of 0.74."""
+    leg = load_robot("planar_leg_fixed").lossless()
+    exported, plain = (export_robot(r, "urdf") for r in (leg.with_effect(effect), leg))
+    assert exported.notes == plain.notes
+    assert set(exported.unsaid) - set(plain.unsaid) == {effect.said()}
 
 
 def test_isaac_parameters_are_plain_python() -> None:

@@ -29,6 +29,8 @@ PER_JOINT = {
     "cubic": 0.0,  # N m s^3/rad^3
     "eta_f": 1.0,
     "eta_b": 1.0,
+    "slow_share": 0.0,  # of the mesh torque lost near rest, on top of eta_f and eta_b
+    "slow_speed": 0.5,  # rad/s
     "extra_rotor": 0.0,  # kg m^2
     "spring": 0.0,  # N m/rad
     "rest": 0.0,  # rad
@@ -120,8 +122,9 @@ def simulate(
         memory = np.clip(memory, -1.0, 1.0)
         smooth = smooth - flaw.hysteresis * memory
         sharp = flaw.bent_length == 0.0
-        forward = np.where(sharp, (1.0 - flaw.eta_f) * np.abs(mesh), 0.0)
-        backward = np.where(sharp, (1.0 / flaw.eta_b - 1.0) * np.abs(mesh), 0.0)
+        slow = flaw.slow_share * np.exp(-((omega / flaw.slow_speed) ** 2))
+        forward = np.where(sharp, (1.0 - flaw.eta_f * (1.0 - slow)) * np.abs(mesh), 0.0)
+        backward = np.where(sharp, ((1.0 + slow) / flaw.eta_b - 1.0) * np.abs(mesh), 0.0)
         smooth = smooth - np.where(sharp, 0.0, flaw.bent_loss(bent, mesh))
         level_up = level_up + np.where(mesh > 0.0, forward, backward)
         level_down = level_down + np.where(mesh > 0.0, backward, forward)

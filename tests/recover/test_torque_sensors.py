@@ -17,10 +17,13 @@ from wbc.effects import (
     effect_class,
 )
 from wbc.errors import LogError
-from wbc.identification import diagnose
+from wbc.identification import compare, diagnose
+from wbc.identification.classic import ClassicFit, identify
+from wbc.identification.classic.base_parameters import link_names
+from wbc.identification.formulas import discover
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
-from wbc.measurement import Log
+from wbc.measurement import Log, check_logs
 from wbc.sim import Sensor
 from wbc.sim.excitation import ENCODER, record_run
 from wbc.transmission import mesh_input
@@ -80,6 +83,24 @@ def test_a_wrong_mass_and_a_lossy_gear_are_named_each_on_its_side(sensed: list[L
     assert names == ["hip", "knee", "hip (link side)", "knee (link side)"]
 
 
+def test_the_classic_fit_reads_the_links_from_the_sensor(sensed: list[Log]) -> None:
+    with_sensor, without = identify(LEG, sensed), identify(LEG, blind(sensed))
+    assert with_sensor.joints == ("hip", "knee", "hip (link side)", "knee (link side)")
+
+    def off(fit: ClassicFit) -> float:
+        """Return how far the shin's greatest moment is from the truth, as a share."""
+        truth = {n: v for n, _, v in link_names(LEG.with_effects(HEAVY))}
+        drawn = {n: v for n, _, v in link_names(LEG)}
+        (found,) = [p for p in fit.parameters if p.name == "mz shin"]
+        change = truth["mz shin"] - drawn["mz shin"]
+        return abs((found.value - found.drawn) / change - 1.0)
+
+    # The knee's gear loses a fifth, and a fit of perfect gears puts a part of it into the shin.
+    assert off(with_sensor) < 0.01
+    assert off(without) > 0.05
+    assert np.all(with_sensor.left[2:] < 0.1)
+
+
 def test_neither_row_knows_what_is_wrong_on_the_other_side(sensed: list[Log]) -> None:
     problem = EstimationProblem.from_logs(LEG, sensed)
     record, robot = problem.records[0], problem.robot
@@ -99,6 +120,19 @@ def test_dry_friction_is_told_by_its_side_of_the_sensor() -> None:
         logs = [SENSING.measure(real, record_run(real, LEG, k, 3.0), k) for k in (7, 8)]
         found = diagnose(LEG, logs, KINDS)
         assert [f.effect.key for f in found.findings] == [hidden.key]
+
+
+def test_a_formula_behind_the_sensor_knows_nothing_of_the_gear(sensed: list[Log]) -> None:
+    with_sensor, without = discover(LEG, sensed), discover(LEG, blind(sensed))
+    loss = "|load_knee| * sign(v_knee)"
+    terms = {p.effect.where: set(p.coefficients) for p in with_sensor.proposals}
+    # The heavy shin hangs behind the sensor, the loss of the knee's gear is before it.
+    assert terms["knee"]
+    assert loss not in terms["knee"]
+    assert any(loss in p.coefficients for p in without.proposals)
+    assert "between motor and torque sensor" in with_sensor.remainder
+    assert "at knee" in with_sensor.remainder
+    assert with_sensor.outcome == "partial"
 
 
 def test_a_found_rotor_friction_is_saved_and_used_without_the_sensor(tmp_path: Path) -> None:
@@ -178,12 +212,18 @@ def bench_log(robot: Robot, seed: int) -> Log:
     )
 
 
+def without_positions(log: Log) -> Log:
+    return log.select(n for n in log.names if not n.endswith(".position"))
+
+
 def test_a_dynamometer_gives_efficiencies_and_friction_in_both_directions(tmp_path: Path) -> None:
     (tmp_path / "bench.urdf").write_text(URDF)
     (tmp_path / "robot.toml").write_text(BENCH)
     assert len(BENCH.strip().splitlines()) <= 10
     robot = load_robot(tmp_path / "robot.toml")
-    found = diagnose(robot, [bench_log(robot, k) for k in (1, 2)], KINDS)
+    logs = [without_positions(bench_log(robot, k)) for k in (1, 2)]
+    assert all(quality.usable for quality in check_logs(logs, robot))
+    found = diagnose(robot, logs, KINDS)
     findings = {f.effect.key: f for f in found.findings}
     assert findings.keys() == {
         ("transmission_efficiency", "test"),
@@ -194,3 +234,25 @@ def test_a_dynamometer_gives_efficiencies_and_friction_in_both_directions(tmp_pa
     assert gear["backward_efficiency"].value == pytest.approx(0.7, abs=0.005)
     friction = findings["rotor_coulomb_friction", "test"].parameters
     assert friction["level"].value == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_bench_is_judged_alike_with_and_without_its_angles(tmp_path: Path) -> None:
+    (tmp_path / "bench.urdf").write_text(URDF)
+    (tmp_path / "robot.toml").write_text(BENCH)
+    robot = load_robot(tmp_path / "robot.toml")
+    logs = [bench_log(robot, k) for k in (1, 2)]
+    with_angles = compare(robot, logs)
+    without = compare(robot, [without_positions(log) for log in logs])
+    # What stands behind a shaft without links is not described, and not said to be wrong.
+    assert [output.output for output in without.outputs] == ["test", "brake"]
+    for one, other in zip(with_angles.outputs, without.outputs, strict=True):
+        assert other.rms == pytest.approx(one.rms, rel=0.02)
+        assert other.floor == pytest.approx(one.floor, rel=0.1)
+
+
+def test_a_velocity_is_not_enough_where_gravity_acts(sensed: list[Log]) -> None:
+    poor = without_positions(sensed[0])
+    (finding,) = check_logs([poor], LEG)[0].of_kind("joints_unknown")
+    assert "velocity of hip, knee alone is not enough" in finding.text + finding.way_out
+    with pytest.raises(LogError, match="depends on the position"):
+        compare(LEG, [poor])

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from rich.console import Console
 
 from wbc.cli import completion
-from wbc.cli.logs import check, compare, diagnose, identify, init, play, trend
+from wbc.cli.logs import check, compare, diagnose, identify, init, play, rollout, trend
 from wbc.cli.robots import design, experiment, export, listing, metrics
 from wbc.cli.shared.inputs import write_fix
 from wbc.errors import WbcError
@@ -22,6 +22,7 @@ _COMMANDS = (
     compare,
     diagnose,
     identify,
+    rollout,
     trend,
     play,
     metrics,

@@ -175,6 +175,7 @@ class Controller:
         self._disturbance.forget()
         self._fallback.forget()
         self._plant.forget()
+        self._programs.forget()
 
     def step(
         self,
@@ -332,6 +333,8 @@ class Controller:
             torque = self._effects.on_joints(motion, blend.certainty(expected))
         if self._disturbance.on:
             torque = disturbance if torque is None else torque + disturbance
+        if self._effects.act_on_gears:
+            self._law.follow(*self.robot.gear_efficiencies(motion))
         plant.update(self._kinematics, torque, speed, sigma)
         limits = self._motors.bounds(motion, speed)
         return GearState(sigma, limits, turning, self._output), expected

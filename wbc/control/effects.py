@@ -20,6 +20,7 @@ class EffectTorques:
         self._smooth = _overriding(robot.effects, "joint_torque")
         self._dry = _overriding(robot.effects, "joint_friction")
         self._rotor = _overriding(robot.effects, "rotor_torque")
+        self._gears = _overriding(robot.effects, "gear_efficiencies")
         self._drive = tuple(reversed(_overriding(robot.effects, "drive_inverse")))
         self._truth = tuple(reversed(_overriding(robot.effects, "true")))
 
@@ -32,6 +33,11 @@ class EffectTorques:
     def act_on_rotors(self) -> bool:
         """Whether any effect adds torque on the rotors."""
         return bool(self._rotor)
+
+    @property
+    def act_on_gears(self) -> bool:
+        """Whether the efficiencies of any gear depend on the motion."""
+        return bool(self._gears)
 
     @property
     def act_on_drives(self) -> bool:

@@ -147,7 +147,7 @@ def motor_torque(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray
     spun = _coupling_torque(robot, motion)[1] if robot.rotors_turn_with_links else 0.0
     psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
     psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
-    mesh = mesh_input(output, psi_velocity, gears.forward_efficiency, gears.backward_efficiency)
+    mesh = mesh_input(output, psi_velocity, *robot.gear_efficiencies(motion))
     for effect in robot.effects:
         mesh = effect.meshed(robot, motion, output, mesh)
     spin = psi_velocity * gears.gear_ratio

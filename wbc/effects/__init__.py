@@ -9,11 +9,13 @@ from wbc.effects.drive.thermal_drift import ThermalDrift
 from wbc.effects.drive.torque_constant import TorqueConstant
 from wbc.effects.drive.torque_offset import TorqueOffset
 from wbc.effects.drive.torque_ripple import TorqueRipple
+from wbc.effects.drive.voltage_scaling import VoltageScaling
 from wbc.effects.formula.custom_torque import CustomTorque
 from wbc.effects.formula.torque_term import TorqueTerm
 from wbc.effects.friction.coulomb_friction import CoulombFriction
 from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
 from wbc.effects.friction.load_friction import LoadFriction
+from wbc.effects.friction.load_stribeck_friction import LoadStribeckFriction
 from wbc.effects.friction.quadratic_drag import QuadraticDrag
 from wbc.effects.friction.stribeck_friction import StribeckFriction
 from wbc.effects.friction.thermal_viscous_friction import ThermalViscousFriction
@@ -52,6 +54,7 @@ __all__ = [
     "LinkInertias",
     "LoadFriction",
     "LoadPresliding",
+    "LoadStribeckFriction",
     "PayloadMass",
     "PositionOffset",
     "Presliding",
@@ -67,6 +70,7 @@ __all__ = [
     "TorqueTerm",
     "TransmissionEfficiency",
     "ViscousFriction",
+    "VoltageScaling",
     "effect_class",
     "load_robot",
     "save_robot",

@@ -12,10 +12,12 @@ from wbc.effects.drive.thermal_drift import ThermalDrift
 from wbc.effects.drive.torque_constant import TorqueConstant
 from wbc.effects.drive.torque_offset import TorqueOffset
 from wbc.effects.drive.torque_ripple import TorqueRipple
+from wbc.effects.drive.voltage_scaling import VoltageScaling
 from wbc.effects.formula.custom_torque import CustomTorque
 from wbc.effects.friction.coulomb_friction import CoulombFriction
 from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
 from wbc.effects.friction.load_friction import LoadFriction
+from wbc.effects.friction.load_stribeck_friction import LoadStribeckFriction
 from wbc.effects.friction.quadratic_drag import QuadraticDrag
 from wbc.effects.friction.rotor_coulomb_friction import RotorCoulombFriction
 from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
@@ -50,6 +52,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     TransmissionEfficiency,
     LoadPresliding,
     LoadFriction,
+    LoadStribeckFriction,
     QuadraticDrag,
     RotorInertia,
     PayloadMass,
@@ -66,6 +69,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     ActuationDelay,
     ThermalDrift,
     SupplySag,
+    VoltageScaling,
     CurrentLimit,
     JointCompliance,
     Backlash,

@@ -119,5 +119,7 @@ def _add(robot: Robot, effect: Effect, motion: Motion, found: JointNumbers) -> I
         found.delay[k] += drive.delay
     if laws is None or levels is None or offsets is None or drives is None:
         yield effect.said()
+    if "gear_efficiencies" in effect.acts_by:
+        yield f"{effect.said()}: the exported gear loses nothing that grows with the load"
     if effect.acts_by & {"measured", "true", "measured_forces", "true_forces"}:
         yield f"{effect.said()}: it belongs to the sensors, so correct what they report"

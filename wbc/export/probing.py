@@ -12,6 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.robot import Effect, Motion, Robot
 
+_HELD = 3  # samples whose drives must have one law
 _SAMPLES = 64
 _EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear law
 _TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
@@ -94,22 +95,35 @@ def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, Linear
     """Return gain and delay of every drive that an effect changes, None if it does other things.
 
     A torque that grows evenly from far below any limit to far above it is delivered late by a
-    shift and weakened by a slope; whatever else happens to it shows as a bend.
+    shift and weakened by a slope; whatever else happens to it shows as a bend. What depends on
+    the speed, the temperature or the supply differs from one held sample of `motion` to the next.
     """
     if "drive" not in effect.acts_by:
         return {}
+    first, *others = (_drive_laws_at(robot, effect, motion, row) for row in range(_HELD))
+    return first if all(other == first for other in others) else None
+
+
+def _drive_laws_at(
+    robot: Robot, effect: Effect, motion: Motion, row: int
+) -> dict[str, LinearDrive] | None:
+    """Return the laws of the drives while one sample of a motion is held."""
     gears = robot.transmission
     time = np.linspace(0.0, 10.0, 2001)
-    still = Motion(
-        position=np.tile(robot.neutral(), (time.size, 1)),
-        velocity=np.zeros((time.size, robot.model.nv)),
-        acceleration=np.zeros((time.size, robot.model.nv)),
+
+    def held(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else np.tile(values[row], (time.size, 1))
+
+    sample = motion.replace(
+        position=held(motion.position),
+        velocity=held(motion.velocity),
+        acceleration=held(motion.acceleration),
         time=time,
-        temperature=np.tile(motion.temperature[0], (time.size, 1)),  # type: ignore[index]
-        supply_voltage=np.tile(motion.supply_voltage[0], (time.size, 1)),  # type: ignore[index]
+        temperature=held(motion.temperature),
+        supply_voltage=held(motion.supply_voltage),
     )
     torque = np.outer((time - 5.0) / 5.0, _TORQUE / np.abs(gears.gear_ratio))
-    delivered = effect.drive(robot, still, torque)
+    delivered = effect.drive(robot, sample, torque)
     inner = slice(200, -200)  # a delay has nothing to show before the first sample
     laws = {}
     for k, joint in enumerate(gears.joints):

@@ -17,6 +17,7 @@ from wbc.measurement.motion.local_noise import residual_noise
 from wbc.measurement.motion.local_polynomial import local_polynomial_operator
 from wbc.measurement.motion.velocity_fit import VelocityFit, fit_velocity
 from wbc.measurement.motion.zero_phase import derivative, low_pass
+from wbc.measurement.positions import joint_position, placeless_joints, without_position
 from wbc.measurement.repeats import find_duplicates, find_repeats
 from wbc.measurement.source import LogSource
 from wbc.measurement.suspicions.find import (
@@ -56,12 +57,14 @@ __all__ = [
     "find_repeats",
     "find_suspicions",
     "fit_velocity",
+    "joint_position",
     "load_log",
     "load_logs",
     "local_polynomial_operator",
     "low_pass",
     "makes_torque",
     "parse_column_map",
+    "placeless_joints",
     "read_column_map",
     "read_logs",
     "reports_torque",
@@ -72,4 +75,5 @@ __all__ = [
     "suspicions",
     "torque_quantity",
     "with_machine",
+    "without_position",
 ]

@@ -23,9 +23,9 @@ def find_repeats(
     """Return groups of logs of the same excitation, as indices into `logs`.
 
     Two logs belong together when they have the same joints, the same length and rate within 1 %,
-    and every joint's position trajectory agrees within `tolerance` of its motion (rms, time counted
-    from the start). The response may thus differ a little, as a closed loop makes it; identical
-    copies are no repeats and stay out (the first of them counts).
+    and every joint's position (without one, its velocity) agrees within `tolerance` of its motion
+    (rms, time counted from the start). The response may thus differ a little, as a closed loop
+    makes it; identical copies are no repeats and stay out (the first of them counts).
 
     Args:
         logs: of one robot.
@@ -69,20 +69,26 @@ def _fingerprint(log: Log) -> str:
 
 
 def _same_excitation(a: Log, b: Log, tolerance: float) -> bool:
-    joints = a.with_quantity("position")
-    if joints != b.with_quantity("position") or not joints:
+    names = _motions(a)
+    if names != _motions(b) or not names:
         return False
     if abs(a.duration / b.duration - 1.0) > 0.01 or abs(a.sample_time / b.sample_time - 1.0) > 0.01:
         return False
     moved = 0
-    for joint in joints:
-        name = f"{joint}.position"
+    for name in names:
         difference, motion, noise = _distance(a, b, name)
         # A joint that stands still repeats its place within the noise of its sensor.
         if difference > tolerance * motion + _NOISE_ALLOWANCE * noise:
             return False
         moved += motion > _NOISE_ALLOWANCE * noise
     return moved > 0
+
+
+def _motions(log: Log) -> tuple[str, ...]:
+    """Return the column that shows how each joint moves: its position, else its velocity."""
+    placed = log.with_quantity("position")
+    others = [joint for joint in log.with_quantity("velocity") if joint not in placed]
+    return (*(f"{joint}.position" for joint in placed), *(f"{joint}.velocity" for joint in others))
 
 
 def _distance(a: Log, b: Log, name: str) -> tuple[float, float, float]:

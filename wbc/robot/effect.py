@@ -25,6 +25,7 @@ Hook = Literal[
     "rotor_torque",
     "drive",
     "drive_inverse",
+    "gear_efficiencies",
     "meshed",
     "measured",
     "true",
@@ -135,6 +136,8 @@ class Effect(ABC):
             and what does instead, in words.
         expected: log prior odds [nats], beside other effects, that a real machine has it where its
             model has not: robots come with models without friction, and friction is in all.
+        one_fit: whether a search tries it, where it is expected, at all joints in one fit with all
+            else that is; not what scales with all that a gear carries.
         claims: how many things it says of a machine at once; each costs as much as a name of its
             own before the logs speak, so that an effect that says less is named where it suffices.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
@@ -149,6 +152,7 @@ class Effect(ABC):
     experiment: ClassVar[str]
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
     expected: ClassVar[float] = 0.0
+    one_fit: ClassVar[bool] = True
     claims: ClassVar[int] = 1
     near_rest: ClassVar[bool] = False
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
@@ -323,6 +327,22 @@ class Effect(ABC):
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque that the drive reports when it delivers `torque`, (..., m)."""
         return torque
+
+    def gear_efficiencies(
+        self, robot: Robot, motion: Motion, forward: FloatArray, backward: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return eta_f and eta_b (..., m) of all gears, where they depend on the present motion.
+
+        Unlike what `change` says of a gear, which holds at any speed. A gear that turns the motor
+        round by itself must not become self-locking, nor the other way round.
+
+        Args:
+            robot: the robot.
+            motion: one sample or many.
+            forward: eta_f (..., m) by the gears and the effects before.
+            backward: eta_b (..., m), likewise.
+        """
+        return forward, backward
 
     def meshed(
         self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray

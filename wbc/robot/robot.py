@@ -12,10 +12,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen, remade
+from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
+from wbc.robot.motion import Motion
 from wbc.robot.mounting import RotorMounting, rotor_mounting
 from wbc.transmission import Transmission
 
@@ -276,6 +277,33 @@ class Robot:
     def sensed(self) -> IntArray:
         """Numbers (s,) of the gears with a torque sensor behind them."""
         return frozen([self.transmission.index(j) for j in self.torque_sensors], np.int_)
+
+    def gear_efficiencies(
+        self,
+        motion: Motion,
+        forward: FloatArray | None = None,
+        backward: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return eta_f and eta_b of all gears at a motion, (..., m); (m,) where it matters nowhere.
+
+        Args:
+            motion: one sample or many.
+            forward: eta_f (m,) to start from; that of the transmission when left out.
+            backward: eta_b (m,), likewise.
+        """
+        gears = self.transmission
+        forward = gears.forward_efficiency if forward is None else forward
+        backward = gears.backward_efficiency if backward is None else backward
+        for effect in self.effects:
+            forward, backward = effect.gear_efficiencies(self, motion, forward, backward)
+        return forward, backward
+
+    @property
+    def varying_gears(self) -> BoolArray:
+        """(m,) gears whose efficiencies depend on the motion."""
+        gears = self.transmission
+        found = [e.where for e in self.effects if "gear_efficiencies" in e.acts_by]
+        return frozen([joint in found for joint in gears.joints], np.bool_)
 
     def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
         """Return the same robot with torque sensors behind the gears of these joints."""

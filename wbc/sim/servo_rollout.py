@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import RobotError
+from wbc.measurement.machine import Machine
 from wbc.robot import Effect, Motion, Robot, state_gear
 from wbc.robot.dc_drive import DcDrive, next_rise, winding_current
 from wbc.sim.servo_run import ServoRun
@@ -49,7 +50,7 @@ def servo_rollout(
     Args:
         variants: robots with one driven joint and the same effects, in other sizes, with their
             drives.
-        runs: what the servo was told.
+        runs: what the servo was told; each may have a load and a supply voltage of its own.
         step: time step [s] of the runs.
         wanted: (V, L) which variant goes through which run; all if None. Elsewhere the positions
             are NaN.
@@ -60,7 +61,7 @@ def servo_rollout(
     """
     pairs = np.ones((len(variants), len(runs)), dtype=bool) if wanted is None else wanted
     variant_of, run_of = np.nonzero(pairs)
-    stack = _stacked(variants, variant_of)
+    stack = _stacked(variants, variant_of, [run.machine for run in runs], run_of)
     length = max(run.goal.size for run in runs)
     goal = np.stack([_held(run.goal, length) for run in runs], axis=1)
     enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1) > 0.5
@@ -129,6 +130,11 @@ def _next_velocity(
     lost = np.abs(n["ratio"]) * n["rotor_coulomb"]
     # Back-EMF at the middle of the step; at its start the winding would brake half a step late.
     brake = 0.5 * step * winding.brake
+    # Loss gains are 1/eta_b: see `_numbers`.
+    gains = n["forward"][..., None], 1.0 / n["backward"][..., None]
+    for effect in stack.effects:
+        gains = effect.gear_efficiencies(stack.robot, motion, *gains)
+    n = {**n, "forward": gains[0][..., 0], "backward": 1.0 / gains[1][..., 0]}
     # The motion is forward if it is so against full friction, backward likewise, else it sticks.
     forward = _branch(n, velocity, smooth - dry, motor - lost, brake, step)
     backward = _branch(n, velocity, smooth + dry, motor + lost, brake, step)
@@ -152,8 +158,13 @@ def _branch(
     return result[0], result[1]
 
 
-def _stacked(variants: Sequence[tuple[Robot, DcDrive]], rows: IntArray) -> _Variants:
-    """Return the numbers of the variants that `rows` (N,) names, one after another."""
+def _stacked(
+    variants: Sequence[tuple[Robot, DcDrive]],
+    rows: IntArray,
+    machines: Sequence[Machine | None],
+    run_of: IntArray,
+) -> _Variants:
+    """Return the numbers of the variants that `rows` (N,) names, each as its run's machine is."""
     robots = [robot for robot, _ in variants]
     names = [(effect.name, effect.where) for effect in robots[0].effects]
     for robot in robots:
@@ -164,8 +175,12 @@ def _stacked(variants: Sequence[tuple[Robot, DcDrive]], rows: IntArray) -> _Vari
             )
         if [(effect.name, effect.where) for effect in robot.effects] != names:
             raise RobotError("the variants of a servo must have the same effects, in other sizes.")
-    table = [_numbers(robot, drive) for robot, drive in variants]
-    numbers = {key: np.array([one[key] for one in table])[rows] for key in table[0]}
+    # Most runs share a machine: each variant is loaded once for each.
+    of_run = [machines.index(machine) for machine in machines]
+    kinds = [(int(row), of_run[int(run)]) for row, run in zip(rows, run_of, strict=True)]
+    table = {(v, m): _numbers(*variants[v], machines[m]) for v, m in dict.fromkeys(kinds)}
+    first = table[kinds[0]]
+    numbers = {key: np.array([table[kind][key] for kind in kinds]) for key in first}
     effects = [_stacked_effect([r.effects[k] for r in robots], rows) for k in range(len(names))]
     return _Variants(robots[0], tuple(effects), numbers)
 
@@ -179,8 +194,10 @@ def _stacked_effect(effects: Sequence[Effect], rows: IntArray) -> Effect:
     return one
 
 
-def _numbers(robot: Robot, drive: DcDrive) -> dict[str, float]:
+def _numbers(robot: Robot, drive: DcDrive, machine: Machine | None) -> dict[str, float]:
+    robot = robot if machine is None else machine.of(robot)
     gears = robot.transmission
+    own = np.nan if machine is None else float(gears.supply_voltage[0])
     motor = {
         "torque_constant": float(gears.torque_constant[0]),
         "resistance": float(gears.resistance[0]),
@@ -204,7 +221,7 @@ def _numbers(robot: Robot, drive: DcDrive) -> dict[str, float]:
         "constant": constant,
         "weight": float(np.hypot(quarter - constant, zero - constant)),
         "phase": float(np.arctan2(zero - constant, quarter - constant)),
-        "supply_voltage": drive.supply_voltage,
+        "supply_voltage": own if np.isfinite(own) else drive.supply_voltage,
         "source_resistance": drive.source_resistance,
         "current_limit": drive.current_limit,
         "duty_limit": drive.duty_limit,

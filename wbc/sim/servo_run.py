@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
 from wbc.measurement import Log
+from wbc.measurement.machine import Machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,7 @@ class ServoRun:
         goal: (T,) set point [rad or m].
         enabled: (T,) 1 while powered, 0 while the winding is open.
         position: (T,) measured [rad or m]; its first value starts a simulation, at rest.
+        machine: how drive and load of this run differ from the robot, None if in nothing.
     """
 
     name: str
@@ -28,6 +30,7 @@ class ServoRun:
     goal: FloatArray
     enabled: FloatArray
     position: FloatArray
+    machine: Machine | None = None
 
     @classmethod
     def from_log(cls, log: Log, joint: str, gain: float, step: float) -> ServoRun:
@@ -57,4 +60,5 @@ class ServoRun:
             goal=np.interp(time, log.time, log.column(f"{joint}.target_position")),
             enabled=np.asarray(enabled[last]),
             position=np.interp(time, log.time, log.columns[f"{joint}.position"]),
+            machine=log.machine,
         )

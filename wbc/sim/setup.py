@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +11,7 @@ from scipy.linalg import lapack
 from wbc.arrays import FloatArray, frozen
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
-from wbc.robot import Robot
+from wbc.robot import Motion, Robot
 from wbc.sim.ground.barriers import Barriers
 from wbc.sim.ground.terrain import Terrain
 from wbc.sim.inner.inner import Inner, inner_of
@@ -43,6 +43,7 @@ class Setup:
         inner: compiled loops for the common case; None for robots and grounds that they do not
             know.
         temperature: (m,) of the motors [deg C], None where it was not given.
+        varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
     """
 
@@ -60,7 +61,16 @@ class Setup:
     gravity: float
     inner: Inner | None
     temperature: FloatArray | None = None
+    varying: bool = False
     meshed: bool = False
+
+    def moving(self, position: FloatArray, velocity: FloatArray) -> Setup:
+        """Return the setup with the efficiencies that its gears have at q (nq,) and v (nv,)."""
+        if not self.varying:
+            return self
+        motion, drive = Motion(position, velocity), self.drive
+        now = self.robot.gear_efficiencies(motion, drive.forward, drive.backward)
+        return replace(self, drive=replace(drive, forward=now[0], backward=now[1]))
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
@@ -91,5 +101,6 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         -robot.transmission.torque_limit,
         float(np.linalg.norm(space.model.gravity.linear)),
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
+        varying=bool(robot.varying_gears.any()),
         meshed=any("meshed" in effect.acts_by for effect in robot.effects),
     )

@@ -82,6 +82,7 @@ EFFECTS = (
     ("torque_offset", {"offset": 0.9}),
     ("payload_mass", {"mass": 1.5}),
     ("load_friction", {"coefficient": 0.1}),
+    ("load_stribeck_friction", {"coefficient": 0.4, "speed": 1.5}),
     ("rotor_inertia", {"reflected_inertia": 0.08}),
     ("transmission_efficiency", {"forward_efficiency": 0.6, "backward_efficiency": 0.5}),
 )

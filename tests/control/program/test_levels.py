@@ -102,9 +102,9 @@ def test_efforts_and_a_lower_level_need_no_solver_where_little_changes(name, mon
     asking = Controller(robot, tasks, feet(robot), settings=settings)
     solve, asked = DirectionSearch.solve, []
 
-    def counted(search, *given):
+    def counted(search, *given, **more):
         asked.append(search.program.A.shape)
-        return solve(search, *given)
+        return solve(search, *given, **more)
 
     monkeypatch.setattr(DirectionSearch, "solve", counted)
     generator = np.random.default_rng(2)

@@ -10,7 +10,6 @@ from wbc.effects import (
     PayloadMass,
     ThermalDrift,
     TorqueConstant,
-    TorqueRipple,
     TransmissionEfficiency,
     load_robot,
 )
@@ -86,19 +85,6 @@ def test_a_motor_warms_up_neither_in_a_second_nor_to_its_advantage(
     assert usual < 0.1
     assert short == pytest.approx(0.5 * (np.log(5.0 / 1.2) / 0.4) ** 2, rel=0.01)
     assert stronger > 6.9  # one in a thousand
-
-
-def test_a_wave_costs_by_the_number_of_waves_that_it_was_chosen_among(
-    problem: EstimationProblem,
-) -> None:
-    position = problem.records[0].motion.position[:, 0]
-    span = max(r.motion.position[:, 0].max() for r in problem.records) - min(
-        r.motion.position[:, 0].min() for r in problem.records
-    )
-    assert np.ptp(position) > 0.0
-    for periods in (1.0, 7.0, 50.0):
-        wave = TorqueRipple("hip", 0.1, 2.0 * np.pi * periods / span, 0.0)
-        assert cost(problem, wave) == pytest.approx(np.log(periods))
 
 
 def test_what_only_the_first_second_shows_is_no_drift_with_time() -> None:

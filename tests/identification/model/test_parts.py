@@ -122,7 +122,7 @@ def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Lo
     # Two runs of one excitation that a closed loop answers differently tell no noise.
     assert close_repeats(records, ((0, 1, 2),)) == ((0, 1),)
     residuals = [condensed_residual(ROBOT, [record]) for record in records]
-    floor = noise_floor(residuals, drawn_noise(records), repeats)
+    floor = noise_floor(records, residuals, drawn_noise(records), repeats)
     assert floor.source == "repeats"
     assert floor.values == pytest.approx(np.sqrt(np.diag(floor.sensors)), rel=0.25)
     whitened = np.concatenate(residuals) @ floor.whitening

@@ -15,10 +15,12 @@ from wbc.sim.servo_run import ServoRun
 STEP = 0.004
 
 
-def plant(resistance: float, coulomb: float, sag: float, amplitude: float) -> ServoRun:
+def plant(
+    resistance: float, coulomb: float, sag: float, amplitude: float, duration: float = 4.0
+) -> ServoRun:
     """Simulate the servo in plain floats: semi-implicit steps, friction by clipping."""
     fine = 10
-    time = np.arange(0.0, 4.0, STEP / fine)
+    time = np.arange(0.0, duration, STEP / fine)
     goal = amplitude * np.sin(4.0 * time + 0.5 * time**2)
     q, v, reached = 0.0, 0.0, []
     inertia, kt = 0.49 * 0.1**2 + 0.00181, 0.387
@@ -60,7 +62,7 @@ def test_finds_resistance_friction_and_sag() -> None:
 
 
 def test_fits_in_step_equal_each_alone() -> None:
-    runs = [plant(4.0, 0.03, 1.5, amplitude) for amplitude in (0.4, 0.9, 1.6)]
+    runs = [plant(4.0, 0.03, 1.5, amplitude, 1.5) for amplitude in (0.4, 0.9, 1.6)]
     subsets = [[0, 2], [1], [0, 1, 2]]
     together = fit_servos(build, SPANS, runs, STEP, subsets)
     for subset, fit in zip(subsets, together, strict=True):

@@ -172,6 +172,27 @@ def test_stuck_sensors_are_told_from_joints_at_rest(swing: Log) -> None:
     assert "stuck" not in _kinds(still)
 
 
+@pytest.mark.parametrize(
+    ("count", "noise", "offset"), [(2.4e-5, 2e-5, 0.0), (2.4e-5, 5e-6, 0.0), (1e-3, 3e-4, 2e-3)]
+)
+def test_a_wrist_held_still_is_no_broken_sensor(count: float, noise: float, offset: float) -> None:
+    random, time = np.random.default_rng(0), np.arange(2500) * 0.002
+    shown = 0.3 + noise * random.normal(size=time.size)
+    shown[time > 2.4] = 0.3  # one count until the end, while the velocity drifts on
+    shown = np.round(shown / count) * count
+    speed = offset + 3e-3 * random.normal(size=time.size)
+    held = Log(time, {"wrist.position": shown, "wrist.velocity": speed})
+    (finding,) = check_log(held).findings
+    assert (finding.kind, finding.severity) == ("constant_joint", "warning")
+    assert "stands still" in finding.text
+    # A velocity that goes on shows that the encoder is dead.
+    swings = held.with_columns({"wrist.velocity": np.sin(5.0 * time)})
+    assert {"velocity_unrelated", "stuck"} & _kinds(swings)
+    dead = swings.with_columns({"wrist.position": np.full(time.size, 0.3)})
+    (finding,) = check_log(dead).of_kind("constant_joint")
+    assert "while the velocity changes" in finding.text
+
+
 def test_resolution_constant_joints_gaps_and_unrelated_velocities(swing: Log) -> None:
     step = 2 * np.pi / 4096
     coarse = np.round(swing.column("hip.position") / step) * step

@@ -16,7 +16,7 @@ from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
-from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution
+from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution, QPStatus
 from wbc.control.torque.direction_search import GUESSES, SMALL, DirectedSolution, DirectionSearch
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
@@ -100,6 +100,13 @@ class Level:
         self._output = np.zeros(0)
         self._saturated = self._whole = self._solvable = False
 
+    def forget(self) -> None:
+        """Start the next tick without the rows that bound the last one."""
+        self._saturated = False
+        self._search.forget()
+        if self._guess is not None:
+            self._guess.forget()
+
     def assemble(
         self,
         motion: Motion,
@@ -134,14 +141,15 @@ class Level:
         self._whole = False
         if not self._solvable:
             return Refusal(None, None, self)
-        if self._guess is not None and not self._saturated:
+        guessed = self._guess is not None and not self._saturated
+        if self._guess is not None and guessed:
             found = self._guessed(self._guess, gears, first)
             if found is not None:
                 realised = self._realise(found, gears)
                 if realised.exact:
                     return Answer(found, realised, _SOLVED)
         self._whole = True
-        return self._searched(gears, first)
+        return self._searched(gears, first, starts_over=guessed)
 
     def problem(self, gears: GearState | None) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of its solution."""
@@ -203,7 +211,9 @@ class Level:
             *(acceleration, solution.iterations),
         )
 
-    def _searched(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
+    def _searched(
+        self, gears: GearState, first: FloatArray, *, starts_over: bool
+    ) -> Answer | Refusal:
         self._assemble_whole()
         program = self.program
         found = self._search.solve(
@@ -212,13 +222,15 @@ class Level:
             gears.limits,
             gears.speed,
             gears.last_output,
+            starts_over=starts_over,
         )
         self._output = found.output
         verdict = judged(found, program)
         if not verdict[0].usable:
             return Refusal(verdict, found, self)
         push = found.solution.z[program.rows.torque]
-        self._saturated = bool((abs(push) > _BINDS).any())
+        stopped = found.solution.status is not QPStatus.SOLVED
+        self._saturated = stopped or bool((abs(push) > _BINDS).any())
         if self._guess is not None:
             self._guess.learn(found.solution.z[program.rows.torque.stop :])
         return Answer(found, self._realise(found, gears), verdict)

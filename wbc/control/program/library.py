@@ -85,6 +85,12 @@ class ProgramLibrary:
                 for names in combinations(self._all, count):
                     self._of(names)
 
+    def forget(self) -> None:
+        """Start the next tick of every contact set from nothing."""
+        for levels in self._made.values():
+            for level in levels:
+                level.forget()
+
     def levels(self, active: Mapping[str, float] | None) -> tuple[Level, ...]:
         """Return the levels for the contacts that may carry force, all when None."""
         if self._last is not None and active == self._last[0]:

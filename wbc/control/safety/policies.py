@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol, final
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.solvers.positive_definite import factorise, substitute
 from wbc.errors import ControlError
 
 _SHARE = 0.25
@@ -90,7 +91,11 @@ class Situation:
             return np.zeros(self.speed.shape)
         least = self.dt / _SHARE
         slowing = max(1.0 / rate - least, 0.0) * rested + least * free
-        return np.asarray(-np.linalg.solve(slowing, self.speed))
+        torque = -self.speed
+        if factorise(slowing, len(torque)):
+            substitute(slowing, len(torque), torque)
+            return torque
+        return np.zeros(self.speed.shape)
 
 
 class SafetyPolicy(Protocol):

@@ -27,7 +27,10 @@ def judged(found: DirectedSolution, program: ContactForceProgram) -> Complaint:
         what = found.blocking or "a constraint"
         return Status.INFEASIBLE, f"{what} cannot be kept beside the others; see explain()."
     if solution.status is QPStatus.ITERATION_LIMIT and all_finite(solution.x):
-        residual = solution.primal_residual(program.blocks.dense())
+        residual = program.blocks.violation(solution.x)
         if residual < _ACCURATE:
-            return Status.INACCURATE, f"iteration limit, residual {residual:.1e}."
+            return (
+                Status.INACCURATE,
+                f"iteration limit; constraints are kept within {residual:.1e}.",
+            )
     return Status.FAILED, f"no solution within {found.rounds} programs; see explain()."

@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.control.solvers.dual_active_set import DualActiveSet
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.solver import Solver, make_solver
@@ -18,6 +19,13 @@ _RELIEF = 40
 _PROGRAM = 10
 # Share of the budget up to which the own solver may fail early, on rows that repeat each other.
 _EARLY = 0.25
+
+NEARBY = 0.4
+"""Share of the budget that an allowed motion may take beside it, where the budget is spent.
+
+On Talos (700 hostile ticks) 91 % of those that there are were found in 48 steps, 98 % in 64;
+with 64 the worst tick takes a tenth longer than twenty good ones.
+"""
 
 # Share of the largest number in a program to which the other solver meets it. Beyond 1e7, with a
 # tolerance of 1e-7, it solved none of 45 programs in 11 000 hostile ticks of Talos, and took
@@ -73,20 +81,30 @@ class Cascade:
         """Open the budget, of which others have used some iterations."""
         self.spent, self.count, self.iterations, self.blocking = 0.0, 0, iterations, -1
 
+    def forget(self) -> None:
+        """Start the next solve from nothing."""
+        if self._own is not None:
+            self._own.forget()
+        if self._other is not None:
+            self._other.forget()
+
     @property
     def exhausted(self) -> bool:
         """Whether the budget is spent."""
         return self.iterations >= self._most
 
-    def solve(self, problem: BlockProblem) -> QPSolution:
-        """Return the solution, or one that is not SOLVED."""
+    def solve(self, problem: BlockProblem, *, starts_over: bool = False) -> QPSolution:
+        """Return the solution, or one that is not SOLVED.
+
+        The own solver first tries the rows that bound the last solution, unless it `starts_over`.
+        """
         start = perf_counter()
-        solution = self._solve(problem)
+        solution = self._solve(problem, starts_over)
         self.spent += perf_counter() - start
         self.count += 1
         return solution
 
-    def _solve(self, problem: BlockProblem) -> QPSolution:
+    def _solve(self, problem: BlockProblem, starts_over: bool) -> QPSolution:
         self.blocking = -1
         self.iterations += _PROGRAM
         if self.exhausted:
@@ -94,7 +112,7 @@ class Cascade:
         if self._own is None:
             return self._ask_other(problem)
         if self._own_first:
-            solution = self._ask_own(self._own, problem)
+            solution = self._ask_own(self._own, problem, starts_over)
             if solution.status in _CERTAIN or self.iterations > _EARLY * self._most:
                 return solution
             if float(np.abs(problem.right).max(initial=0.0)) > self._tolerance / _ROUNDING:
@@ -109,8 +127,26 @@ class Cascade:
                 return solution._replace(status=QPStatus.INFEASIBLE)
         return solution
 
-    def _ask_own(self, own: DualActiveSet, problem: BlockProblem) -> QPSolution:
-        solution = own.solve(problem, self._most - self.iterations)
+    def nearest(self, problem: BlockProblem, x: FloatArray) -> QPSolution | None:
+        """Return the point nearest to x (n,) that keeps the constraints, None if none is found.
+
+        It has a budget of its own beyond that of the tick, see `NEARBY`.
+        """
+        if self._own is None:
+            return None
+        start = perf_counter()
+        found = self._own.nearest(problem, x, int(NEARBY * self._most))
+        self.spent += perf_counter() - start
+        self.count += 1
+        self.iterations += self._own.steps
+        if found is None:
+            return None
+        return _nothing(problem)._replace(x=found, iterations=self._own.steps)
+
+    def _ask_own(
+        self, own: DualActiveSet, problem: BlockProblem, starts_over: bool = False
+    ) -> QPSolution:
+        solution = own.solve(problem, self._most - self.iterations, starts_over=starts_over)
         self.iterations += own.steps
         self.blocking = own.blocking
         return solution

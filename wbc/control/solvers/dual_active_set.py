@@ -9,10 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.solvers.dual_steps import CONTRADICTION, SOLVED, climb
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
-from wbc.control.solvers.row_system import (
-    meet_rows,
-    settle,
-)
+from wbc.control.solvers.row_system import meet_rows, place_blocks, settle
 
 _ROUNDS = 4
 _SYSTEM = 4  # steps that a system takes as long as: 19 us beside 5 to 9 us on Talos
@@ -70,6 +67,7 @@ class DualActiveSet:
         self._memory_of_rows = *self._rows, *self._diagonal
         taking: tuple[Any, ...] = self._force, self._values, self._active, self._taken
         self._memory_of_settling = taking + self._memory
+        self._reached = np.full(n, np.nan)
         self.steps, self.blocking = 0, -1
 
     def forget(self) -> None:
@@ -93,17 +91,23 @@ class DualActiveSet:
             self.forget()
         return found
 
-    def solve(self, problem: BlockProblem, most: int | None = None) -> QPSolution:
+    def solve(
+        self, problem: BlockProblem, most: int | None = None, *, starts_over: bool = False
+    ) -> QPSolution:
         """Return the solution of a program of the size given on construction.
 
-        At most `most` rows are added or dropped, `max_iterations` where it is left out. INFEASIBLE
-        where rows contradict one another, ITERATION_LIMIT after too many steps, FAILED where
-        rounding leaves the rows unmet.
+        The rows that bound the last solution are tried first, unless it `starts_over`. At most
+        `most` rows are added or dropped, `max_iterations` where it is left out. INFEASIBLE where
+        rows contradict one another, ITERATION_LIMIT after too many steps, both with the x reached;
+        FAILED, with an x of NaN, where rounding leaves the rows unmet.
         """
         self.steps, self.blocking = 0, -1
-        found = self._settled(problem)
-        if found is not None:
-            return found
+        if starts_over:
+            self._take(problem)
+        else:
+            found = self._settled(problem)
+            if found is not None:
+                return found
         status = self._climbed(problem, self._most if most is None else most)
         if status is QPStatus.SOLVED:
             found = self._settled(problem)
@@ -113,7 +117,23 @@ class DualActiveSet:
         self.forget()
         n, k = problem.rows.shape[1], len(problem.right) - problem.soft
         empty = np.zeros(k), np.zeros(len(problem.lower))
-        return QPSolution(np.full(n, np.nan), *empty, status, self.steps)
+        x = np.full(n, np.nan) if status is QPStatus.FAILED else self._reached
+        return QPSolution(x, *empty, status, self.steps)
+
+    def nearest(self, problem: BlockProblem, x: FloatArray, most: int) -> FloatArray | None:
+        """Return the point nearest to x (n,) that keeps the constraints, None where none is found.
+
+        Distances count by the diagonal. At most `most` rows are added or dropped.
+        """
+        self.steps, self.blocking = 0, -1
+        closest = problem.nearest_to(x)
+        self._take(closest)
+        return self._reached if self._climbed(closest, most) is QPStatus.SOLVED else None
+
+    def _take(self, problem: BlockProblem) -> None:
+        """Copy what climbing needs of a program."""
+        diagonal, pull, rows, right, softness, *_ = problem
+        place_blocks(rows, right, softness, diagonal, pull, *self._rows, *self._diagonal)
 
     def _settled(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
         """Correct the binding rows a few times; return the solution where that ends."""
@@ -135,6 +155,7 @@ class DualActiveSet:
     def _climbed(self, problem: BlockProblem, most: int) -> QPStatus:
         """Find the binding rows one by one; return how that ended."""
         base, x = len(problem.right), np.empty(len(problem.pull))
+        self._reached = x
         if not meet_rows(
             *(*self._rows, *self._diagonal, base, self._allowed, x, self._force), *self._memory
         ):

@@ -30,7 +30,7 @@ _DECIDED, _DEPENDENT = 1e-18, 1e-12
 @compiled(
     Nothing,
     *(Dense, Row, Row, Dense, Count, Row),
-    *(OutRow, OutRow, OutRow),
+    *(OutRow, OutRow, OutRow, OutRow),
 )
 def place_direction(
     G: FloatArray,
@@ -42,6 +42,7 @@ def place_direction(
     w: FloatArray,
     z: FloatArray,
     left: FloatArray,
+    taken: FloatArray,
 ) -> None:
     """Write z = D^-1 (c - G'w) with K w = G D^-1 c, where x goes by -z for a unit push of row c.
 
@@ -52,28 +53,28 @@ def place_direction(
         factor: of K = G D^-1 G' + S, from `factorise`.
         row: c (n,).
         w, z: results (size,), (n,).
-        left: memory (size,).
+        left, taken: memory (size,), (n,).
     """
     n = len(row)
-    for i in range(size):
-        w[i] = 0.0
-        product = 0.0
-        for j in range(n):
-            product += G[i, j] * inverse[j] * row[j]
-        left[i] = product
     for j in range(n):
         z[j] = inverse[j] * row[j]
+    for i in range(size):
+        w[i] = 0.0
     for _ in range(2):
-        substitute(factor, size, left)
-        for i in range(size):
-            w[i] += left[i]
-            for j in range(n):
-                z[j] -= inverse[j] * G[i, j] * left[i]
         for i in range(size):
             missing = -softness[i] * w[i]
             for j in range(n):
                 missing += G[i, j] * z[j]
             left[i] = missing
+        substitute(factor, size, left)
+        for j in range(n):
+            taken[j] = 0.0
+        for i in range(size):
+            w[i] += left[i]
+            for j in range(n):
+                taken[j] += G[i, j] * left[i]
+        for j in range(n):
+            z[j] -= inverse[j] * taken[j]
 
 
 @compiled(Number, Dense, Count, OutRow, OutRow)
@@ -265,7 +266,7 @@ def climb(
                 whole += row[j] * inverse[j] * row[j]
             gap = values[chosen] - upper[chosen] if side > 0 else lower[chosen] - values[chosen]
             own, fresh = 0.0, False
-            place_direction(G, softness, inverse, factor, size, row[:n], w, z[:n], left)
+            place_direction(G, softness, inverse, factor, size, row[:n], w, z[:n], left, rest[:n])
         own_size = 0.0
         for j in range(n):
             rest[j] = z[j] * roots[j]

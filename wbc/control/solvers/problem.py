@@ -112,6 +112,31 @@ class BlockProblem(NamedTuple):
         """Which rows among the soft ones have no softness left: hard tasks."""
         return np.flatnonzero(self.softness[: self.soft if self.hardens else 0] == 0.0)
 
+    def nearest_to(self, x: FloatArray) -> BlockProblem:
+        """Return the program of the point that keeps the constraints and is nearest to x (n,).
+
+        Distances count by the diagonal; the soft rows are left out.
+        """
+        k, hard = self.soft, self.hard
+        rows, right, softness = self.rows[k:], self.right[k:], self.softness[k:]
+        if len(hard):
+            rows = np.vstack([self.rows[hard], rows])
+            right = np.concatenate([self.right[hard], right])
+            softness = np.concatenate([self.softness[hard], softness])
+        pull = self.diagonal * x
+        return self._replace(
+            pull=pull, rows=rows, right=right, softness=softness, soft=0, hardens=False
+        )
+
+    def violation(self, x: FloatArray) -> float:
+        """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none."""
+        k, values = self.soft, self.C @ x
+        hard = self.hard
+        misses = np.abs(self.rows[k:] @ x - self.right[k:])
+        hardened = np.abs(self.rows[hard] @ x - self.right[hard])
+        beyond = _largest(values - self.upper), _largest(self.lower - values)
+        return max(*beyond, _largest(misses), _largest(hardened))
+
     def copied(self) -> BlockProblem:
         """Return a copy that the next tick does not overwrite."""
         D, p, rows, right, softness, soft, C, lower, upper, hardens = self

@@ -7,7 +7,7 @@ from itertools import count
 
 import numpy as np
 
-from wbc.arrays import BoolArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.solvers import INFINITE, BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.cascade import Cascade
@@ -57,6 +57,7 @@ class DirectionBranching:
         for gear in contested:
             heappush(nodes, (-np.inf, next(order), decided | {gear: not positive[gear]}))
             decided[gear] = bool(positive[gear])
+        known = True  # that what was dropped holds nothing better
         dive: list[dict[int, bool]] = [] if incumbent is not None else [{}]
         for _ in range(rounds):
             if self.solver.exhausted:
@@ -66,9 +67,10 @@ class DirectionBranching:
             elif nodes and nodes[0][0] < lowest:
                 node = heappop(nodes)[2]
             else:
-                return self._plain(incumbent, slopes, limits), True
-            solution = self.solver.solve(self._problem(node, slopes, limits))
+                return self._plain(incumbent, slopes, limits), known
+            solution = self.solver.solve(self._node(node, slopes, limits))
             if solution.status is not QPStatus.SOLVED:
+                known = known and solution.status is QPStatus.INFEASIBLE
                 dive = self._resumed(nodes, incumbent, dive)
                 continue
             cost = self._program.blocks.cost(solution.x)
@@ -86,7 +88,7 @@ class DirectionBranching:
                 dive.append(node | {gear: own})
             else:
                 heappush(nodes, (cost, next(order), node | {gear: own}))
-        proven = not dive and not (nodes and nodes[0][0] < lowest)
+        proven = known and not dive and not (nodes and nodes[0][0] < lowest)
         return self._plain(incumbent, slopes, limits), proven
 
     @staticmethod
@@ -123,28 +125,55 @@ class DirectionBranching:
         z[program.rows.torque] = np.where(own, z[program.rows.torque], solution.z[rows:])
         return solution._replace(z=z)
 
-    def _problem(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> BlockProblem:
+    def feasible(self, near: FloatArray, slopes: Slopes, limits: Limits) -> QPSolution | None:
+        """Return an allowed motion near x (n,), None where none is found.
+
+        Where x asks for more than a motor can give, x is scaled down to that: from farther away
+        the search takes more steps (on Talos 38 instead of 33 % of motions within 40 of them).
+        Each gear keeps the convex rows and the half-space of its direction at x: whatever keeps
+        those keeps the limits, in its own directions too.
+        """
+        program, gears = self._program, self._program.gears
+        output, share = program.torques(near)
+        torque = np.abs(slopes.at(output > 0.0) * output + share)[gears]
+        limit = np.maximum(np.abs(limits[0]), np.abs(limits[1]))[gears]
+        shares = np.divide(limit, torque, out=np.ones(len(gears)), where=torque > limit)
+        target = near * float(shares.min(initial=1.0))
+        choice = np.where(program.output_torque(target) > 0.0, 1.0, -1.0)
+        found = self.solver.nearest(self.problem(choice, slopes, limits), target)
+        return self._plain(found, slopes, limits)
+
+    def _node(self, decided: dict[int, bool], slopes: Slopes, limits: Limits) -> BlockProblem:
+        """Return the program of a node; `decided` maps a gear to whether T > 0 there."""
+        choice = np.zeros(len(limits[0]))
+        for gear, positive in decided.items():
+            choice[gear] = 1.0 if positive else -1.0
+        return self.problem(choice, slopes, limits)
+
+    def problem(self, choice: FloatArray, slopes: Slopes, limits: Limits) -> BlockProblem:
         """Return the program with the convex rows of all gears and one half-space of some.
 
-        `decided` maps a gear to whether its half-space is that of T > 0.
+        Args:
+            choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
+                there is none.
+            slopes: of the mesh law for either sign of T.
+            limits: least and greatest N tau_phi (m,) [N m].
         """
         program, own = self._program, self._program.rows
-        convex = slopes.positive >= slopes.negative
-        bounds = []
-        for sign in (True, False):
-            low = np.where(convex, -INFINITE, limits[0])
-            high = np.where(convex, limits[1], INFINITE)
-            for gear, choice in decided.items():
-                if choice is sign:
-                    low[gear], high[gear] = limits[0][gear], limits[1][gear]
-            bounds.append((low, high))
-        program.assemble_torque_limits(slopes.negative, *bounds[1])
         rows = own.torque
+        convex = slopes.positive >= slopes.negative
+        low = np.where(convex, -INFINITE, limits[0])
+        high = np.where(convex, limits[1], INFINITE)
+        mine = choice < 0.0
+        bounds = np.where(mine, limits[0], low), np.where(mine, limits[1], high)
+        program.assemble_torque_limits(slopes.negative, *bounds)
         more = (own.C[rows].copy(), own.lower[rows].copy(), own.upper[rows].copy())
-        program.assemble_torque_limits(slopes.positive, *bounds[0])
+        mine = choice > 0.0
+        bounds = np.where(mine, limits[0], low), np.where(mine, limits[1], high)
+        program.assemble_torque_limits(slopes.positive, *bounds)
         plain = program.blocks
         return plain._replace(
-            C=np.vstack([plain.C, more[0]]),
+            C=np.concatenate([plain.C, more[0]]),
             lower=np.concatenate([plain.lower, more[1]]),
             upper=np.concatenate([plain.upper, more[2]]),
         )

@@ -88,6 +88,8 @@ class DirectionSearch:
         limits: Limits,
         speed: FloatArray,
         last_output: FloatArray,
+        *,
+        starts_over: bool = False,
     ) -> DirectedSolution:
         """Return the solution of the assembled program with directions that agree with it.
 
@@ -97,15 +99,19 @@ class DirectionSearch:
             limits: least and greatest N tau_phi (m,) [N m].
             speed: expected dpsi (m,) [rad/s], for efforts.
             last_output: T (m,) of the last tick [N m], for efforts.
+            starts_over: whether the rows that bound the last solution are not worth a try.
         """
-        program = self.program
+        program, near = self.program, None
         self._plain.start_tick()
         self._branching.solver.start_tick()
         for _ in range(min(GUESSES, self._rounds)):
             slope = slopes.at(positive)
             program.assemble_torque_limits(slope, *limits)
             program.assemble_efforts(slope, speed, last_output)
-            solution = self._plain.solve(program.blocks)
+            solution = self._plain.solve(program.blocks, starts_over=starts_over)
+            starts_over = False
+            if np.isfinite(solution.x).all():
+                near = solution.x
             if solution.status is not QPStatus.SOLVED:
                 break
             output = program.output_torque(solution.x)
@@ -114,10 +120,12 @@ class DirectionSearch:
                 contested = self._contested(slopes, solution)
                 if not contested.size:
                     return self._found(solution, True)
-                return self._branch(slopes, limits, solution, contested, positive, solution)
+                return self._branch(slopes, limits, solution, contested, positive, solution, near)
             positive = np.where(turned, ~positive, positive)
         solved = solution.status is QPStatus.SOLVED
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
+            if not solved and solution.status is not QPStatus.INFEASIBLE:
+                return self._feasible(slopes, limits, solution, near)
             return self._found(solution, False)
         if (
             solved
@@ -125,7 +133,12 @@ class DirectionSearch:
             and not beyond_limits(program, solution, slopes, limits).any()
         ):
             return self._found(solution, False)
-        return self._branch(slopes, limits, None, _NONE, positive, solution)
+        return self._branch(slopes, limits, None, _NONE, positive, solution, near)
+
+    def forget(self) -> None:
+        """Start the next tick from nothing."""
+        self._plain.forget()
+        self._branching.solver.forget()
 
     def _found(self, solution: QPSolution, proven: bool) -> DirectedSolution:
         output, share = self.program.torques(solution.x)
@@ -181,6 +194,7 @@ class DirectionSearch:
         contested: IntArray,
         positive: BoolArray,
         unsolved: QPSolution,
+        near: FloatArray | None,
     ) -> DirectedSolution:
         """Return the best solution over all directions, or the best within the rounds left."""
         self._branching.solver.start_tick(self._plain.iterations)
@@ -191,4 +205,23 @@ class DirectionSearch:
         if found is not None:
             return self._found(found, proven)
         self.program.assemble_torque_limits(slopes.at(positive), *limits)  # a node's rows are fewer
-        return self._found(unsolved, proven)._replace(settled=False)
+        if proven or unsolved.status is QPStatus.INFEASIBLE:
+            return self._found(unsolved, proven)._replace(settled=False)
+        return self._feasible(slopes, limits, unsolved, near)
+
+    def _feasible(
+        self, slopes: Slopes, limits: Limits, unsolved: QPSolution, near: FloatArray | None
+    ) -> DirectedSolution:
+        """Return an allowed motion near where the budget ended, what was unsolved if there is none.
+
+        The dual method comes to the best motion from outside of what the constraints allow: where
+        it is stopped, its x breaks some of them, and the nearest x that breaks none is commanded.
+        """
+        if near is not None:
+            self._branching.solver.start_tick(
+                max(self._plain.iterations, self._branching.solver.iterations)
+            )
+            found = self._branching.feasible(near, slopes, limits)
+            if found is not None:
+                return self._found(found, False)
+        return self._found(unsolved, False)._replace(settled=False)

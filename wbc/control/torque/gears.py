@@ -54,17 +54,22 @@ class GearLaw:
             policy: what to choose at rest.
             margin: share of the interval at rest that is kept free at either end, 0 to 0.5.
         """
-        self._forward = 1.0 / gears.forward_efficiency
-        self._backward = np.array(gears.backward_efficiency)
-        self._gears = gears
+        self._policy, self._margin = policy, margin
+        self.follow(gears.forward_efficiency, gears.backward_efficiency)
+
+    def follow(self, forward_efficiency: FloatArray, backward_efficiency: FloatArray) -> None:
+        """Take the efficiencies (m,) that the gears have from now on."""
+        self._efficiencies = forward_efficiency, backward_efficiency
+        self._forward = 1.0 / forward_efficiency
+        self._backward = np.array(backward_efficiency)
         low = np.minimum(self._forward, self._backward)
         high = np.maximum(self._forward, self._backward)
         preferred = {
-            RestPolicy.NEUTRAL: np.ones(gears.size),
-            RestPolicy.LEAST_TORQUE: np.zeros(gears.size),
+            RestPolicy.NEUTRAL: np.ones(low.size),
+            RestPolicy.LEAST_TORQUE: np.zeros(low.size),
             RestPolicy.MOST_MARGIN: 0.5 * (low + high),
-        }[policy]
-        free = margin * (high - low)
+        }[self._policy]
+        free = self._margin * (high - low)
         self._rest = np.clip(preferred, low + free, high - free)
         self.blended = self._rest, self._forward, self._backward
         # rows: slopes for T > 0 and for T < 0
@@ -86,9 +91,7 @@ class GearLaw:
 
         At rest it is the whole interval of the mesh law, in motion the branch alone.
         """
-        low, high = mesh_input_interval(
-            output, self._gears.forward_efficiency, self._gears.backward_efficiency
-        )
+        low, high = mesh_input_interval(output, *self._efficiencies)
         branch = np.where(output * sigma > 0.0, self._forward, self._backward) * output
         size = np.abs(sigma)
         return (1.0 - size) * low + size * branch, (1.0 - size) * high + size * branch

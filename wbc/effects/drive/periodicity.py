@@ -48,6 +48,19 @@ def strongest_orders(
     return [float(order[k]) for k in ranked[:count]]
 
 
+def whole_number_share(order: float, told: float) -> float:
+    """Return how likely the whole numbers k near an order are, at 1 / k each.
+
+    Args:
+        order: [1].
+        told: distance from which on an order is told from this one; nearer ones count less the
+            farther they are. Far above one it returns told / order, the integral over 1 / k.
+    """
+    whole = np.arange(max(np.ceil(order - told), 1.0), np.floor(order + told) + 1.0)
+    near = np.maximum(1.0 - np.abs(whole - order) / told, 0.0)
+    return float(np.sum(near / whole))
+
+
 def _explained(visits: FloatArray, total: FloatArray) -> FloatArray:
     """Return the sum of squares (K,) that a wave of k periods over all bins (B,) explains.
 

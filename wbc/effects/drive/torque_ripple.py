@@ -9,9 +9,15 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.drive.periodicity import LEAST_PERIODS, strongest_orders
+from wbc.effects.drive.periodicity import (
+    LEAST_PERIODS,
+    strongest_orders,
+    whole_number_share,
+)
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+
+_WHOLE = 0.02  # waves per turn of the rotor this close to a whole number are taken for it
 
 
 @final
@@ -72,14 +78,36 @@ class TorqueRipple(JointEffect):
         return tuple(screen(order) for order in orders)
 
     def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return log n of a wave that passed n periods: as many longer ones are told from it.
+        """Return minus the log of the share of all orders that these motions take for this one.
 
-        Orders are as likely on any scale (teeth, slots, either side of any gear). Motions tell two
-        waves apart that differ by a period over their range, so that the density 1 / order holds
-        one n-th for each; the one that fits best was sought among all.
+        A third each of what ripples was made anywhere in a gear, at its output, and at its rotor.
+        Anywhere, orders are as likely on any scale (teeth, slots, stages): the density is
+        1 / order. A turn of the output holds whole numbers of waves, and so does one of the rotor,
+        k = 1, 2, .. (an eccentric rotor, the two lobes of a strain wave, pole pairs); k is as
+        likely on any scale, too. Motions tell two waves apart that differ by a period over their
+        range: where that is more than a turn of the rotor, all three are one n-th for a wave that
+        passed n periods.
         """
-        periods = self.order * self._span(robot, motions) / (2.0 * np.pi)
-        return float(np.log(max(periods, 1.0)))
+        told = 2.0 * np.pi / self._span(robot, motions)
+        anywhere = told / self.order
+        shares = [
+            whole_number_share(self.order / turns, told / turns) for turns in self._turns(robot)
+        ]
+        return float(max(-np.log(np.mean([anywhere, *shares])), 0.0))
+
+    def remarks(self, robot: Robot) -> tuple[str, ...]:
+        """Return how many waves there are in a turn of the rotor, if it is a whole number."""
+        _, rotor = self._turns(robot)
+        waves = self.order / rotor
+        whole = round(waves)
+        if rotor == 1.0 or whole < 1 or abs(waves - whole) > _WHOLE:
+            return ()
+        return (f"This is {whole} per turn of the rotor.",)
+
+    def _turns(self, robot: Robot) -> tuple[float, float]:
+        """Return how often the joint and the rotor turn in a turn of the joint."""
+        gears, gear = robot.transmission, robot.transmission.index(self.where)
+        return 1.0, float(abs(gears.gear_ratio[gear] * gears.motor_from_joint[gear, gear]))
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the joint passed a whole period, within a twentieth."""

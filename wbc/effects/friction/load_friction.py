@@ -9,6 +9,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from wbc.effects.gear.transmission_efficiency import TransmissionEfficiency
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Parameter, Robot
 
@@ -27,6 +28,8 @@ class LoadFriction(JointEffect):
 
     coefficient: float
 
+    expected: ClassVar[float] = TransmissionEfficiency.expected
+    one_fit: ClassVar[bool] = False
     name: ClassVar[str] = "load_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "1", 0.0, 0.0, 0.95, 0.1),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.inertial_columns import inertial_columns
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
-from wbc.identification.records.torque_sensors import without_torque_sensors
+from wbc.identification.records.outputs import output_names
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
@@ -95,7 +95,8 @@ def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
     The residual is linear in all of them. Columns that depend on those before are left out, so that
     the numbers of the links are base parameters (Gautier & Khalil, 1990). Outputs are weighted by
     what a first fit leaves. Nothing is chosen, nothing is bounded: a number may be one that no
-    machine has. Torque sensors behind gears are not used where the drives report torques.
+    machine has. With torque sensors behind the gears the links and the friction at the joints come
+    from what the sensors show, rotors and friction of the motors from the drives beside them.
 
     Args:
         robot: the robot; losses of its gears are left out.
@@ -105,13 +106,12 @@ def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    return classic_fit(
-        EstimationProblem.from_logs(robot.lossless(), without_torque_sensors(robot, logs))
-    )
+    return classic_fit(EstimationProblem.from_logs(robot.lossless(), logs))
 
 
 def classic_fit(problem: EstimationProblem) -> ClassicFit:
     """Return the classic fit of a problem whose robot has perfect gears; see `identify`."""
+    problem = _sides_apart(problem)
     robot = problem.robot
     table = _Columns.of(problem)
     target = problem.residual @ problem.whitening
@@ -129,7 +129,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
     held = held_out_residual(
         problem, lambda rows: target[~rows] + table.values[~rows] @ _fold(a, b, rows)
     )
-    names = [*robot.transmission.joints, *_undriven(robot)]
+    names = output_names(robot)
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     return ClassicFit(
         parameters=tuple(parameters),
@@ -138,6 +138,20 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
         left=np.sqrt(np.mean(held**2, axis=0)),
         warnings=problem.warnings,
     )
+
+
+def _sides_apart(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem with rows behind the gears judged without those of the drives.
+
+    A sensor's noise is in both, so whitening them together would bring what no perfect gear
+    explains into the rows that tell the links.
+    """
+    behind = np.arange(len(problem.floor.covariance)) >= len(problem.floor.covariance) - len(
+        problem.robot.torque_sensors
+    )
+    same = np.equal.outer(behind, behind)
+    covariance = np.where(same, problem.floor.covariance, 0.0)
+    return replace(problem, floor=replace(problem.floor, covariance=covariance))
 
 
 def held_out_residual(
@@ -208,10 +222,6 @@ def _small(kind: type[Effect], robot: Robot, where: str) -> Effect:
     """Return an effect of a typical size, so that dry friction has a slope."""
     null = kind.null_values(robot, where)
     return kind.at(where, {p.name: null[p.name] + p.scale for p in kind.parameters})
-
-
-def _undriven(robot: Robot) -> list[str]:
-    return [f"coordinate {row}" for row in robot.unactuated]
 
 
 def _weights(problem: EstimationProblem, target: FloatArray, values: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from wbc.identification.formulas.proposals import estimated, proposals_of
 from wbc.identification.formulas.term_table import term_table
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
@@ -51,7 +54,51 @@ def discover(
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    problem = EstimationProblem.from_logs(robot, without_torque_sensors(robot, logs))
+    whole = EstimationProblem.from_logs(robot, logs)
+    behind = _behind_gears(whole)
+    if behind is not None:
+        found = _discovered(behind, progress, known)
+        if found.proposals:
+            return _with_drives(found, whole)
+    return _discovered(
+        EstimationProblem.from_logs(robot, without_torque_sensors(robot, logs)), progress, known
+    )
+
+
+def _behind_gears(problem: EstimationProblem) -> EstimationProblem | None:
+    """Return the problem without the drives that have a torque sensor; None without sensors.
+
+    A formula is a torque at a joint. A sensor behind the gear sees it without what the gear takes.
+    """
+    drives = tuple(map(int, problem.robot.sensed))
+    aside = tuple(dict.fromkeys((*problem.floor.aside, *drives)))
+    if aside == problem.floor.aside or len(aside) == len(problem.floor.covariance):
+        return None
+    return replace(problem, floor=replace(problem.floor, aside=aside))
+
+
+def _with_drives(found: Discovery, whole: EstimationProblem) -> Discovery:
+    """Return what was found, with what is left between the motors and the sensors."""
+    residual = condensed_residual(found.robot, whole.records)
+    left = np.sqrt(np.mean(residual**2, axis=0))
+    beyond = left > (1.0 + _EXPLAINED_FLOOR) * whole.floor.values
+    names, units = output_names(whole.robot), output_units(whole.robot)
+    texts = [
+        f"{left[k]:.2g} {units[k]} at {names[k]}"
+        for k in map(int, whole.robot.sensed)
+        if beyond[k] and k not in whole.floor.aside
+    ]
+    if not texts:
+        return found
+    said = (
+        f"between motor and torque sensor {', '.join(texts)} are left, which no torque of a joint "
+        "can be: a diagnosis looks there for losses of the gear."
+    )
+    return replace(found, outcome="partial", remainder=f"{found.remainder} {said}".strip())
+
+
+def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Effect]) -> Discovery:
+    """Return formulas for what the rows of one problem leave."""
     start = Attempt.of(problem, known, {})
     found = _search(problem, start, progress)
     if known:

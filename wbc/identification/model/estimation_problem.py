@@ -31,6 +31,7 @@ from wbc.identification.records.noise.noise_floor import (
 from wbc.identification.records.outputs import output_gear, output_names
 from wbc.identification.records.preparation import REVERSAL, prepare
 from wbc.identification.records.record import Record
+from wbc.identification.records.standing import standing_joints
 from wbc.identification.records.torque_sensors import not_judged, sensed_joints
 from wbc.identification.silent_drives import silent_drives
 from wbc.measurement import Log, cut_at_gaps, find_repeats, suspicions
@@ -81,11 +82,12 @@ class EstimationProblem:
             require_readable(robot, piece)
         prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
         warnings += unmeasured_forces(prepared, output_names(robot))
+        warnings += standing_joints(prepared)
         repeats = close_repeats(prepared, find_repeats(pieces))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared), repeats)
         links = records[0].robot
         parts = [condensed_residual(links, [record]) for record in records]
-        floor = noise_floor(parts, drawn, repeats)
+        floor = noise_floor(records, parts, drawn, repeats)
         silent = silent_drives(records, parts, floor.values)
         aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
         aside += not_judged(records)

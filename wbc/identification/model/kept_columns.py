@@ -90,7 +90,7 @@ class KeptColumns:
         self, effects: Sequence[Effect], own: Effect, parameter: Parameter
     ) -> tuple[Effect, ...] | None:
         """Return the effects that a column depends on beside its own, None if on all of them."""
-        if "drive" in own.acts_by:
+        if own.acts_by & {"drive", "gear_efficiencies"}:
             return None
         if "change" not in own.acts_by:
             return ()
@@ -139,7 +139,8 @@ def keeps_motion(robot: Robot) -> bool:
 def lossy_gears(robot: Robot) -> BoolArray:
     """Return (m,) which gears lose a share of what they carry."""
     gears = robot.transmission
-    return np.asarray((gears.forward_efficiency != 1.0) | (gears.backward_efficiency != 1.0))
+    always = (gears.forward_efficiency != 1.0) | (gears.backward_efficiency != 1.0)
+    return np.asarray(always | robot.varying_gears)
 
 
 def _moved(effect: Effect, parameter: Parameter, ways: Sequence[float] = (STEP, -STEP)) -> Effect:

@@ -195,7 +195,7 @@ def _carried(moved: Record, output: FloatArray) -> FloatArray:
 def _mesh_slope(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
     """Return (N, m) how much the motors must give per torque at the outputs of their gears."""
     gears = robot.transmission
-    if np.all(gears.forward_efficiency == 1.0) and np.all(gears.backward_efficiency == 1.0):
+    if all(np.all(eta == 1.0) for eta in robot.gear_efficiencies(motion)):
         return np.ones_like(output)
     step = _STEP * max(float(np.max(np.abs(output))), 1.0)
     more = motor_torque(robot, motion, output + step) - motor_torque(robot, motion, output)

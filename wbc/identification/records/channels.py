@@ -12,9 +12,11 @@ from wbc.identification.records.contacts.contact_flags import active_contacts
 from wbc.measurement import (
     Log,
     feedback_torques,
+    joint_position,
     makes_torque,
     reports_torque,
     rotor_torques,
+    without_position,
 )
 from wbc.robot import Robot
 
@@ -29,7 +31,7 @@ class Channels:
         name: of the log.
         rate: [Hz].
         time: (N,) [s].
-        position: (N, nq).
+        position: (N, nq); of `placeless` joints the integral of the velocity.
         velocity: (N, nv), or None if some joint has no velocity channel.
         torque: (N, m) on the rotors [N m].
         feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
@@ -41,6 +43,7 @@ class Channels:
         temperature: (N, m) [deg C], or None.
         supply_voltage: (N, m) [V], or None.
         inertia: (10 n_links,) what the links of this log's machine have more, or None.
+        placeless: joints whose position was not measured and changes nothing.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Channels:
     temperature: FloatArray | None
     supply_voltage: FloatArray | None
     inertia: FloatArray | None = None
+    placeless: tuple[str, ...] = ()
 
 
 def read_channels(robot: Robot, log: Log) -> Channels:
@@ -104,6 +108,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         temperature=_optional(log, "temperature", joints, on_grid),
         supply_voltage=_optional(log, "voltage", joints, on_grid),
         inertia=None if log.machine is None else log.machine.inertia,
+        placeless=() if velocity is None else without_position(robot, log),
     )
 
 
@@ -133,7 +138,7 @@ def _position(robot: Robot, log: Log) -> FloatArray:
     single = [(name, robot.position_index(name)) for name in robot.single_joints]
     position = np.tile(robot.neutral(), (len(log), 1))
     for name, row in single:
-        position[:, row] = log.column(f"{name}.position")
+        position[:, row] = joint_position(log, name)
     if robot.has_free_flyer:
         position[:, :3] = np.stack([log.column(f"base.position.{axis}") for axis in "xyz"], axis=1)
         turn = np.stack([log.column(f"base.orientation.{axis}") for axis in "xyzw"], axis=1)

@@ -19,13 +19,17 @@ def held_out_folds(records: Sequence[Record], repeats: Sequence[tuple[int, int]]
     """Return the fold (rows,) of every condensed row.
 
     With at least three different runs each run is a fold, repeats together; otherwise every run
-    is cut into contiguous blocks, because neighbouring rows are not independent.
+    is cut into contiguous blocks, because neighbouring rows are not independent. A run that alone
+    moves some joint is cut, too: without it nothing would be known of that joint.
     """
     group = _groups(len(records), repeats)
-    if len(set(group)) >= _ENOUGH_RUNS:
-        return np.concatenate([np.full(r.rows, g) for r, g in zip(records, group, strict=True)])
+    few = len(set(group)) < _ENOUGH_RUNS
+    alone = _only_ones(records, group)
     folds = []
     for record, g in zip(records, group, strict=True):
+        if not few and g not in alone:
+            folds.append(np.full(record.rows, g * _BLOCKS_PER_LOG))
+            continue
         part = np.minimum(
             np.arange(record.rows) * _BLOCKS_PER_LOG // max(record.rows, 1), _BLOCKS_PER_LOG - 1
         )
@@ -49,6 +53,14 @@ def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
     total = np.bincount(blocks, values)
     count = np.bincount(blocks)
     return np.asarray(total[count > 0] / count[count > 0])
+
+
+def _only_ones(records: Sequence[Record], group: Sequence[int]) -> set[int]:
+    """Return the groups without which some output has no weight in any log."""
+    judged = np.array([record.weight.any(axis=0) for record in records])
+    per_group = np.array([judged[np.equal(group, g)].any(axis=0) for g in range(max(group) + 1)])
+    single = per_group.sum(axis=0) == 1
+    return {int(g) for g in np.flatnonzero((per_group & single).any(axis=1))}
 
 
 def _groups(count: int, repeats: Sequence[tuple[int, int]]) -> list[int]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
+from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
 from wbc.identification.records.channels import Channels, read_channels
 from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity, choose_bandwidth
@@ -22,6 +22,7 @@ from wbc.identification.records.noise.load_noise import load_bands
 from wbc.identification.records.noise.synthetic_noise import synthetic_noise
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
+from wbc.identification.records.standing import not_judged_at_rest, rubbing
 from wbc.measurement import Log
 from wbc.measurement.machine import loaded
 from wbc.measurement.motion.zero_phase import derivative, differentiate, low_pass
@@ -56,16 +57,19 @@ def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tu
     inertia = _typical_inertia(robot, channels)
     rate = min(channel.rate for channel in channels)
     band = choose_bandwidth(noises, inertia, robot.actuated, rate)
-    return tuple(
-        _with_noise_shared(_record(robot, channel, noise, band, reversal))
+    records = [
+        _record(robot, channel, noise, band, reversal)
         for channel, noise in zip(channels, noises, strict=True)
-    )
+    ]
+    return tuple(_with_noise_shared(record) for record in not_judged_at_rest(records))
 
 
 def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     model = robot.model
     positions = np.full((len(channels.time), model.nv), np.nan)
     for name in robot.single_joints:
+        if name in channels.placeless:
+            continue
         positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)
@@ -162,6 +166,7 @@ def _with_noise_shared(record: Record) -> Record:
     moments = noise.T @ noise / len(noise)
     size = np.sqrt(np.maximum(np.diag(moments), 1e-300))
     partners = np.abs(moments / np.outer(size, size)) > _SHARED_NOISE
+    partners &= record.weight.any(axis=0)  # one that is not judged here speaks for no other
     np.fill_diagonal(partners, True)
     weight = np.stack([record.weight[:, row].min(axis=1) for row in partners], axis=1)
     m = record.torque.shape[1]
@@ -193,7 +198,7 @@ def _at_rest(
     A joint that holds still would seem to change direction all the time, and its dry friction,
     of which nothing but the limits is known there, would be torque of the sign of that noise.
     """
-    still, rows = np.zeros(robot.model.nv), _rubbing(robot)
+    still, rows = np.zeros(robot.model.nv), rubbing(robot)
     still[rows] = _REST * noise.speed_deviation(band)[rows]
     return np.asarray(np.where(np.abs(velocity) < still, 0.0, velocity))
 
@@ -206,7 +211,7 @@ def _weight(
     Around a reversal the smoothed velocity is wrong about the moment and hides standstill, so
     that dry friction there cannot be told; the window scales with the band and the acceleration.
     """
-    rows = _rubbing(robot)
+    rows = rubbing(robot)
     settled = _settled(motion, band)
     speed = motion.velocity[:, rows]
     acceleration = motion.acceleration[:, rows]  # type: ignore[index]
@@ -229,12 +234,6 @@ def _weight(
     passive[:, np.searchsorted(robot.unactuated, rows[gears:])] = trusted[:, gears:]
     weight = np.concatenate([per_gear, passive, per_gear[:, robot.sensed]], axis=1)
     return np.asarray(weight * settled[:, None])
-
-
-def _rubbing(robot: Robot) -> IntArray:
-    """Return the rows in v of the joints that can rub: the driven ones, then the passive ones."""
-    passive = [robot.velocity_index(joint) for joint in robot.passive_joints]
-    return np.concatenate([robot.actuated, np.array(passive, dtype=np.int_)])
 
 
 def _settled(motion: Motion, band: Bandwidth) -> BoolArray:

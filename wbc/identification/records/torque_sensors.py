@@ -14,6 +14,8 @@ from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
 
+_HIDDEN = 1e-9  # share of a row that is seen, below which only rounding is left
+
 
 def sensed_joints(robot: Robot, logs: Sequence[Log]) -> tuple[str, ...]:
     """Return the driven joints with `<joint>.joint_torque` in all logs.
@@ -48,19 +50,28 @@ def without_torque_sensors(robot: Robot, logs: Sequence[Log]) -> list[Log]:
 
 
 def not_judged(records: Sequence[Record]) -> tuple[int, ...]:
-    """Return the outputs that say nothing: drives without a report, links that the robot has not.
+    """Return the outputs that say nothing.
 
-    Behind the sensor of a joint that carries no mass stands what the robot does not describe, such
-    as the other motor of a dynamometer.
+    Drives without a report, links that are not described, and a base that touches all the time at
+    contacts without force sensors: their forces are what its balance asks for.
     """
-    robot = records[0].robot
     drives = np.flatnonzero(~np.all([record.reported for record in records], axis=0))
+    shares = [r.balance.seen_share if r.balance is not None else np.inf for r in records]
+    balanced = np.max(np.broadcast_arrays(*shares, np.zeros(1)), axis=0) < _HIDDEN
+    carried = np.flatnonzero(balanced) if balanced.size > 1 else drives[:0]
+    return (*map(int, drives), *map(int, carried), *without_links(records[0].robot))
+
+
+def without_links(robot: Robot) -> tuple[int, ...]:
+    """Return the outputs behind the sensors of joints that carry no mass.
+
+    What stands there the robot does not describe, such as the other motor of a dynamometer.
+    """
     first = output_count(robot) - len(robot.torque_sensors)
     data = robot.model.createData()
     pin.computeSubtreeMasses(robot.model, data)
-    empty = [
+    return tuple(
         first + k
         for k, joint in enumerate(robot.torque_sensors)
         if data.mass[robot.model.getJointId(joint)] <= 0.0
-    ]
-    return (*map(int, drives), *empty)
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import log2, pi
 
 import numpy as np
@@ -18,16 +19,24 @@ _SATURATED_SHARE = 0.005
 _COARSE_SHARE = 0.1
 _FULL_DUTY = 0.995
 _ACTUATION = ("rotor_torque", "motor_torque", "current", "duty")
-_MEASURED = ("position", "velocity", "rotor_position", *_ACTUATION, "joint_torque")
+_MOTION = ("position", "velocity", "rotor_position")
+_MEASURED = (*_MOTION, *_ACTUATION, "joint_torque")
 
 
-def check_channels(log: Log) -> list[LogFinding]:
-    """Return findings about every measured channel of the joints."""
+def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
+    """Return findings about every measured channel of the joints.
+
+    Args:
+        log: the log.
+        resting: joints that stand still, whose motion is not judged.
+    """
     findings: list[LogFinding] = []
     holes = gaps(log.time)
     for name, values in log.columns.items():
         parts = split_column(name)
         if parts is None or parts[1] not in _MEASURED:
+            continue
+        if parts[0] in resting and parts[1] in _MOTION:
             continue
         if values[0] == values[-1] and np.ptp(values) == 0.0:
             findings.append(_constant(name, float(values[0]), parts[1]))
@@ -42,14 +51,8 @@ def check_channels(log: Log) -> list[LogFinding]:
 
 def _constant(name: str, value: float, quantity: str) -> LogFinding:
     if quantity == "position":
-        return LogFinding(
-            "warning",
-            "constant_joint",
-            name,
-            f"the joint never moves (position {value:g} throughout).",
-            "Nothing about this joint can be identified but a static torque: move it, or lock it "
-            "in the robot.",
-        )
+        text = f"{value:g} throughout, while the velocity changes."
+        return LogFinding("warning", "constant_joint", name, text, "The channel is not connected.")
     severity = "info" if quantity in _ACTUATION and value == 0.0 else "warning"
     text = "zero throughout." if value == 0.0 else f"{value:g} throughout."
     way_out = "Fine for an unpowered joint; otherwise the channel is not connected."

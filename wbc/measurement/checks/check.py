@@ -18,6 +18,7 @@ from wbc.measurement.checks.motion_check import (
     check_velocities,
     velocity_fits,
 )
+from wbc.measurement.checks.rest_check import check_rest, resting_joints
 from wbc.measurement.checks.robot_check import check_robot
 from wbc.measurement.checks.stuck_check import check_stuck
 from wbc.measurement.checks.value_runs import resolution
@@ -55,7 +56,8 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
 
 
 def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> LogQuality:
-    fits = velocity_fits(log)
+    resting = resting_joints(log)
+    fits = {joint: fit for joint, fit in velocity_fits(log).items() if joint not in resting}
     ratios = single_ratios(robot) if robot is not None else {}
     named = {finding.column for finding in suspected}
     kinds = {finding.kind for finding in suspected}
@@ -65,8 +67,9 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         *suspected,
         *(check_robot(log, robot) if robot is not None else ()),
         *check_clock(log),
-        *check_channels(log),
-        *check_stuck(log),
+        *check_rest(log, resting),
+        *check_channels(log, resting),
+        *check_stuck(log, resting),
         *(velocities if "time_unit" not in kinds else ()),
         *check_rotor_positions(log, ratios),
         *(ranges if not kinds & {"degrees", "gear_side"} else ()),

@@ -7,6 +7,7 @@ import numpy as np
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
+from wbc.measurement.positions import joint_position, placeless_joints, without_position
 from wbc.measurement.suspicions.matching import match_joints
 from wbc.measurement.torque import REPORTED, makes_torque
 from wbc.robot import Robot, state_gear
@@ -22,9 +23,9 @@ def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
         return [unknown]
     found = _without_torque(log, robot)
     positions = [
-        log.column(f"{name}.position")
+        joint_position(log, name)
         for name in robot.single_joints
-        if log.has(f"{name}.position")
+        if log.has(f"{name}.position") or log.has(f"{name}.velocity")
     ]
     if positions and all(np.ptp(values) == 0.0 for values in positions):
         found.append(
@@ -44,8 +45,14 @@ def _known(log: Log, name: str) -> bool:
 
 
 def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
-    """Return what to do about joints without position, None where every joint has one."""
+    """Return what to do about joints without position, None where every joint has what it needs.
+
+    A velocity is enough for a joint whose position changes nothing (see `placeless_joints`).
+    """
     missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
+    speeds = without_position(robot, log)
+    placeless = placeless_joints(robot, speeds)
+    missing = [name for name in missing if name not in placeless]
     if not missing:
         return None
     strange = [name for name in log.with_quantity("position") if name not in robot.joints]
@@ -53,6 +60,10 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
     mend: Mend = {}
     way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
+    placed = [name for name in missing if name in speeds]
+    if placed:
+        way += f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia there"
+        way += " depends on the position."
     way += " Joints that never moved are held still by a line at the top of robot.toml:"
     way += f"\n    lock = {missing}"
     if len(strange) == len(missing):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from scipy.integrate import trapezoid
 
@@ -15,16 +17,20 @@ _SAMPLES = 5
 _END_SHARE = 0.2
 
 
-def check_stuck(log: Log) -> list[LogFinding]:
+def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
     """Return findings about positions and velocities that are held for a while.
 
     A value that is held and then jumps by what the other sensor saw meanwhile was lost; a joint
     that rests, or a coarse sensor, does not jump. At the end of a log there is no jump to see:
     there the other sensor must show a fifth of the whole motion.
+
+    Args:
+        log: the log.
+        resting: joints that stand still throughout; nothing of theirs is lost.
     """
     findings: list[LogFinding] = []
     for joint in log.with_quantity("position"):
-        if not log.has(f"{joint}.velocity"):
+        if joint in resting or not log.has(f"{joint}.velocity"):
             continue
         position, velocity = log.column(f"{joint}.position"), log.column(f"{joint}.velocity")
         if np.ptp(position) == 0.0 or np.ptp(velocity) == 0.0:

@@ -27,6 +27,7 @@ from wbc.robot import Robot
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 5  # of corrections, one upon another
+_PLACES = ("position", "velocity")  # by which a file tells whose its columns are
 _OF_MOTION = ("time_unit", "velocity_unit", "velocity_sign", "gear_side", "degrees")
 
 
@@ -39,7 +40,7 @@ class MapGuess:
         reasons: why its lines say what they say.
         driven: joints of the robot with a column of torque or current.
         targets: joints with a column of target positions and none of torque.
-        unseen: joints without a column of positions.
+        unseen: joints without a column of positions; of velocities where no joint has positions.
     """
 
     table: Mapping[str, Any]
@@ -57,14 +58,16 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
         joints: of the robot, with one degree of freedom.
 
     Raises:
-        LogError: a file that cannot be read, or without anything like a position.
+        LogError: a file that cannot be read, or without anything like a position or velocity.
     """
     table = open_table(Path(path))
     guesses = [guess_name(name) for name in table.names]
-    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == "position"))
-    if not owners:
+    # A motor on a test bench is often recorded by its speed alone.
+    place = next((q for q in _PLACES if any(g.quantity == q for g in guesses)), "")
+    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == place))
+    if not place:
         raise LogError(
-            f"{path}: no column looks like the position of a joint. There are: "
+            f"{path}: no column looks like the position or velocity of a joint. There are: "
             f"{', '.join(table.names)}. Put the name of one in place of COLUMN, and "
             + say_so({"columns": {f"{name}.position": {"from": "COLUMN"} for name in joints[:1]}})
         )
@@ -95,7 +98,7 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
         for joint, quantities in held.items()
         if joint not in driven and "target_position" in quantities
     )
-    unseen = tuple(joint for joint in joints if "position" not in held.get(joint, ()))
+    unseen = tuple(joint for joint in joints if place not in held.get(joint, ()))
     return MapGuess(mapped, tuple(reasons), driven, targets, unseen)
 
 

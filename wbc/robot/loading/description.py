@@ -131,7 +131,7 @@ def build_robot(description: RobotDescription) -> Robot:
     if not isinstance(coupling, bool):
         raise RobotError(f"{path}: rotor_coupling: true or false expected, got {coupling!r}.")
     robot = Robot(
-        name=str(table.get("name", path.parent.name)),
+        name=str(table.get("name", path.resolve().parent.name)),
         model=model,
         transmission=_transmission(table.get("gears", {}), settings.get("topology"), path),
         contacts=_contacts(table.get("contacts", []), path),

@@ -22,7 +22,7 @@ from wbc.sim.inner.impact import (
     impact_at,
 )
 from wbc.sim.inner.part import FAILED, LANDED, first_half, part_of_step
-from wbc.sim.inner.tables import GearTables, Obstacles, packed_plant
+from wbc.sim.inner.tables import GearTables, Obstacles, losses_of, packed_plant
 from wbc.sim.laws.drivetrain import Drivetrain
 from wbc.sim.solve.solver import TOLERANCE
 from wbc.sim.state import SimState
@@ -191,6 +191,7 @@ class Inner:
         external: FloatArray | None,
         kept: BoolArray,
         step: float,
+        drive: Drivetrain | None = None,
     ) -> Ended | None:
         """Return the end of the part whose middle `to_middle` found; None where Newton fails.
 
@@ -201,6 +202,7 @@ class Inner:
             external: (nv,), None for none.
             kept: (2 j + c,) barriers that may close within the part.
             step: h [s].
+            drive: with the efficiencies that the gears have in the part, None for those as ever.
         """
         dry = self._dry
         if forces.friction is not None:
@@ -208,7 +210,15 @@ class Inner:
             if not self._direct or np.count_nonzero(forces.friction) != np.count_nonzero(dry):
                 return None
         force = forces.joint if external is None else forces.joint + external
-        return self._solved(state, out, (forces.rotor, force, dry, step, True), kept)
+        acting = forces.rotor, force, dry, step, True
+        if drive is None:
+            return self._solved(state, out, acting, kept)
+        losses = losses_of(*self._packed)
+        as_ever = losses.copy()
+        losses[:] = np.column_stack((1.0 / drive.forward, drive.backward))
+        found = self._solved(state, out, acting, kept)
+        losses[:] = as_ever  # impacts, and whatever comes next
+        return found
 
     def part(
         self,

@@ -127,6 +127,9 @@ RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH = range(4)
 _WHOLE = 6
 """Groups keep six arrays of whole numbers, which come first."""
 
+_GEARS = 5
+"""Place of the gears' numbers among the other arrays."""
+
 
 def packed(whole: Sequence[IntArray], numbers: Sequence[FloatArray]) -> tuple[IntArray, FloatArray]:
     """Return two arrays that hold those given, whole numbers (6 arrays) and others, one by one.
@@ -185,7 +188,7 @@ def opened(whole: IntArray, numbers: FloatArray) -> Opened:
         tree,
         Flight(_table(whole, 2), _matrix(whole, numbers, 13), _matrix(whole, numbers, 14)),
         obstacles,
-        GearTables(_matrix(whole, numbers, 5), _matrix(whole, numbers, 6)),
+        GearTables(_matrix(whole, numbers, _GEARS), _matrix(whole, numbers, 6)),
         PlacedTree(
             _matrix(whole, numbers, 8),
             _matrix(whole, numbers, 9),
@@ -196,6 +199,13 @@ def opened(whole: IntArray, numbers: FloatArray) -> Opened:
         _matrix(whole, numbers, 7).ravel(),
         ends[:-1],
     )
+
+
+def losses_of(whole: IntArray, numbers: FloatArray) -> FloatArray:
+    """Return the columns 1/eta_f and eta_b of a plant's gears, (m, 2), as a view."""
+    head = 3 * (_WHOLE + _GEARS)
+    start, rows, columns = whole[head : head + 3].tolist()
+    return numbers[start : start + rows * columns].reshape(rows, columns)[:, -2:]
 
 
 @compiled(OutRow, Table, OutDense)

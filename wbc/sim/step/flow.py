@@ -185,7 +185,8 @@ def _compiled(given: PartInput, inner: Inner) -> Flow | None:
         at = *inner.middle(half), state.time + 0.5 * step
         of_motor = setup.temperature, mesh
         forces = effect_forces(setup.robot, at, command, state.memory, step, *of_motor)
-        found = inner.from_middle(state, half, forces, external, kept, step)
+        drive = setup.moving(*at[:2]).drive if setup.varying else None
+        found = inner.from_middle(state, half, forces, external, kept, step, drive)
     else:
         forces = EffectForces(setup.still, None, command, ())
         found = inner.part(state, forces, external, kept, step)
@@ -213,6 +214,7 @@ def _rebuilt(given: PartInput, forces: EffectForces, found: Ended) -> Transit:
     """
     setup, state, step, external = given.setup, given.state, given.step, given.external
     position, velocity, rate = found.middle
+    setup = setup.moving(position, velocity)
     middle = standing_at(setup.bases, setup.space, position, velocity)
     problem = problem_of(setup, state, middle, rate, forces, external, given.kept, step, None)
     gears, places, program = program_of(problem, Grip.firm(setup.drive), None, None)
@@ -245,6 +247,7 @@ def _plain(given: PartInput) -> Flow:
     middle = to_middle(setup.bases, space, state.position, state.velocity, half)
     at = middle.position, middle.velocity, state.time + half
     forces = effect_forces(setup.robot, at, command, state.memory, step, setup.temperature, mesh)
+    setup = setup.moving(middle.position, middle.velocity)
     coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
     if coupling is not None:
         pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)

@@ -185,6 +185,7 @@ def _camera(
         center = track.center_of_mass
         moved = np.append((center[frame] - center[0])[:2] if leaves else (0.0, 0.0), 0.0)
         seen = [*_corners(track, shapes, int(frame)), *(c.position[frame] for c in track.contacts)]
+        seen = seen or [*track.poses[frame, :, :3].astype(np.float64)]  # links without bodies
         points += [point - moved for point in seen]
     direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
     return {

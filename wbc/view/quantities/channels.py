@@ -6,12 +6,14 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
-from wbc.measurement import Log
+from wbc.measurement import Log, joint_position
 from wbc.robot import Robot
 
 
 def configuration(robot: Robot, log: Log) -> FloatArray:
     """Return q (N, nq); a joint that the log does not mention stays at its neutral position.
+
+    Where only a velocity was recorded its integral stands for the position.
 
     Raises:
         LogError: the log holds the position of no joint of the robot.
@@ -19,8 +21,8 @@ def configuration(robot: Robot, log: Log) -> FloatArray:
     position = np.tile(robot.neutral(), (len(log), 1))
     found = False
     for name in robot.single_joints:
-        if log.has(f"{name}.position"):
-            position[:, robot.position_index(name)] = log.column(f"{name}.position")
+        if log.has(f"{name}.position") or log.has(f"{name}.velocity"):
+            position[:, robot.position_index(name)] = joint_position(log, name)
             found = True
     base = [f"base.position.{axis}" for axis in "xyz"]
     turn = [f"base.orientation.{axis}" for axis in "xyzw"]

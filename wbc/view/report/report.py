@@ -113,7 +113,7 @@ def report_page(
     }
     context |= _diagnosis_part(diagnosis, comparison) | {"formulas": formula_part(discovery)}
     context["playback"] = _embedded(_playback(robot, logs[0], comparison))
-    fitted = robot if diagnosis is None else diagnosis.robot
+    fitted = problem.robot if diagnosis is None else diagnosis.robot
     after = series_of(fitted, problem.records)
     plots = residual_plots(residuals_in(problem, fitted), comparison.series, after)
     context["data"] = _embedded(

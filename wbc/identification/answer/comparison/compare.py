@@ -14,6 +14,7 @@ from wbc.identification.answer.series import Series, series_of
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.record import Record
+from wbc.identification.records.torque_sensors import without_links
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 
@@ -42,12 +43,14 @@ def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] =
     whitened = problem.residual @ problem.whitening
     accelerations = [_acceleration_error(r, e) for r, e in zip(records, residuals, strict=True)]
     series = series_of(problem.robot, records)
+    outputs = _outputs(problem, residuals, accelerations, series)
+    shown = {output.output for output in outputs}
     return Comparison(
         robot=problem.robot,
-        outputs=_outputs(problem, residuals, accelerations, series),
+        outputs=outputs,
         error=float(np.sqrt(np.mean(whitened**2))),
         floor=problem.floor,
-        where=tuple(breakdowns(records, residuals)),
+        where=tuple(b for b in breakdowns(records, residuals) if b.output in shown),
         series=series,
         warnings=problem.warnings,
         sources=sources,
@@ -65,7 +68,10 @@ def _outputs(
     step = record.stride / record.rate
     measured = np.concatenate([s.measured for s in series])
     units, found = output_units(problem.robot), []
+    unknown = without_links(problem.robot)
     for column, name in enumerate(output_names(problem.robot)):
+        if column in unknown:
+            continue
         driven = column < gears.size
         rms = _rms([r[:, column] for r in residuals])
         found.append(

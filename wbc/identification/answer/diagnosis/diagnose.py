@@ -40,6 +40,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.outputs import output_names, output_units
+from wbc.identification.records.torque_sensors import without_links
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -199,6 +200,7 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
     before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
     sensors = np.sqrt(np.diag(problem.floor.sensors))
+    unknown = without_links(problem.robot)
     return tuple(
         OutputLevel(
             output=name,
@@ -209,6 +211,7 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
             sensors=float(sensors[k]),
         )
         for k, name in enumerate(names)
+        if k not in unknown
     )
 
 

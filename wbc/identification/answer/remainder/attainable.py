@@ -148,9 +148,7 @@ def _over_travel(
     position: FloatArray, speed: FloatArray, ways: Sequence[FloatArray], ratio: float
 ) -> list[FloatArray]:
     """Return waves over the travel and the rotor's turn, and memories of the direction."""
-    travel = float(np.ptp(position))
-    if travel <= 0.0:
-        return []
+    travel = float(np.ptp(position)) or 1.0  # a joint may stand still in one log of several
     share = (position - position.min()) / travel
     waves = [f(np.pi * k * share) for k in range(1, 2 * _WAVES + 1, 2) for f in (np.sin, np.cos)]
     turns = [f(k * ratio * position) for k in range(1, _TURNS + 1) for f in (np.sin, np.cos)]

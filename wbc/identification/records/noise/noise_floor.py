@@ -8,10 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.records.noise.synthetic_noise import synthetic_noise
 from wbc.identification.records.record import Record
-from wbc.robot import Motion
 
 _SHRINKAGE = 0.03
 _ROWS = 1500  # of drawn noise per log, by which its covariance is known to some 5 % ...
@@ -99,13 +98,17 @@ def with_even_noise(
     """
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
     repeated = sorted({k for pair in repeats for k in pair})
-    reference = np.mean(levels[repeated or slice(None)], axis=0)
+    judged = _judged(records)
+    reference = _mean_of(levels, judged & np.isin(range(len(records)), repeated)[:, None])
+    reference = np.where(np.isnan(reference), _mean_of(levels, judged), reference)
+    reference = np.where(np.isnan(reference), 0.0, reference)
     certainty = np.minimum(np.sqrt(reference / levels), 1.0)
     even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
     return even, [noise * share for noise, share in zip(drawn, certainty, strict=True)]
 
 
 def noise_floor(
+    records: Sequence[Record],
     residuals: Sequence[FloatArray],
     drawn: Sequence[FloatArray],
     repeats: Sequence[tuple[int, int]],
@@ -113,7 +116,8 @@ def noise_floor(
     """Return the floor from repeated runs where there are any, else from the sensors' noise.
 
     Args:
-        residuals: (rows, m + b) condensed residual of each log.
+        records: the logs.
+        residuals: (rows, m + b) condensed residual of each.
         drawn: (rows, m + b) noise of the sensors in each.
         repeats: pairs of logs, as of `close_repeats`.
     """
@@ -121,7 +125,54 @@ def noise_floor(
     if not repeats:
         return NoiseFloor(sensors, sensors, ())
     differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in repeats]
-    return NoiseFloor(_covariance(np.concatenate(differences)), sensors, tuple(repeats))
+    repeated = _covariance(np.concatenate(differences))
+    covariance = _over_all(records, repeats, repeated, sensors)
+    return NoiseFloor(covariance, sensors, tuple(repeats))
+
+
+def _over_all(
+    records: Sequence[Record],
+    pairs: Sequence[tuple[int, int]],
+    repeated: FloatArray,
+    sensors: FloatArray,
+) -> FloatArray:
+    """Return the covariance (k, k) of repeats as the mean over the rows of all logs.
+
+    An output may have no weight in some logs: their rows count as zeros in every mean. Where it has
+    none in the repeats, the sensors' noise is all that is known.
+    """
+    judged, rows = _judged(records), np.array([record.rows for record in records])
+    chosen = [i for i, _ in pairs]
+    everywhere = rows @ judged / rows.sum()
+    there = rows[chosen] @ judged[chosen] / rows[chosen].sum()
+    known = there > 0.0
+    scale = np.sqrt(np.where(known, everywhere / np.where(known, there, 1.0), 0.0))
+    covariance = repeated * np.outer(scale, scale)
+    return np.where(np.outer(known, known), covariance, np.where(_neither(known), sensors, 0.0))
+
+
+def _neither(known: BoolArray) -> BoolArray:
+    return np.outer(~known, ~known)
+
+
+def _judged(records: Sequence[Record]) -> BoolArray:
+    """Return (logs, outputs) whether an output has any weight in a log."""
+    return np.array([record.weight.any(axis=0) for record in records])
+
+
+def _mean_of(levels: FloatArray, chosen: BoolArray) -> FloatArray:
+    """Return the mean (k,) of the levels (logs, k) chosen, NaN where there is none."""
+    count = chosen.sum(axis=0)
+    total = np.where(chosen, levels, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _moving(record: Record) -> BoolArray:
+    """Return which coordinates (nv,) move: noise and tremor of a held joint repeat nothing."""
+    moves = record.noise.moving(record.motion.velocity, record.bandwidth)
+    driven = record.robot.actuated
+    moves[driven] &= record.weight[:, : driven.size].any(axis=0)
+    return moves
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -145,14 +196,15 @@ def close_repeats(
         (i, j)
         for group in groups
         for i, j in combinations(group, 2)
-        if _close(records[i].motion, records[j].motion)
+        if _close(records[i], records[j])
     )
 
 
-def _close(first: Motion, second: Motion) -> bool:
+def _close(one: Record, other: Record) -> bool:
+    first, second = one.motion, other.motion
     if first.velocity.shape != second.velocity.shape:
         return False
     spread = np.ptp(first.velocity, axis=0)
-    moving = spread > 0.0
+    moving = (spread > 0.0) & _moving(one)
     apart = np.sqrt(np.mean((first.velocity - second.velocity) ** 2, axis=0))
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
