@@ -64,7 +64,10 @@ def test_metrics_print_the_papers_figures(tmp_path, capsys):
     metrics = json.loads(result.read_text())
     assert metrics["force up, lift [N]"] == pytest.approx(70.0, abs=1e-6)
     assert metrics["IMF up, dissipative"] == pytest.approx(0.863972, abs=1e-6)
-    assert "GIT [kg]" in capsys.readouterr().out
+    assert metrics["holding torque, lossless [N m]"]["knee"] == pytest.approx(1.8639)
+    printed = capsys.readouterr().out
+    assert "GIT [kg]" in printed
+    assert "1.8639  knee" in printed
 
 
 def test_joints_that_a_log_does_not_hold_are_told(rubbing, tmp_path, capsys):

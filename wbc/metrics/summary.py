@@ -46,12 +46,14 @@ class Metric:
         unit: "1" for a ratio.
         value: a number, an array, or the reason why it does not exist here.
         assumption: what the number needs to be true.
+        joints: whose gear each entry of a vector belongs to; empty for all else.
     """
 
     name: str
     unit: str
     value: Value
     assumption: str
+    joints: tuple[str, ...] = ()
 
 
 def summary(
@@ -113,10 +115,11 @@ def summary(
     size = weight if load is None else load
     held = holding(robot, q, contact, up, size, axes)
     note = f"rotor side, load {size:.4g} N {way}; {HELD}"
+    gears = robot.transmission.joints
     return [
         *rows,
-        Metric("holding torque, lossless", "N m", held.lossless, note),
-        Metric("holding torque, least", "N m", held.least, note),
+        Metric("holding torque, lossless", "N m", held.lossless, note, gears),
+        Metric("holding torque, least", "N m", held.least, note, gears),
         Metric("holding heat, lossless", "W", held.heat_lossless, note),
         Metric("holding heat, least", "W", held.heat_least, note),
         Metric("heat saved by stiction", "1", held.heat_saved, note),
@@ -127,7 +130,11 @@ def summary(
             lambda: backdriving_force(robot, q, contact, up, axes),
         ),
         Metric(
-            "backdriving torque", "N m", backdriving_torque(robot), f"motor output; {UNPOWERED}"
+            "backdriving torque",
+            "N m",
+            backdriving_torque(robot),
+            f"motor output; {UNPOWERED}",
+            gears,
         ),
     ]
 

@@ -66,9 +66,15 @@ def run(options: argparse.Namespace, console: Console) -> int:
 
 def _json(metrics: list[Metric]) -> dict[str, Any]:
     """Return name with unit -> value, and the assumption of each under "assumptions"."""
-    found: dict[str, Any] = {_label(metric): _plain(metric.value) for metric in metrics}
+    found: dict[str, Any] = {_label(metric): _by_joint(metric) for metric in metrics}
     found["assumptions"] = {_label(metric): metric.assumption for metric in metrics}
     return found
+
+
+def _by_joint(metric: Metric) -> Any:
+    """Return the value, of a vector with an entry per gear the one of each joint."""
+    plain = _plain(metric.value)
+    return dict(zip(metric.joints, plain, strict=True)) if metric.joints else plain
 
 
 def _label(metric: Metric) -> str:
@@ -91,7 +97,7 @@ def _print(metrics: list[Metric], title: str, console: Console) -> None:
     notes = list(dict.fromkeys(metric.assumption for metric in metrics))
     table = Table("metric", "value", "assumes", box=None, title=title)
     for metric in metrics:
-        table.add_row(_label(metric), _text(metric.value), str(notes.index(metric.assumption) + 1))
+        table.add_row(_label(metric), _text(metric), str(notes.index(metric.assumption) + 1))
     console.print(table)
     assumed = Table("", "what the numbers assume", box=None)
     for number, note in enumerate(notes, 1):
@@ -99,8 +105,10 @@ def _print(metrics: list[Metric], title: str, console: Console) -> None:
     console.print(assumed)
 
 
-def _text(value: Any) -> str:
-    plain = _plain(value)
+def _text(metric: Metric) -> str:
+    plain = _by_joint(metric)
+    if isinstance(plain, dict):
+        return "\n".join(f"{_entry(value)}  {joint}" for joint, value in plain.items())
     if isinstance(plain, str):
         return plain
     if plain is None:
