@@ -11,6 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 .PHONY: demo test lint docs pictures clean
 
 demo: $(READY)
+	@echo "The first time, controller and simulator are compiled: one to two minutes."
 	$(BIN)/python -m sims.demo
 
 test: $(READY) lint

@@ -108,8 +108,11 @@ def main(duration: float = 4.0, excitation: float = 6.0, rounds: int = 60) -> Di
     console.rule("4. Files")
     for path in [*files, *more, *planned]:
         console.print(f"  {path}")
-    console.print("open out/landing.html (playback) and out/report.html in a browser, offline")
-    console.print("record out/trajectory.csv (set points) to tell the two closest rivals apart")
+    console.print("open in a browser, offline:")
+    console.print("  out/landing.html     the leg lands from 10 cm")
+    console.print("  out/report.html      what the logs say of the leg")
+    console.print("  out/trajectory.html  the motion that tells the two closest rivals apart")
+    console.print("next: move the robot along out/trajectory.csv (set points) and record a log")
     return diagnosis
 
 
