@@ -34,7 +34,6 @@ _COMMANDS = (
 
 _EPILOG = """\
 example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
-
 exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input,
 3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
 

@@ -153,6 +153,10 @@ class Log:
         """Whether all of these channels are there."""
         return all(name == TIME or any(n in self.columns for n in known_as(name)) for name in names)
 
+    def recorded(self, name: str) -> bool:
+        """Whether the log was recorded with this channel, be it usable or not."""
+        return self.has(name) or name in self.source.unusable
+
     def with_quantity(self, quantity: str) -> tuple[str, ...]:
         """Return the joints that have a channel of this quantity."""
         return owners(self.columns, [name[1:] for name in known_as(f".{quantity}")])

@@ -20,19 +20,23 @@ def joint_position(log: Log, joint: str) -> FloatArray:
     """Return the position (N,) of a joint [rad, m], or the integral of its velocity from zero.
 
     Raises:
-        LogError: the log holds neither.
+        LogError: the log holds neither, or a position that cannot be used.
     """
-    if log.has(f"{joint}.position") or not log.has(f"{joint}.velocity"):
+    if joint not in _of_velocity_alone(log, (joint,)):
         return log.column(f"{joint}.position")
     return np.asarray(cumulative_trapezoid(log.column(f"{joint}.velocity"), log.time, initial=0.0))
 
 
 def without_position(robot: Robot, log: Log) -> tuple[str, ...]:
     """Return the joints whose velocity a log holds and whose position it lacks."""
+    return _of_velocity_alone(log, robot.single_joints)
+
+
+def _of_velocity_alone(log: Log, joints: Sequence[str]) -> tuple[str, ...]:
     return tuple(
         joint
-        for joint in robot.single_joints
-        if not log.has(f"{joint}.position") and log.has(f"{joint}.velocity")
+        for joint in joints
+        if not log.recorded(f"{joint}.position") and log.has(f"{joint}.velocity")
     )
 
 

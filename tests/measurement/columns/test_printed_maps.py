@@ -162,7 +162,7 @@ CASES = {
     "an effort": Case(renamed("motor_torque", "effort"), note),
     "torque signs": Case(scaled(-1.0, *TORQUES), trusting),
     "no position": Case(
-        lambda c: {n.replace("position", "x"): v for n, v in c.items()},
+        lambda c: {n.replace("position", "x").replace("velocity", "y"): v for n, v in c.items()},
         guessing,
         (("COLUMN", "hip.x"),),
     ),

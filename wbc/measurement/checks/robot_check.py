@@ -7,7 +7,11 @@ import numpy as np
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.mend import Mend, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.positions import joint_position, placeless_joints, without_position
+from wbc.measurement.positions import (
+    joint_position,
+    placeless_joints,
+    without_position,
+)
 from wbc.measurement.suspicions.matching import match_joints
 from wbc.measurement.torque import REPORTED, makes_torque
 from wbc.robot import Robot, state_gear
@@ -22,10 +26,11 @@ def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     if unknown is not None:
         return [unknown]
     found = _without_torque(log, robot)
+    speeds = without_position(robot, log)
     positions = [
         joint_position(log, name)
         for name in robot.single_joints
-        if log.has(f"{name}.position") or log.has(f"{name}.velocity")
+        if log.has(f"{name}.position") or name in speeds
     ]
     if positions and all(np.ptp(values) == 0.0 for values in positions):
         found.append(
@@ -40,16 +45,12 @@ def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     return found
 
 
-def _known(log: Log, name: str) -> bool:
-    return log.has(name) or name in log.source.unusable
-
-
 def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
     """Return what to do about joints without position, None where every joint has what it needs.
 
     A velocity is enough for a joint whose position changes nothing (see `placeless_joints`).
     """
-    missing = [name for name in robot.single_joints if not _known(log, f"{name}.position")]
+    missing = [name for name in robot.single_joints if not log.recorded(f"{name}.position")]
     speeds = without_position(robot, log)
     placeless = placeless_joints(robot, speeds)
     missing = [name for name in missing if name not in placeless]
@@ -85,11 +86,11 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
     lacking = [
         joint
         for joint in robot.transmission.joints
-        if not any(_known(log, f"{joint}.{quantity}") for quantity in _TORQUES)
+        if not any(log.recorded(f"{joint}.{quantity}") for quantity in _TORQUES)
     ]
     gears = robot.transmission if log.machine is None else log.machine.transmission
     made = dict(zip(gears.joints, makes_torque(log, gears), strict=True))
-    targets = [joint for joint in lacking if _known(log, f"{joint}.target_position")]
+    targets = [joint for joint in lacking if log.recorded(f"{joint}.target_position")]
     followed = [joint for joint in lacking if made[joint]]
     lacking = [joint for joint in lacking if joint not in followed]
     constant = robot.transmission.torque_constant
@@ -139,7 +140,7 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
         for k, joint in enumerate(robot.transmission.joints)
         if joint not in lacking
         and joint not in followed
-        and not any(_known(log, f"{joint}.{quantity}") for quantity in _OF_UNIT)
+        and not any(log.recorded(f"{joint}.{quantity}") for quantity in _OF_UNIT)
         and not np.isfinite(constant[k])
     ]
     if silent:
