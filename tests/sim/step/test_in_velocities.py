@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from tests.sim.step.test_cones import CORPORA, random_step
 from wbc.sim.solve.branches import pieces_at, solve_pieces
@@ -54,20 +55,27 @@ def test_one_system_of_pieces(corpus: str) -> None:
 
 @pytest.mark.parametrize("corpus", CORPORA)
 def test_newton_finds_the_same_motion_as_often(corpus: str) -> None:
-    """Where it settles early; after that, rounding may lead to another of several solutions."""
-    done, compared = np.zeros(2), 0
+    """Where it settles early; after that, rounding may lead to another of several solutions.
+
+    Which seeds only one of the two ways settles depends on rounding, hence on the processor. A sign
+    test over these seeds asks whether the way in velocities settles them less often than the other.
+    """
+    alone, compared = [0, 0], 0
     for seed in range(400):
         program = random_step(corpus, seed)
         reduced = reduce_program(program)
-        start, found, longest = np.zeros(len(reduced.free)), [], 0
+        start, found, longest, settled = np.zeros(len(reduced.free)), [], 0, []
         tolerance = TOLERANCE * (1.0 + float(np.abs(reduced.free).max(initial=0.0)))
-        for k, ways in enumerate((IN_IMPULSES, _ways(program))):
+        for ways in (IN_IMPULSES, _ways(program)):
             impulse, used, good = newton(replace(reduced, ways=ways), start, tolerance, 0)
-            done[k], longest = done[k] + good, max(longest, used)
+            longest = max(longest, used)
+            settled.append(good)
             if good:
                 found.append(reduced.velocity(impulse))
+        if len(found) == 1:
+            alone[settled.index(True)] += 1
         if len(found) == 2 and longest <= 6:
             compared += 1
             assert np.abs(found[1] - found[0]).max() < 1e-7 * (1.0 + np.abs(found[0]).max())
     assert compared > 50
-    assert done[1] >= 0.98 * done[0]
+    assert binomtest(alone[1], max(sum(alone), 1), alternative="less").pvalue > 0.001
