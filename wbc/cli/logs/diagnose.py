@@ -184,7 +184,7 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
         column.justify = "right"
     for o in diagnosis.outputs:
         numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
-        table.add_row(o.output, *numbers, o.unit)
+        table.add_row(o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside")
     table.caption = "rms torque that the model does not explain; attainable by any model of motion"
     return table
 
