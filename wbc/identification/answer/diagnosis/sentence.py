@@ -66,11 +66,11 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
         saved: name of the file in which the robot with the effects found is, None if in none.
     """
     # Perfect gears would take the losses found out again.
-    use = f"From now on use the corrected robot: --robot {saved or 'fitted.toml'}"
-    use += " (without --lossless)."
+    option = f"--robot {saved or 'fitted.toml'} (without --lossless)."
+    use = f"Use the corrected robot: {option}"
     if not saved:
         save = "give the same command with --save fitted.toml (in Python: save_robot)"
-        use = f"Save the corrected robot: {save}. {use}"
+        use = f"Save the corrected robot: {save}. Then use it: {option}"
     match diagnosis.verdict:
         case "named":
             return use
