@@ -127,6 +127,8 @@ def test_numbers_are_as_deep_as_they_are_known() -> None:
     assert with_deviation(0.01234, 0.00456) == "+0.0123 ± 0.0046"
     assert with_deviation(-0.3, 99.0) == "0 ± 99"
     assert with_deviation(0.5, 0.0) == "+0.500 ± 0"
+    # The demo printed +0.0000000000002 ± 0.0000000000016.
+    assert with_deviation(2e-13, 1.6e-12) == "+2.0e−13 ± 1.6e−12"
 
 
 def test_the_answer_is_printed_before_a_slow_part_begins() -> None:

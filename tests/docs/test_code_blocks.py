@@ -1,6 +1,7 @@
 """Every Python block of the README and the docs runs, one page after another in one namespace.
 
-Blocks of shell hold our own commands and run, too.
+Blocks of shell hold our own commands and run, too. So do the indented commands of the pages that a
+newcomer follows; those of the other pages are read as the command line reads them.
 
 A block of text right below a block of Python is what the page says is printed. Words must be the
 same, numbers within a tenth: libraries and processors round differently, and a page is no
@@ -16,11 +17,17 @@ import io
 import re
 import runpy
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
+from wbc import load_robot
 from wbc.cli import main
+from wbc.cli.entry import build_parser
+from wbc.effects import CoulombFriction
+from wbc.measurement import save_log
+from wbc.sim.excitation import record_with
 
 ROOT = Path(__file__).resolve().parents[2]
 # These run line by line, as at the prompt.
@@ -33,6 +40,8 @@ PAGES = [
 BLOCK = re.compile(
     r"^```(python|sh)\n(.*?)^```$(?:\n+^```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL
 )
+# Lines of an indented block that begin with our command; a backslash goes on in the next line.
+COMMAND = re.compile(r"^ {4}(wbc (?:.*\\\n)*.*)$", re.MULTILINE)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -86,6 +95,57 @@ def run_commands(block: str) -> None:
             assert main(words[1:]) == 0, line
 
 
+def commands_of(page: str) -> list[str]:
+    """Return the indented commands of a page, without their comments and redirections."""
+    found = COMMAND.findall((ROOT / page).read_text(encoding="utf-8"))
+    return [re.split(r"\s+[#>]", line.replace("\\\n", " "))[0] for line in found]
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in (*PASTED, *(str(q.relative_to(ROOT)) for q in PAGES)) if commands_of(p)]
+)
+def test_commands_of_a_page_are_commands_with_options_that_exist(page: str) -> None:
+    parser = build_parser()
+    for line in commands_of(page):
+        parser.parse_args(shlex.split(line)[1:])  # exits where it does not know an option
+
+
+def test_the_commands_of_the_readme_lead_from_files_to_an_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A leg with column names of its own; its owner has not looked up the rotors yet."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "robots" / "planar_leg" / "planar_leg.urdf", "my_robot.urdf")
+    leg = load_robot("planar_leg_fixed").lossless()
+    names = {".position": "_angle", ".velocity": "_speed", ".rotor_torque": "_torque"}
+    for k, log in enumerate(record_with(leg, [CoulombFriction("hip", 0.5)], duration=3.0)):
+        torques = {c: 20.0 * log.column(c) for c in log.names if c.endswith("rotor_torque")}
+        path = save_log(log.with_columns(torques), f"run{k}.csv")
+        head, _, rows = path.read_text().partition("\n")
+        for ours, theirs in names.items():
+            head = head.replace(ours, theirs)
+        path.write_text(f"{head}\n{rows}")
+    init, check, diagnose, play = commands_of("README.md")
+    run_commands(init)
+    robot = Path("robot.toml").read_text()
+    assert robot.count("guess: not in the model file") == 4
+    ratio = 'gear_ratio = { value = 20.0, unit = "1", source = "data sheet" }'
+    robot = re.sub(r"gear_ratio = .*", ratio, robot).replace(
+        "{ value = 0.0,", "{ value = 6.66667e-5,"
+    )
+    Path("robot.toml").write_text(robot)
+    run_commands(check)
+    assert "these logs can be used" in capsys.readouterr().out
+    run_commands(diagnose)
+    answer = " ".join(capsys.readouterr().out.split())
+    assert "coulomb friction of 0.5 N m at hip" in answer
+    assert "Look up gears.hip.rotor_inertia, gears.knee.rotor_inertia in robot.toml" in answer
+    run_commands(play)
+    assert load_robot("fitted.toml").effects[0].key == ("coulomb_friction", "hip")
+    for page in ("report.html", "run1.html"):
+        assert Path(page).stat().st_size > 100_000
+
+
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
 def test_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -115,3 +175,6 @@ def test_blocks_pasted_into_the_prompt_print_what_the_page_shows(page, tmp_path,
         assert not more, f"the block is not finished by an empty line:\n{block}"
         assert "Error" not in complaints.getvalue(), complaints.getvalue()
         assert_same_text(printed.getvalue(), promised)
+    if page == "docs/guide/tutorial-logs.md":
+        for line in commands_of(page):
+            run_commands(line)

@@ -44,11 +44,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = read_logs(options.logs, options.columns, robot, read_suspicious)
     qualities = check_logs(logs, robot)
     shown = table_console(options, console)
-    said = [
-        f"{_short(quality)}: {finding}" if len(qualities) > 1 else str(finding)
-        for quality in qualities
-        for finding in quality.findings
-    ]
+    said = _remarks(qualities)
     guessed = guessed_numbers(options.robot)
     if guessed:
         said.append(
@@ -91,6 +87,21 @@ def run(options: argparse.Namespace, console: Console) -> int:
         console,
     )
     return 0 if all(quality.usable for quality in qualities) else 1
+
+
+def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
+    """Return every remark once, with the logs that it is about."""
+    about: dict[str, list[str]] = {}
+    for quality in qualities:
+        for finding in quality.findings:
+            about.setdefault(str(finding), []).append(_short(quality))
+    if len(qualities) == 1:
+        return list(about)
+    everywhere = f"all {len(qualities)} logs"
+    return [
+        f"{everywhere if len(logs) == len(qualities) else ', '.join(logs)}: {text}"
+        for text, logs in about.items()
+    ]
 
 
 def _answer(qualities: Sequence[LogQuality], remarks: bool) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -33,6 +34,7 @@ from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_
 from wbc.identification.answer.numbers import plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
+from wbc.measurement.guessing.robot_guess import guessed_numbers
 from wbc.robot import Effect
 
 _RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
@@ -91,6 +93,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
+    diagnosis = _with_guesses(diagnosis, options.robot)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, shown)
     print_diagnosis(
@@ -125,6 +128,22 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.report:
         write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated())
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+
+
+def _with_guesses(diagnosis: Diagnosis, robot: str) -> Diagnosis:
+    """Return a diagnosis that says which numbers of the robot nobody has looked up yet."""
+    guessed = guessed_numbers(robot)
+    if not guessed:
+        return diagnosis
+    first = (
+        f"Look up {', '.join(guessed)} in {robot}: they are still guesses of `wbc init`, and every "
+        "answer rests on them."
+    )
+    return replace(
+        diagnosis,
+        next_experiment=f"{first} {diagnosis.next_experiment}",
+        warnings=(first, *diagnosis.warnings),
+    )
 
 
 def _candidates(choice: str) -> list[type[Effect]] | None:
@@ -184,7 +203,7 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
         column.justify = "right"
     for o in diagnosis.outputs:
         numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
-        table.add_row(o.output, *numbers, o.unit)
+        table.add_row(o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside")
     table.caption = "rms torque that the model does not explain; attainable by any model of motion"
     return table
 

@@ -38,6 +38,8 @@ def with_deviation(value: float, deviation: float) -> str:
     if not (math.isfinite(value) and math.isfinite(deviation) and deviation > 0.0):
         return f"{'+' if value > 0.0 else ''}{plain(value)} ± {plain(deviation, 2)}"
     places = 1 - math.floor(math.log10(deviation))
+    if places > 6:
+        return f"{'+' if value > 0.0 else ''}{plain(value, 2)} ± {plain(deviation, 2)}"
     near, error = round(value, places), round(deviation, places)
     if error >= 10.0 ** (2 - places):  # 99.6 became 100
         places -= 1

@@ -52,11 +52,15 @@ def left_rows(comparison: Comparison, diagnosis: Diagnosis | None) -> list[list[
         return [
             [o.output, plain(o.rms, 2), plain(o.size), plain(o.floor, 2), o.unit] for o in worst
         ]
-    order = sorted(diagnosis.outputs, key=lambda o: -o.before / max(o.sensors, 1e-300))
-    return [
-        [o.output, *(plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors)), o.unit]
-        for o in order
-    ]
+    order = sorted(
+        diagnosis.outputs, key=lambda o: (not o.judged, -o.before / max(o.sensors, 1e-300))
+    )
+    rows = []
+    for o in order:
+        left = (o.before, o.after) if diagnosis.findings else (o.before,)
+        numbers = [plain(x, 2) for x in (*left, o.attainable, o.sensors)]
+        rows.append([o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside"])
+    return rows
 
 
 def open_loop_part(simulated: Sequence[OpenLoop]) -> dict[str, Any]:
@@ -192,7 +196,7 @@ def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
         paired = with_deviation(row.difference, row.deviation)
         table.append(
             {
-                "model": row.text,
+                "model": row.text if row.effects or row.standing != "found" else "robot as given",
                 "error": plain(row.error),
                 "difference": "" if row.standing == "found" else paired,
                 "standing": row.standing,

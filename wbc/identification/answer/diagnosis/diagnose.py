@@ -209,6 +209,7 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
             after=float(after[k]),
             attainable=max(float(after[k] * share.get(k, 1.0)), float(sensors[k])),
             sensors=float(sensors[k]),
+            judged=k in share,
         )
         for k, name in enumerate(names)
         if k not in unknown

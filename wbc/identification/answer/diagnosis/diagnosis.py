@@ -124,6 +124,7 @@ class OutputLevel:
         after: of the robot with the effects found.
         attainable: what any model of motion, load and time would leave; never below `sensors`.
         sensors: what the noise of the sensors leaves.
+        judged: False where the drive reports next to nothing and the output was set aside.
     """
 
     output: str
@@ -132,6 +133,7 @@ class OutputLevel:
     after: float
     attainable: float
     sensors: float
+    judged: bool = True
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,7 @@ class Diagnosis:
         lines += [
             f"  {o.output}: {plain(o.before)} -> {plain(o.after)} {o.unit} "
             f"(attainable {plain(o.attainable)}, sensors {plain(o.sensors)})"
+            + ("" if o.judged else ", set aside")
             for o in self.outputs
         ]
         return "\n".join([*lines, f"do this now: {what_to_do(self)}", *self.warnings])
@@ -326,6 +329,7 @@ class Diagnosis:
                     "after": o.after,
                     "attainable": o.attainable,
                     "sensors": o.sensors,
+                    "judged": o.judged,
                 }
                 for o in self.outputs
             },

@@ -14,6 +14,8 @@ _MOST = 3
 """Numbers of one effect in a sentence; tables hold all."""
 _MANY = 3
 """Places from which on an effect is said once: the tables that follow name them all."""
+_CAUSES = 4
+"""Causes of one sentence; the table of what was found has all."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
 
@@ -63,14 +65,17 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
         diagnosis: the answer.
         saved: name of the file in which the robot with the effects found is, None if in none.
     """
-    use = f"use the corrected robot: --robot {saved or 'fitted.toml'}"
+    # Perfect gears would take the losses found out again.
+    option = f"--robot {saved or 'fitted.toml'} (without --lossless)."
+    use = f"Use the corrected robot: {option}"
     if not saved:
-        use = f"save the corrected robot (--save fitted.toml, in Python save_robot), then {use}"
+        save = "give the same command with --save fitted.toml (in Python: save_robot)"
+        use = f"Save the corrected robot: {save}. Then use it: {option}"
     match diagnosis.verdict:
         case "named":
-            return f"{use[:1].upper()}{use[1:]}."
+            return use
         case "partial":
-            return f"{use[:1].upper()}{use[1:]}. {diagnosis.next_experiment}"
+            return f"{use} {diagnosis.next_experiment}"
         case "none":
             return "Go on with this robot; faster or loaded motions would show more."
         case _:
@@ -88,8 +93,8 @@ def spoken(name: str) -> str:
 
 
 def _progress(diagnosis: Diagnosis) -> str:
-    """Return how far the error falls at the output that missed most beside its sensors."""
-    worst = max(diagnosis.outputs, key=_floors, default=None)
+    """Return how far the error falls where the most of it is explained, beside the sensors."""
+    worst = max(_judged(diagnosis), key=_explained, default=None)
     share = f"That explains {_percent(diagnosis.explained)} of the squared error"
     if worst is None:
         return share
@@ -104,25 +109,36 @@ def _percent(share: float) -> str:
 
 def _left(diagnosis: Diagnosis) -> str:
     """Return what is left at the output that is furthest above its sensors."""
-    worst = max(diagnosis.outputs, key=lambda o: o.after / max(o.sensors, 1e-300), default=None)
+    worst = max(_judged(diagnosis), key=lambda o: o.after / _noise(o), default=None)
     if worst is None:
         return "nothing is left"
     return f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
 
 
-def _floors(output: OutputLevel) -> float:
-    return output.before / max(output.sensors, 1e-300)
+def _judged(diagnosis: Diagnosis) -> list[OutputLevel]:
+    """Return the outputs that decided; a drive that was set aside says nothing of the robot."""
+    return [output for output in diagnosis.outputs if output.judged]
+
+
+def _explained(output: OutputLevel) -> float:
+    return (output.before**2 - output.after**2) / _noise(output) ** 2
+
+
+def _noise(output: OutputLevel) -> float:
+    return max(output.sensors, 1e-150)
 
 
 def _sum_up(findings: Sequence[Finding]) -> str:
-    """Return the effects at their places; one that is at many places is said once."""
+    """Return the effects at their places, the certain first; many places are said once."""
     effects: dict[str, list[Finding]] = {}
-    for finding in findings:
+    for finding in sorted(findings, key=lambda f: f.support.group_probability < CERTAIN):
         effects.setdefault(finding.effect.name, []).append(finding)
     said = []
     for alike in effects.values():
         together = len(alike) >= _MANY and not any(finding.quantities for finding in alike)
         said += [_said_once(alike)] if together else [_said(finding) for finding in alike]
+    if len(said) > _CAUSES:
+        said = [*said[: _CAUSES - 1], f"{len(said) - _CAUSES + 1} more causes"]
     return _joined(said)
 
 

@@ -195,6 +195,11 @@ function loadPlayback() {
   }, { rootMargin: "300px" }).observe(frame);
 }
 
+// On a phone the rows of wide tables are lines, each with the head of its column.
+for (const table of document.querySelectorAll(".stack"))
+  for (const row of table.tBodies[0].rows)
+    [...row.cells].forEach((cell, k) => { cell.dataset.head = table.tHead.rows[0].cells[k].textContent; });
+
 if (!root.dataset.theme) root.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 $("theme").onclick = () => setTheme(root.dataset.theme === "dark" ? "light" : "dark");
 $("log").onchange = drawAll;
