@@ -62,3 +62,13 @@ def test_soft_gears_that_were_refused_or_made_energy(seed: int, ground: str, ste
         state = result.state
         assert made_by_rows(result) < 1e-9
         assert not [event for event in result.events if event.kind == "energy"]
+
+
+@pytest.mark.parametrize(("seed", "ground"), [(307, "stairs"), (174, "balls"), (298, "balls")])
+def test_a_kept_stop_that_closes_takes_an_impact(seed: int, ground: str) -> None:
+    """Its row let it close with speed; the next step carried that on and passed it by 2 cm."""
+    plant, state, torque, dt = drawn_scene(seed, ground, soft=True)
+    for _ in range(4):
+        result = plant.step(state, torque, dt)
+        state = result.state
+        assert not [event for event in result.events if event.kind == "overlap"]
