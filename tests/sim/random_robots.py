@@ -41,7 +41,7 @@ def _base(model: pin.Model, base: str, rng: np.random.Generator) -> tuple[int, p
 def random_robot(
     rng: np.random.Generator, base: str, eta_f: float, eta_b: float, mu: float, coupled: bool
 ) -> Robot:
-    """Return a tree of one to five driven links; planar robots stay in x-z."""
+    """Return a tree of one to five driven links with rigid gears; planar robots stay in x-z."""
     model = pin.Model()
     root, first = _base(model, base, rng)
     # Depth first, as pinocchio needs it: the next parent is the last link or one of its ancestors.
@@ -88,3 +88,18 @@ def _gears(rng: np.random.Generator, joints: list[str], eta_f: float, eta_b: flo
         rotor_coulomb_friction=rng.uniform(0.0, 0.5, m) / np.abs(ratio),
         rotor_viscous_friction=rng.uniform(0.0, 0.1, m) / ratio**2,
     )
+
+
+def softened(rng: np.random.Generator, robot: Robot) -> Robot:
+    """Return the robot with gears that yield, each with or without play and damping; a few rigid.
+
+    10 to 10 000 N m/rad, play of 0.1 to 100 mrad. Some gears with play have rigid flanks.
+    """
+    m = robot.transmission.size
+    firm = rng.random(m) < 0.2
+    play = np.where(rng.random(m) < 0.5, 10.0 ** rng.uniform(-4.0, -1.0, m), 0.0)
+    damping = np.where(rng.random(m) < 0.7, 10.0 ** rng.uniform(-2.0, 1.5, m), 0.0)
+    stiffness = np.where(firm, np.inf, 10.0 ** rng.uniform(1.0, 4.0, m))
+    damping = np.where(firm, 0.0, damping)
+    gears = robot.transmission.replace(stiffness=stiffness, damping=damping, backlash=play)
+    return robot.with_transmission(gears)

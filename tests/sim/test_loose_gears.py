@@ -201,3 +201,31 @@ def test_a_damped_flank_pushes_only_and_takes_energy(damping: float) -> None:
         assert energy[-1] < 0.8 * energy[0]
     # Measured: 0.7e-3, 0.12e-3 and 0.01e-3 of the energy; 2.7e-3, 0 and 0.08e-3.
     assert np.all(np.array(rises) < 4e-3 * energy[0] * np.array([1.0, 0.5, 0.25]))
+
+
+@pytest.mark.parametrize("play", [0.0, 0.01])
+def test_the_laws_hold_in_steps_of_any_length(play: float) -> None:
+    """In a short step a spring passes the same whatever the speeds: no compliance stands for it.
+
+    Written as the compliance 4 / (h^2 k) of its row it set the scale of the floor of all other
+    rows and of the accepted error, and parts below a nanosecond made energy.
+    """
+    leg = load_robot("planar_leg")
+    two = {"stiffness": [np.inf, 900.0], "backlash": [0.0, play]}
+    gears = leg.transmission.replace(**{name: np.array(value) for name, value in two.items()})
+    leg = leg.with_transmission(gears)
+    plant, rates = Plant(leg), []
+    q = balanced_pose(leg)
+    for dt in (1e-6, 1e-8, 1e-10, 1e-12):
+        state = plant.state(q, [0.0, 0.0, 0.0, 0.4, -0.7], lifted=True).replace(
+            deflection=np.array([0.0, 0.02]), motor_velocity=np.array([0.0, 0.3])
+        )
+        state = plant.step(state, [0.0, 0.0], 1e-9).state  # the foot lands
+        result = plant.step(state, [0.0, 0.0], dt)
+        assert result.solutions[0].residuals.worst_speed < 1e-10
+        assert not [event for event in result.events if event.kind == "energy"]
+        spring = 900.0 * (state.deflection[1] - 0.5 * play)
+        assert result.mesh_torque[1] == pytest.approx(spring, rel=1e-3)
+        rates.append(result.contact_impulse.ravel() / dt)
+    for rate in rates[1:]:
+        np.testing.assert_allclose(rate, rates[0], rtol=1e-2, atol=1e-2 * np.abs(rates[0]).max())

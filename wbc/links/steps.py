@@ -168,7 +168,7 @@ def follow_links(
                 for turn in range(_ROUNDS):
                     pattern = 0  # of the flanks that carry throughout; -1 where one is crossed
                     for a in range(n):
-                        carried[a], slope[a], touch = flank_impulse(
+                        carried[a], slope[a], touch, _ = flank_impulse(
                             stiffness[a], damping[a], half[a], h, late[a], late[a],
                             at[s, a], rate[s, a], new[a],
                         )  # fmt: skip
@@ -202,7 +202,7 @@ def follow_links(
                     met = True
                     for a in range(n):
                         if half[a] > 0.0:
-                            passed, _, _ = flank_impulse(
+                            passed, _, _, _ = flank_impulse(
                                 stiffness[a], damping[a], half[a], h, late[a], late[a],
                                 at[s, a], rate[s, a], new[a],
                             )  # fmt: skip

@@ -98,12 +98,13 @@ class Mechanism:
             drive.backward,
             dry,
             zero,
+            drive.firm,
             zero,
-            shift,
         )
         none = np.zeros((0, self.nv))
         unilateral = Unilateral(none, none, none, np.zeros(0), np.zeros(0))
-        solution = solve_program(StepProgram(inertia, free, elements, unilateral))
+        ahead = free + np.linalg.pinv(drive.rows) @ shift
+        solution = solve_program(StepProgram(inertia, ahead, elements, unilateral))
         slope = solution.reduced.slope
         modes = modes_at(elements, solution.impulse - slope * solution.speed, slope)
         return Piece(modes.sign, modes.gain)

@@ -161,9 +161,9 @@ class Plant:
             parts.append(part)
             left -= part.state.time - state.time
             state, over = part.state, left <= 1e-9 * dt
-            if slow.any():
-                state = state.replace(closed=state.closed & ~slow)
-            if not over or slow.any():
+            if kept.any():  # A kept row closes at some speed: an impact is to take it.
+                state = state.replace(closed=state.closed & ~kept)
+            if not over or kept.any():
                 state, impact, fresh = settle(setup, state, dt if over else left, ~(struck | slow))
                 impacts += [impact] if impact is not None else []
                 kept, struck = kept | (struck & fresh), struck | fresh

@@ -8,7 +8,7 @@ from __future__ import annotations
 from wbc.compiled import Number, compiled, several
 
 
-@compiled(several(Number, Number, Number), *(Number,) * 9)
+@compiled(several(Number, Number, Number, Number), *(Number,) * 9)
 def flank_impulse(
     stiffness: float,
     damping: float,
@@ -19,7 +19,7 @@ def flank_impulse(
     place: float,
     rate: float,
     end: float,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Return what a gear's flanks take over a time step that ends at a rate.
 
     The one rule by which the plant and the links of a log step through the law of `Flanks`. The
@@ -31,7 +31,8 @@ def flank_impulse(
 
     With theta = 1/2 it gives back exactly what it stores, also where the step crosses from the play
     onto a flank. The damper counts for the share of the way that touches a flank, at the rate
-    (1 - theta_c) v + theta_c v'. A flank with play pushes only.
+    (1 - theta_c) v + theta_c v'. A flank with play pushes only: each of the two for itself, where a
+    step leaves one and reaches the other. So the impulse never jumps with v' and never falls.
 
     Args:
         stiffness: k [N m/rad].
@@ -48,28 +49,37 @@ def flank_impulse(
         impulse: against the deflection [N m s].
         slope: its change per v', not negative [N m s^2/rad].
         touch: share of the way that touches a flank; zero where the flank lets go.
+        damped: what of the impulse is not the spring's [N m s].
     """
     way = step * ((1.0 - late) * rate + late * end)
     there = place + way
     bent = place - min(max(place, -half), half)
     bends = there - min(max(there, -half), half)
-    if half == 0.0 or bent * bends > 0.0:
-        torque = (1.0 - late) * bent + late * bends
-        turn, touch, growth = late, 1.0, 0.0
-    elif bent == 0.0 and bends == 0.0:
-        return 0.0, 0.0, 0.0
-    else:
-        long = abs(way)
-        carried = (bends * bends - bent * bent) / (2.0 * way)
-        moved = 1.0 if bends != 0.0 else 0.0
-        torque = (2.0 - 2.0 * late) * carried + (2.0 * late - 1.0) * bends
-        turn = (2.0 - 2.0 * late) * (bends - carried) / way + (2.0 * late - 1.0) * moved
-        touch = (abs(bends) + abs(bent)) / long
-        growth = (moved - touch) / way
     damped = step * damping * ((1.0 - late_damping) * rate + late_damping * end)
-    impulse = step * stiffness * torque + touch * damped
-    if half > 0.0 and impulse * torque <= 0.0:
-        return 0.0, 0.0, 0.0
-    slope = step * (stiffness * turn * step * late + damping * touch * late_damping)
-    slope += damped * growth * step * late
-    return impulse, max(slope, 0.0), touch
+    if half == 0.0 or bent * bends > 0.0:
+        torque = step * stiffness * ((1.0 - late) * bent + late * bends)
+        if half > 0.0 and (torque + damped) * torque <= 0.0:
+            return 0.0, 0.0, 0.0, -torque
+        slope = step * (stiffness * late * step * late + damping * late_damping)
+        return torque + damped, slope, 1.0, damped
+    impulse, slope, touch, rest = 0.0, 0.0, 0.0, 0.0
+    # The flank that is left, then the one that is reached.
+    for place_on, first in ((bent, True), (bends, False)):
+        if place_on == 0.0:
+            continue
+        share = abs(place_on / way)
+        torque, growth = (1.0 - late) * share * place_on, (1.0 - share) / way
+        turn = (1.0 - late) * share * (2.0 - share)
+        if first:
+            growth, turn = -share / way, (1.0 - late) * share * share
+        else:
+            torque, turn = torque + (2.0 * late - 1.0) * place_on, turn + 2.0 * late - 1.0
+        torque *= step * stiffness
+        push = torque + share * damped
+        if push * place_on <= 0.0:
+            rest -= torque
+            continue
+        impulse, touch, rest = impulse + push, touch + share, rest + share * damped
+        slope += step * (stiffness * turn * step * late + damping * share * late_damping)
+        slope += damped * growth * step * late
+    return impulse, max(slope, 0.0), touch, rest

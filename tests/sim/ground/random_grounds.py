@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from tests.sim.random_robots import random_robot
+from tests.sim.random_robots import BASES, random_robot, softened
 from wbc import Robot
 from wbc.sim import (
     Box,
@@ -58,15 +58,22 @@ def _unit(rng: np.random.Generator) -> np.ndarray:
 
 
 def random_scene(
-    rng: np.random.Generator, base: str, ground: str, restitution: float, least: float = -0.2
+    rng: np.random.Generator,
+    base: str,
+    ground: str,
+    restitution: float,
+    least: float = -0.2,
+    *,
+    soft: bool = False,
 ) -> tuple[Plant, SimState]:
     """Return a robot with lossy gears, stops and round feet just over a ground, in motion.
 
-    `least` is the lowest backward efficiency; below zero gears lock.
+    `least` is the lowest backward efficiency; below zero gears lock. `soft` lets gears yield.
     """
     eta_f = rng.uniform(0.4, 1.0)
     eta_b = rng.uniform(least, 1.0)
     robot = random_robot(rng, base, eta_f, eta_b, rng.uniform(0.0, 1.5), coupled=False)
+    robot = softened(rng, robot) if soft else robot
     q = pin.integrate(robot.model, robot.neutral(), rng.uniform(-1.0, 1.0, robot.model.nv))
     robot = _with_stops(rng, robot, q)
     radius = rng.choice([0.0, 0.03])
@@ -79,6 +86,18 @@ def random_scene(
     elif plant.gaps(plant.state(q)).min() < 0.0:
         plant = Plant(robot, Plane(height=-10.0), restitution)
     return plant, plant.state(q, 2.0 * rng.normal(size=robot.model.nv))
+
+
+def drawn_scene(
+    seed: int, ground: str, *, soft: bool = False
+) -> tuple[Plant, SimState, np.ndarray, float]:
+    """Return a scene, a rotor torque for it and a step between 10 us and 30 ms."""
+    rng = np.random.default_rng(seed)
+    base, back = str(rng.choice(BASES)), float(rng.choice([0.0, 0.5, 1.0]))
+    plant, state = random_scene(rng, base, ground, back, soft=soft)
+    dt = 10.0 ** rng.uniform(-5.0, -1.5)
+    ratio, strength = plant.robot.transmission.gear_ratio, float(rng.choice([0.0, 10.0]))
+    return plant, state, strength * rng.uniform(-1.0, 1.0, len(ratio)) / np.abs(ratio), dt
 
 
 def _with_stops(rng: np.random.Generator, robot: Robot, q: np.ndarray) -> Robot:
@@ -96,26 +115,31 @@ def made_by_rows(result: StepResult) -> float:
     """Return the most that contacts, stops and gears of a part made at frozen H, over its energy.
 
     The links' and the rotors' kinetic energy after the rows have acted, less that with which they
-    would have gone on without any row. Computed from each part's program alone.
+    would have gone on without any row. Computed from each part's program alone. What soft gears
+    pass counts as a force on the links; what their springs and meshes make is an event of the step.
     """
     worst = -np.inf
     for part in result.parts:
-        program, velocity = part.solution.reduced.program, part.solution.velocity
-        inertia = np.triu(program.inertia) + np.triu(program.inertia, 1).T
-        free, transit = program.free_velocity, part.transit
-        drive = transit.drive
+        reduced, velocity = part.solution.reduced, part.solution.velocity
+        inertia = np.triu(reduced.program.inertia) + np.triu(reduced.program.inertia, 1).T
+        transit = part.transit
+        drive, engaged = transit.drive, transit.gears.engaged
+        firm = ~np.isfinite(drive.stiffness)
+        push = np.where(firm[engaged], 0.0, part.solution.impulse[: len(engaged)])
+        free = reduced.program.free_velocity + reduced.response[:, : len(engaged)] @ push
         brought = transit.step * drive.ratio * transit.forces.rotor
         rotor = transit.motor.speed + brought / drive.inertia
-        before = 0.5 * free @ inertia @ free + 0.5 * drive.inertia @ rotor**2
+        before = 0.5 * free @ inertia @ free + 0.5 * (drive.inertia * rotor**2)[firm].sum()
         after = 0.5 * velocity @ inertia @ velocity
-        after += 0.5 * drive.inertia @ transit.motor_after.speed**2
+        after += 0.5 * (drive.inertia * transit.motor_after.speed**2)[firm].sum()
         worst = max(worst, (after - before) / (1e-3 + before))
     for impact in result.impacts:
         inertia = impact.solution.reduced.program.inertia
         inertia = np.triu(inertia) + np.triu(inertia, 1).T
         drive = result.setup.drive
+        turned = drive.inertia * ~drive.loose
         energy = [
-            0.5 * v @ inertia @ v + 0.5 * drive.inertia @ (drive.rows @ v) ** 2
+            0.5 * v @ inertia @ v + 0.5 * turned @ (drive.rows @ v) ** 2
             for v in (impact.before, impact.after)
         ]
         worst = max(worst, (energy[1] - energy[0]) / (1e-3 + energy[0]))

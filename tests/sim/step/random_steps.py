@@ -47,7 +47,7 @@ def random_step(
         eta_b,
         zero,
         zero,
-        zero,
+        np.full(gears, np.inf),
         zero,
     )
     unilateral = Unilateral(

@@ -53,7 +53,7 @@ def random_step(corpus: str, seed: int) -> StepProgram:
         backward,
         rng.uniform(0.0, 0.2, m),
         zero,
-        zero,
+        np.full(m, np.inf),
         zero,
     )
     normals, tangents = rng.normal(size=(k, n)), rng.normal(size=(2 * k, n))

@@ -69,7 +69,9 @@ def flow_energy(part: Transit) -> EnergyFlow:
     rotor_loss = step * (drive.coulomb + drive.viscous * np.abs(after)) * np.abs(after)
     lost, damped = (gain - 1.0) * mesh * after, 0.0
     if drive.any_loose:
-        lost, damped = _loose_losses(part, motor_work - rotor_loss, lost)
+        rubbed = step * (drive.coulomb * np.sign(after) + drive.viscous * after)
+        pushed = step * drive.ratio * forces.rotor - rubbed
+        lost, damped = _loose_losses(part, pushed, lost)
     return EnergyFlow(
         motor=float(own_rotor.sum()),
         external=0.0 if part.external is None else float(step * (part.external @ mean)),
@@ -122,7 +124,7 @@ def _contact_loss(part: Transit) -> float:
     return float(np.maximum(-part.solution.impulse[normal] * mean, 0.0).sum())
 
 
-def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[FloatArray, float]:
+def _loose_losses(part: Transit, pushed: FloatArray, lost: FloatArray) -> tuple[FloatArray, float]:
     """Return the mesh losses (m,) and the loss between meshes and joints [J] where gears are loose.
 
     A spring's loss is what it takes and does not store, its damper's is that of the final speed,
@@ -130,7 +132,14 @@ def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[Fl
     discretisation, and part of the residual. A rotor that hits the rigid flank of its
     play jumps within the step, for which impulse times final speed would be wrong by more than
     O(h): there the loss of mesh and flank together is what the rotor gives and the joint does not
-    get, and the mesh has no more than that of it. A gear that hangs in its play loses nothing.
+    get, and the mesh has no more than that of it. Without a hit that may be less than nothing, by
+    the change of speed within the step: then the mesh's loss is that of the final speed. A gear
+    that hangs in its play loses nothing.
+
+    Args:
+        part: of the step.
+        pushed: (m,) [N m s] of the motors on their outputs, less the rotors' friction.
+        lost: (m,) [J] in the meshes at the final speed.
     """
     drive, mesh, before, after = part.drive, part.mesh, part.motor, part.motor_after
     damped = 0.5 * mesh * (before.relative + after.relative)
@@ -138,11 +147,11 @@ def _loose_losses(part: Transit, work: FloatArray, lost: FloatArray) -> tuple[Fl
     held[part.gears.engaged] = True
     flanks = held & drive.loose & ~np.isfinite(drive.stiffness)
     stored = 0.5 * drive.inertia * (after.speed**2 - before.speed**2)
-    balance = work - stored - 0.5 * mesh * (before.speed + after.speed)
+    balance = 0.5 * (pushed - mesh) * (before.speed + after.speed) - stored
     together = balance + damped
-    own = np.minimum(np.maximum(balance, 0.0), np.maximum(together, 0.0))
-    damping = part.gears.touch * drive.damping
-    damped += 0.5 * part.step * damping * after.relative * (after.relative - before.relative)
+    hits = flanks & (together > 0.0)
+    own = np.where(hits, np.minimum(np.maximum(balance, 0.0), together), lost)
+    damped += 0.5 * part.gears.damped * (after.relative - before.relative)
     springs = drive.spring_energy(after.deflection) - drive.spring_energy(before.deflection)
-    damped = np.where(flanks, together - own, damped)
-    return np.where(flanks, own, lost), float(damped.sum()) - springs
+    damped = np.where(flanks, np.where(hits, together - own, 0.0), damped)
+    return own, float(damped.sum()) - springs

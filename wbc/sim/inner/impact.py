@@ -35,7 +35,7 @@ _SLOW = 1e-9
 
 @compiled(Nothing, Dense, Dense, Row, OutDense)
 def impact_laws(gears: FloatArray, gear_rows: FloatArray, v: FloatArray, laws: FloatArray) -> None:
-    """Write the law (m, 7) of every gear in an impact, as `impact_elements` says.
+    """Write the law (m, 9) of every gear in an impact, as `impact_elements` says.
 
     Args:
         gears: (m, 6), columns RATIO to BACKWARD.
@@ -52,7 +52,8 @@ def impact_laws(gears: FloatArray, gear_rows: FloatArray, v: FloatArray, laws: F
         law[0] = brought if brought > 0.0 else kept
         law[1] = brought if brought < 0.0 else kept
         law[2], law[3], law[4] = gears[i, INERTIA], gears[i, INVERSE], gears[i, BACKWARD]
-        law[5] = law[6] = 0.0
+        law[5] = law[6] = law[8] = 0.0
+        law[7] = np.inf
 
 
 @compiled(several(Number, Number), Dense, Dense, Dense, Row, Row, Row)
@@ -164,7 +165,7 @@ def impact_at(
             row += 1
     if not coming:
         return RESTING
-    lower, laws, frictions = np.empty((n, n)), np.empty((m, 7)), np.empty(touching)
+    lower, laws, frictions = np.empty((n, n)), np.empty((m, 9)), np.empty(touching)
     if not factor_inertia(placed.inertia, lower):
         return UNSOLVED
     impact_laws(gears.numbers, gears.rows, v, laws)

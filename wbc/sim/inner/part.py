@@ -167,7 +167,7 @@ def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArra
         axes, which, targets, frictions, gap,
     )  # fmt: skip
     # Gear rows.
-    laws = np.empty((m, 7))
+    laws = np.empty((m, 9))
     gear_laws(gears.numbers, gears.rows, v, acting.torque, acting.dry, step, laws)
     for i in range(m):
         for c in range(n):

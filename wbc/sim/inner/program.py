@@ -34,7 +34,7 @@ def gear_laws(
     step: float,
     laws: FloatArray,
 ) -> None:
-    """Write the law (m, 7) of every gear over a step: what its rotor brings along, and its losses.
+    """Write the law (m, 9) of every gear over a step: what its rotor brings along, and its losses.
 
     Args:
         gears: (m, 6), columns RATIO to BACKWARD.
@@ -53,6 +53,7 @@ def gear_laws(
         law[0], law[1] = brought - step * gear[COULOMB], brought + step * gear[COULOMB]
         law[2], law[3] = gear[INERTIA] + step * gear[VISCOUS], gear[INVERSE]
         law[4], law[5], law[6] = gear[BACKWARD], step * dry[i], 0.0
+        law[7], law[8] = np.inf, 0.0
 
 
 @compiled(Nothing, Dense, Count, OutRow, OutRow)
@@ -100,7 +101,7 @@ def solve_rows(
     Args:
         matrix: G (r, nv).
         lower: L (nv, nv) with L' L = H_l.
-        laws: (m, 7).
+        laws: (m, 9).
         targets: (l + k,).
         frictions: (k,).
         tangents: d.

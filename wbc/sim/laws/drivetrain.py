@@ -37,6 +37,7 @@ class Drivetrain:
         actuated: (m,) rows of v.
         every: (m,) 0 .. m - 1.
         zero: (m,) zeros.
+        firm: (m,) infinities, the stiffness of rows without springs.
     """
 
     rows: FloatArray
@@ -59,6 +60,7 @@ class Drivetrain:
     actuated: IntArray
     every: IntArray
     zero: FloatArray
+    firm: FloatArray
 
     @property
     def size(self) -> int:
@@ -108,4 +110,5 @@ def drivetrain(robot: Robot) -> Drivetrain:
         actuated=robot.actuated,
         every=frozen(np.arange(gears.size), np.int_),
         zero=frozen(np.zeros(gears.size)),
+        firm=frozen(np.full(gears.size, np.inf)),
     )

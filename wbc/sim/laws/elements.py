@@ -12,6 +12,11 @@ M is the reflected rotor inertia (plus the step's viscous share), up and down th
 rotor brings along: motor impulse plus M w_before, less or plus the rotor's Coulomb impulse. For
 eta_f eta_b <= 1 the graph T(w) is non-increasing: a step is a convex program. Friction of a joint
 alone is the same law with M = up = down = 0 and both efficiencies one.
+
+A spring in series, T = p + s (w - W v), leaves a law of the same kind between T and u = W v. With
+s = 0 it is T = p: it is written so that a spring that hardly changes its impulse (a short step, a
+flank that is only just reached) is as regular as a stiff one. A compliance 1/s is not: rounding of
+T then moves w, and the scale of one row hides what all others miss.
 """
 
 from __future__ import annotations
@@ -28,7 +33,7 @@ class Elements:
     """Rows of a step with a dissipative law; every array has one entry per row.
 
     Attributes:
-        rows: W (m, n), w = W v (+ compliance T + offset).
+        rows: W (m, n); w = W v where there is no spring.
         up: impulse the rotor brings along when it ends up turning forward [N m s].
         down: the same when it ends up turning backward; up <= down in a step with time.
         inertia: M >= 0 [kg m^2].
@@ -36,8 +41,8 @@ class Elements:
         backward: eta_b; zero or less is self-locking.
         friction: f >= 0, dry friction impulse at the output [N m s].
         damping: B >= 0, viscous impulse per speed at the output [kg m^2].
-        compliance: c >= 0, speed per impulse of a spring in series [1/(kg m^2)].
-        offset: speed that the spring's present deflection adds [rad/s].
+        stiffness: s >= 0, impulse per speed of a spring in series [kg m^2]; infinite for none.
+        preload: p, what that spring passes without relative speed [N m s].
     """
 
     rows: FloatArray
@@ -48,13 +53,39 @@ class Elements:
     backward: FloatArray
     friction: FloatArray
     damping: FloatArray
-    compliance: FloatArray
-    offset: FloatArray
+    stiffness: FloatArray
+    preload: FloatArray
 
     @property
     def size(self) -> int:
         """m, the number of rows."""
         return len(self.up)
+
+    def through_springs(
+        self, point: FloatArray, slope: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the line T - slope u = point (m,) in w for u: its point and slope (m,)."""
+        soft = np.isfinite(self.stiffness)
+        stiffness = np.where(soft, self.stiffness, 1.0)
+        hold = np.where(soft, stiffness / (stiffness + slope), 1.0)
+        return hold * point + (1.0 - hold) * self.preload, hold * slope
+
+    def own_speeds(self, impulse: FloatArray, speed: FloatArray, slope: FloatArray) -> FloatArray:
+        """Return w (m,) of rows that carry `impulse` (m,) at the speeds u = W v (m,).
+
+        It follows from the law, not from the spring, whose impulse may hardly depend on it.
+
+        Args:
+            impulse: T.
+            speed: u.
+            slope: (m,) of the lines on which the rows meet their laws.
+        """
+        soft = np.isfinite(self.stiffness)
+        if not soft.any():
+            return speed
+        point, slope = self.through_springs(impulse - slope * speed, slope)
+        found = meeting_speed(self, modes_at(self, point, slope), point, slope)
+        return np.where(soft, found, speed)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

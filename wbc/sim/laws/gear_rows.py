@@ -21,7 +21,7 @@ class GearRows:
     Attributes:
         elements: engaged gears first, then coordinates with friction of their own.
         engaged: (e,) indices of the gears that hold on to their joints.
-        touch: (m,) share of the step in which a gear's flanks touch.
+        damped: (m,) what soft gears pass beside their springs [N m s].
         rubbing: whether any row has friction at its output.
         alone: coordinates with a friction row of their own.
         free_speed: (m,) of the motor outputs of gears that hang in their play.
@@ -29,7 +29,7 @@ class GearRows:
 
     elements: Elements
     engaged: IntArray
-    touch: FloatArray
+    damped: FloatArray
     rubbing: bool
     alone: IntArray
     free_speed: FloatArray
@@ -88,16 +88,16 @@ def gear_rows(
         drive.backward,
         shared,
         zero,
-        zero,
+        drive.firm,
         zero,
     )
-    engaged, touch, free_speed = drive.every, zero, zero
+    engaged, damped, free_speed = drive.every, zero, zero
     if drive.any_loose:
-        touch = grip.touch
+        damped = grip.damped
         elements, engaged, free_speed = _hold(drive, elements, motor, grip)
     if alone.size:
         elements = _with_friction(elements, alone, step * friction[alone])  # type: ignore[index]
-    return GearRows(elements, engaged, touch, friction is not None, alone, free_speed)
+    return GearRows(elements, engaged, damped, friction is not None, alone, free_speed)
 
 
 def _hold(
@@ -105,14 +105,14 @@ def _hold(
 ) -> tuple[Elements, IntArray, FloatArray]:
     """Put springs and play into the rows; leave out gears that hang in their play."""
     zero = drive.zero
-    soft = grip.slope > 0.0
-    compliance = np.where(soft, 1.0 / np.where(soft, grip.slope, 1.0), 0.0)
-    offset = np.where(soft, grip.end - compliance * grip.impulse, 0.0)
+    soft = np.isfinite(drive.stiffness)
+    stiffness = np.where(soft, grip.slope, np.inf)
+    preload = np.where(soft, grip.impulse - grip.slope * grip.end, 0.0)
     alone = meeting_speed(elements, modes_at(elements, zero, zero), zero, zero)
     engaged = np.flatnonzero(grip.held)
     names = Elements.__slots__
     fields = {name: getattr(elements, name)[engaged] for name in names}
-    fields |= {"compliance": compliance[engaged], "offset": offset[engaged]}
+    fields |= {"stiffness": stiffness[engaged], "preload": preload[engaged]}
     return Elements(**fields), engaged, np.where(grip.held, 0.0, alone)
 
 
@@ -122,6 +122,6 @@ def _with_friction(elements: Elements, coordinates: IntArray, level: FloatArray)
     rows = np.zeros((count, elements.rows.shape[1]))
     rows[np.arange(count), coordinates] = 1.0
     zero, one = np.zeros(count), np.ones(count)
-    added = (rows, zero, zero, zero, one, one, level, zero, zero, zero)
+    added = (rows, zero, zero, zero, one, one, level, zero, np.inf * one, zero)
     pairs = zip(Elements.__slots__, added, strict=True)
     return Elements(*(np.concatenate((getattr(elements, name), more)) for name, more in pairs))

@@ -24,15 +24,21 @@ def element_piece(
     """Write on_speed, on_impulse, missing and residual of the piece of an element's law.
 
     Args:
-        law: (7,) up, down, inertia, 1/eta_f, eta_b, friction, damping of its `Elements`.
+        law: (9,) up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness and preload of
+            its `Elements`.
         slope: of the line.
         impulse: T of the point.
-        speed: w of the point.
+        speed: u = W v of the point.
         piece: (4,) to write.
     """
     up, down, inertia, inverse, backward, friction = law[0], law[1], law[2], law[3], law[4], law[5]
-    resisting = law[6] + slope
-    point = impulse - slope * speed
+    # The spring in series as hold (w - u) = give T - pull: regular from rigid to powerless.
+    hold, give, pull = 1.0, 0.0, 0.0
+    if law[7] < np.inf:
+        give = 1.0 / (law[7] + slope)
+        hold, pull = law[7] * give, law[8] * give
+    resisting = law[6] + hold * slope
+    point = hold * (impulse - slope * speed) + slope * pull
     load = point + friction
     if up > max(load * inverse, load * backward):
         driving = inertia * load + resisting * up > 0.0
@@ -40,15 +46,18 @@ def element_piece(
     else:
         load = point - friction
         if not down < min(load * inverse, load * backward):
-            piece[0], piece[1], piece[2], piece[3] = 1.0, 0.0, -speed, -speed
+            missing = pull - hold * speed - give * impulse
+            piece[0], piece[1], piece[2], piece[3] = hold, give, missing, missing
             return
         driving = -inertia * load - resisting * down > 0.0
         sign, bring = -1.0, down
     gain = inverse if driving else backward
-    on_speed = inertia + gain * law[6]
-    missing = bring - gain * (impulse + sign * friction) - on_speed * speed
-    piece[0], piece[1], piece[2] = on_speed, gain, missing
-    piece[3] = missing / (on_speed + gain * slope)
+    own = inertia + gain * law[6]
+    on_speed, on_impulse = own * hold, gain * hold + own * give
+    missing = hold * (bring - gain * (impulse + sign * friction))
+    missing -= own * (hold * speed + give * impulse - pull)
+    piece[0], piece[1], piece[2] = on_speed, on_impulse, missing
+    piece[3] = missing / (on_speed + on_impulse * slope)
 
 
 @compiled(Number, Dense, Row, Row, Count, Row, Row, Row, OutDense, OutDense)
@@ -66,7 +75,7 @@ def pieces_at(
     """Write the pieces met by the lines of `slope` through (speed, impulse).
 
     Args:
-        laws: (m, 7) of the elements.
+        laws: (m, 9) of the elements.
         targets: (l + k,) lowest normal speeds.
         frictions: (k,) mu.
         tangents: d per contact.

@@ -96,12 +96,12 @@ def _costs(reduced: Reduced, pieces: list[CostPiece]) -> _Costs:
     for j, piece in enumerate(pieces, start=n):
         quadratic[j, j], linear[j] = piece.curvature, piece.level
         equal[piece.element, j] = -piece.sign
-    # The speed of a spring in series, w - W v - offset; where there is none it stays zero.
-    for i, spring in enumerate(program.elements.compliance.tolist()):
-        j = first_spring + i
-        equal[i, j] = 1.0 if spring > 0.0 else 0.0
-        quadratic[j, j] = 1.0 / spring if spring > 0.0 else 1.0
-    return _Costs(quadratic, linear, equal, -program.elements.offset, pieces)
+    # The speed of a spring in series, w - W v; where there is none it stays zero.
+    soft, springs = np.isfinite(program.elements.stiffness), np.arange(first_spring, size)
+    equal[soft, springs[soft]] = 1.0
+    quadratic[springs, springs] = np.where(soft, program.elements.stiffness, 1.0)
+    linear[springs] = program.elements.preload
+    return _Costs(quadratic, linear, equal, np.zeros(m), pieces)
 
 
 def _solve(

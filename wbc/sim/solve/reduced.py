@@ -1,4 +1,4 @@
-"""A step program seen from its rows: w = free + compliance @ impulse (Delassus form)."""
+"""A step program seen from its rows: G v = free + delassus @ impulse (Delassus form)."""
 
 from __future__ import annotations
 
@@ -47,20 +47,20 @@ class Reduced:
     Attributes:
         program: where it came from.
         response: H^-1 G' (n, r), velocity per row impulse.
-        delassus: G H^-1 G' (r, r), with the elements' own compliance on the diagonal.
+        delassus: G H^-1 G' (r, r).
         free: (r,) row speeds without impulses.
         diagonal: (r,) of `delassus`, made positive where a row moves nothing.
         spring: (r,) compliance with which rows hold on to a split of forces that is left open.
         slope: (r,) [impulse/speed] of the line on which each row meets its law.
-        laws: (m, 7) per element up, down, inertia, 1/eta_f, eta_b, friction, damping.
+        laws: (m, 9) per element up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness
+            and preload of the spring in series.
         targets: (l + k,) of limits and normals.
         frictions: mu (k,) of the contacts.
         elements: m, number of dissipative rows.
         limits: l; rows m .. m + l.
         contacts: k; normals are rows m + l .. m + l + k.
         tangents: d per contact; the last k d rows.
-        ways: W' (r, n), W'W = delassus, where that is less work (`fewer_products`) and there are
-            no springs; else (0, 0).
+        ways: W' (r, n), W'W = delassus, where that is less work (`fewer_products`); else (0, 0).
     """
 
     program: StepProgram
@@ -125,12 +125,9 @@ def reduce_program(program: StepProgram) -> Reduced:
             raise blown_up(program.inertia, program.free_velocity)
         raise SimulationError(NOT_POSITIVE)
     delassus, ways = rows @ response, IN_IMPULSES
-    if fewer_products(len(rows), len(program.inertia)) and not elements.compliance.any():
+    if fewer_products(len(rows), len(program.inertia)):
         ways = np.ascontiguousarray(lapack.dtrtrs(upper, rows.T, trans=1)[0].T)
     free = rows @ program.free_velocity
-    if m:
-        delassus.ravel()[: m * (len(free) + 1) : len(free) + 1] += elements.compliance
-        free[:m] += elements.offset
     if unilateral.ground is not None:
         free[m + len(unilateral.limits) :] -= unilateral.ground
     own = delassus.diagonal().tolist()
@@ -168,5 +165,8 @@ def row_laws(elements: Elements) -> FloatArray:
     """Return `Reduced.laws` of some elements."""
     e = elements
     return np.column_stack(
-        (e.up, e.down, e.inertia, 1.0 / e.forward, e.backward, e.friction, e.damping)
+        (
+            *(e.up, e.down, e.inertia, 1.0 / e.forward, e.backward),
+            *(e.friction, e.damping, e.stiffness, e.preload),
+        )
     )

@@ -12,8 +12,9 @@ with all other rows held, the whole step is strictly monotone and has one soluti
 of these gears is held to one of the three ranges at a time: `high` and `low` are monotone laws,
 `fall` is a line that is eliminated. What solves the rest and lies in its ranges solves the step.
 
-A spring in series adds its compliance c to Lambda's diagonal. With c > |eta_b| / M the sum is
+A spring in series adds its compliance 1/s to Lambda's diagonal. With 1/s > |eta_b| / M the sum is
 positive definite whatever Lambda is: gears that yield that much have one solution in every step.
+Row i is written times hold = s Lambda_ii / (1 + s Lambda_ii), which no weak spring makes large.
 """
 
 from __future__ import annotations
@@ -51,12 +52,26 @@ def undecided_rows(reduced: Reduced) -> IntArray:
         return rows
     elements = reduced.program.elements
     rest = np.setdiff1d(np.arange(len(reduced.free)), rows)
-    own = reduced.delassus[np.ix_(rows, rows)]
-    cross = reduced.delassus[np.ix_(rows, rest)]
-    held = reduced.delassus[np.ix_(rest, rest)]
+    hold = np.ones(len(reduced.free))
+    hold[: reduced.elements] = _hold(reduced)
+    scaled = np.sqrt(hold)
+    yielding = scaled[:, None] * reduced.delassus * scaled
+    yielding[np.diag_indices(len(hold))] += (1.0 - hold) * reduced.diagonal
+    own = yielding[np.ix_(rows, rows)]
+    cross = yielding[np.ix_(rows, rest)]
+    held = yielding[np.ix_(rest, rest)]
     own = own - cross @ np.linalg.pinv(held, hermitian=True, rcond=1e-10) @ cross.T
-    margin = np.linalg.eigvalsh(own + np.diag(elements.backward[rows] / elements.inertia[rows]))
+    falling = hold[rows] * elements.backward[rows] / elements.inertia[rows]
+    margin = np.linalg.eigvalsh(own + np.diag(falling))
     return rows if margin[0] <= 0.0 else rows[:0]
+
+
+def _hold(reduced: Reduced) -> FloatArray:
+    """Return s Lambda_ii / (1 + s Lambda_ii) (m,) of the elements: 1 where there is no spring."""
+    stiffness = reduced.program.elements.stiffness
+    soft = np.isfinite(stiffness)
+    ratio = np.where(soft, stiffness, 0.0) * reduced.diagonal[: reduced.elements]
+    return np.where(soft, ratio / (1.0 + ratio), 1.0)
 
 
 def solve_in_ranges(
@@ -131,25 +146,30 @@ def _candidates(
     return result
 
 
-def _line(reduced: Reduced, fixed: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return c and d of w = d - c T on the falling lines of `fixed` rows, (f,) each.
+def _lines(reduced: Reduced, fixed: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return L (f, f), hold (f,) and right (f,) of the `fixed` rows on their falling lines.
 
-    M w + eta_b (T + s f + B w) = b, s the direction.
+    On its line a row obeys M w + eta_b (T + s f + B w) = b, s the direction, and its spring carries
+    T = p + stiffness (w - u). With w eliminated, and times hold: L T = right - hold u', where u' is
+    the speed u that the other rows leave it.
     """
     e: Elements = reduced.program.elements
     forward = e.up[fixed] > 0.0
     brought = np.where(forward, e.up[fixed], e.down[fixed])
     rub = np.where(forward, e.friction[fixed], -e.friction[fixed])
     total = e.inertia[fixed] + e.backward[fixed] * e.damping[fixed]
-    return e.backward[fixed] / total, (brought - e.backward[fixed] * rub) / total
+    slope, offset = e.backward[fixed] / total, (brought - e.backward[fixed] * rub) / total
+    hold = _hold(reduced)[fixed]
+    yields = (1.0 - hold) * reduced.diagonal[fixed]
+    lines = hold[:, None] * reduced.delassus[np.ix_(fixed, fixed)]
+    return lines + np.diag(yields + hold * slope), hold, hold * offset + yields * e.preload[fixed]
 
 
 def _on_the_line(reduced: Reduced, fixed: IntArray, kept: IntArray, part: FloatArray) -> FloatArray:
     """Return T (f,) of the rows on their lines, for the impulses `part` of the others."""
-    slope, offset = _line(reduced, fixed)
-    own = reduced.delassus[np.ix_(fixed, fixed)] + np.diag(slope)
+    lines, hold, right = _lines(reduced, fixed)
     free = reduced.free[fixed] + reduced.delassus[np.ix_(fixed, kept)] @ part
-    return np.asarray(np.linalg.lstsq(own, offset - free, rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(lines, right - hold * free, rcond=None)[0])
 
 
 def _held_to(
@@ -167,13 +187,12 @@ def _held_to(
     elements = Elements(*(getattr(changed, name)[own] for name in Elements.__slots__))
     delassus, free = reduced.delassus[np.ix_(kept, kept)], reduced.free[kept]
     if len(fixed):
-        slope, offset = _line(reduced, fixed)
-        lines = reduced.delassus[np.ix_(fixed, fixed)] + np.diag(slope)
-        cross = reduced.delassus[np.ix_(kept, fixed)]
-        right = np.column_stack((cross.T, reduced.free[fixed] - offset))
-        through = np.linalg.lstsq(lines, right, rcond=None)[0]
-        delassus = delassus - cross @ through[:, :-1]
-        free = free - cross @ through[:, -1]
+        lines, hold, right = _lines(reduced, fixed)
+        cross = reduced.delassus[np.ix_(fixed, kept)]
+        both = np.column_stack((hold[:, None] * cross, hold * reduced.free[fixed] - right))
+        through = np.linalg.lstsq(lines, both, rcond=None)[0]
+        delassus = delassus - cross.T @ through[:, :-1]
+        free = free - cross.T @ through[:, -1]
     slope = reduced.slope.copy()
     inner = replace(
         reduced,

@@ -19,7 +19,7 @@ class StepSolution:
     Attributes:
         velocity: v (n,).
         impulse: (r,) of every row, in the order of `StepProgram.rows`.
-        speed: (r,) of every row.
+        speed: (r,) of every row, G v.
         iterations: linear systems solved.
         method: "newton", "proximal", "sweeps" or "qp", whichever found it; "ranges" where
             self-locking gears were held to every range of their laws.
@@ -40,8 +40,10 @@ class StepSolution:
 
     @property
     def element_speed(self) -> FloatArray:
-        """w (m,) of the dissipative rows after the step."""
-        return self.speed[: self.reduced.elements]
+        """w (m,) of the dissipative rows after the step, beyond the springs in series."""
+        m = self.reduced.elements
+        own = self.reduced.program.elements
+        return own.own_speeds(self.impulse[:m], self.speed[:m], self.reduced.slope[:m])
 
     @property
     def normal_impulse(self) -> FloatArray:

@@ -33,9 +33,9 @@ def _row(elements: Elements, i: int) -> Elements:
 
 
 def _meet(element: Elements, rest: float, compliance: float, slope: FloatArray) -> float:
-    """Return T of one law in series with w = rest + compliance T."""
+    """Return T of one law in series with u = rest + compliance T."""
     line = np.array([1.0 / compliance]) if compliance > 0.0 else slope
-    point = np.array([-rest]) * line
+    point, line = element.through_springs(np.array([-rest]) * line, line)
     modes = modes_at(element, point, line)
     return float((point + line * meeting_speed(element, modes, point, line))[0])
 

@@ -76,8 +76,8 @@ def impact_elements(drive: Drivetrain, before: FloatArray, coupled: FloatArray) 
         backward=backward,
         friction=zero,
         damping=zero,
-        compliance=zero,
-        offset=zero,
+        stiffness=np.full(len(zero), np.inf),
+        preload=zero,
     )
 
 

@@ -32,7 +32,7 @@ from wbc.sim.step.program import StepProgram
 Solved: TypeAlias = tuple[GearRows, IntArray, StepSolution]
 """The gears' rows, the places of all rows in `SimState.impulse`, and the solution."""
 _NEWTON = 8  # rounds, of the 3 to 5 that crossings take
-_ROUNDS = 60
+_ROUNDS = 200
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -110,8 +110,10 @@ def problem_of(
 def solve_gripped(problem: PartProgram) -> Solved:
     """Solve the step; where gears have springs or play, by Newton's method on their flanks.
 
-    It takes one round unless a flank is reached or let go. The law of a flank is a monotone one, as
-    all others: rounds with its largest slope, after a few of Newton, come nearer every time.
+    It takes one round unless a flank is reached or let go. Newton's method may then go round in
+    circles. The law of a flank is a monotone one, as all others: rounds with a slope no smaller
+    than any change per speed that was met come nearer every time, if slowly, and each of them is
+    followed by one of Newton's from where it came to.
 
     Raises:
         SimulationError: the step has no solution, or the flanks' law is not met.
@@ -119,19 +121,25 @@ def solve_gripped(problem: PartProgram) -> Solved:
     drive, motor, step = problem.setup.drive, problem.motor, problem.step
     if not drive.any_loose:
         return _solve_any(problem, Grip.firm(drive))
-    released, end = np.zeros(drive.size, dtype=bool), motor.relative
+    released, steepest = np.zeros(drive.size, dtype=bool), drive.zero
+    start = Grip.at(drive, motor, motor.relative, step)
+    side = np.sign(motor.deflection + 0.5 * step * motor.relative)
     for turn in range(_ROUNDS):
-        grip = Grip.at(drive, motor, end, step, steep=turn >= _NEWTON).without(released)
+        safely = turn >= _NEWTON and turn % 2 == 0
+        grip = (start.steepened(steepest) if safely else start).without(released)
         solved = _solve_any(problem, grip)
         gears, _, solution = solved
         mesh, speed = gears.passed(solution)
         end = motor.after(drive, solution.velocity, speed, step).relative
-        passed = Grip.at(drive, motor, end, step, steep=False)
-        side = np.sign(motor.deflection + 0.5 * step * motor.relative)
+        passed = Grip.at(drive, motor, end, step)
         pulling = drive.hard_play & (side * mesh < 0.0)
         if not (pulling.any() or grip.misses(passed).any()):
-            return replace(gears, touch=passed.touch), *solved[1:]
+            return replace(gears, damped=passed.damped), *solved[1:]
         released |= pulling
+        steepest = np.maximum(steepest, grip.secant(passed))
+        if safely:
+            safe = passed
+        start = safe if turn > _NEWTON and not safely else passed
     names = problem.setup.robot.transmission.joints
     worst = [names[i] for i in np.flatnonzero(grip.misses(passed)).tolist()]
     raise SimulationError(
