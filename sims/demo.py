@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -15,11 +16,10 @@ from wbc.cli.logs.diagnose import print_diagnosis
 from wbc.cli.robots.experiment import print_experiment, write_set_points
 from wbc.design.experiment import (
     MotionLimits,
-    Rivals,
     design_experiment,
     expected,
     random_paths,
-    tied_causes,
+    tied_rivals,
 )
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
@@ -83,8 +83,8 @@ def plan(console: Console, diagnosis: Diagnosis, duration: float, rounds: int) -
     """Plan the motion that would tell what was found from its closest rival; return its files."""
     console.rule("3. The motion that would tell the two closest rivals apart")
     leg = load_robot("planar_leg_fixed").lossless()
-    causes = tied_causes(diagnosis.to_json(), leg)[:2]
-    rivals = Rivals(leg, causes, noise=0.01 * leg.transmission.torque_limit)
+    tied = tied_rivals(diagnosis.to_json(), leg, noise=0.01 * leg.transmission.torque_limit)
+    rivals = replace(tied, causes=tied.causes[:2])
     limits = MotionLimits.of(leg, span=1.0, speed=6.0)
     designed = design_experiment(rivals, limits, duration, rounds=rounds)
     chance = expected(rivals, limits, next(random_paths(rivals, limits, duration, 1, 1)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.excitation import Excitation, PlannedExcitation
 from benchmarks.corpus.experiments import following_runs
+from wbc.arrays import FloatArray
 from wbc.design.experiment import (
     Cause,
     Designed,
@@ -21,7 +23,7 @@ from wbc.design.experiment import (
     expected,
     informing,
     random_paths,
-    tied_causes,
+    tied_rivals,
 )
 from wbc.errors import DesignError
 from wbc.identification import Diagnosis
@@ -42,14 +44,15 @@ def follow_ups(
     """Return the runs of every arm, and why there are no planned ones where there are none."""
     arms = {WORDS: following_runs(case, diagnosis)}
     try:
-        runs, _ = planned_runs(case, robot, tied_causes(diagnosis.to_json(), robot))
+        rivals = tied_rivals(diagnosis.to_json(), robot, noise_of(case))
+        runs, _ = planned_runs(case, rivals)
     except DesignError as reason:
         return arms, str(reason)
     return {**arms, **runs}, ""
 
 
 def planned_runs(
-    case: Case, robot: Robot, causes: Sequence[Cause]
+    case: Case, rivals: Rivals
 ) -> tuple[dict[str, tuple[Excitation, ...]], dict[str, Designed]]:
     """Return the runs of a random, a D-optimal and a designed motion, and what is said of them.
 
@@ -58,7 +61,7 @@ def planned_runs(
     Raises:
         DesignError: no motion tells these causes apart.
     """
-    rivals, limits, settings = _task(case, robot, causes)
+    limits, settings = _task(case, rivals.robot)
     rate, seed = settings["rate"], settings["seed"]
     chance = next(random_paths(rivals, limits, DURATION, seed + 1, 1))
     classic = design_experiment(rivals, limits, DURATION, aim=informing, **settings)
@@ -71,14 +74,30 @@ def planned_runs(
     return runs, said
 
 
-def _task(
-    case: Case, robot: Robot, causes: Sequence[Cause]
-) -> tuple[Rivals, MotionLimits, dict[str, Any]]:
-    noise = np.asarray(case.torque_noise / np.abs(case.machine.ratio))
+def noise_of(case: Case) -> FloatArray:
+    """Return (m,) the noise of the measured rotor torques [N m]."""
+    return np.asarray(case.torque_noise / np.abs(case.machine.ratio))
+
+
+def _task(case: Case, robot: Robot) -> tuple[MotionLimits, dict[str, Any]]:
     limits = MotionLimits.of(robot, _SPAN, _SPEED, _ACCELERATION, case.machine.centre)
     rate = min(case.sensors.rate, 100.0)
     settings = {"rate": rate, "rounds": ROUNDS, "seed": case.number}
-    return Rivals(robot, tuple(causes), noise), limits, settings
+    return limits, settings
+
+
+def promise_at_fit(case: Case, rivals: Rivals, said: Mapping[str, Designed]) -> dict[str, float]:
+    """Return the nats expected of the first cause over its best rival, values as fitted.
+
+    As if the first logs had left nothing open.
+    """
+    limits, settings = _task(case, rivals.robot)
+    fixed = replace(rivals, covariances=())
+    told = {
+        name: expected(fixed, limits, one.path, settings["rate"]).odds for name, one in said.items()
+    }
+    against = [(0, k) for k in range(1, len(rivals.causes))]
+    return {name: min(odds[pair] for pair in against) for name, odds in told.items()}
 
 
 def owed(
@@ -89,7 +108,8 @@ def owed(
     Along each planned motion, and as `BEST` along one that is designed for the true values alone:
     no plan can know these, so that what this one does not tell apart, none does in this time.
     """
-    rivals, limits, settings = _task(case, robot, causes)
+    rivals = Rivals(robot, tuple(causes), noise_of(case))
+    limits, settings = _task(case, robot)
     against = [(0, k) for k in range(1, len(causes))]
 
     def first_true(found: Predictions, pairs: Sequence[Pair]) -> float:

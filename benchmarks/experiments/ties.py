@@ -26,11 +26,13 @@ import platform
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.draw import draw_case
@@ -41,21 +43,27 @@ from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.trial import logs_of, robot_of
 from benchmarks.experiments.follow_up import (
     ARMS,
+    CLASSIC,
     DESIGNED,
     DURATION,
+    RANDOM,
     WORDS,
+    noise_of,
     owed,
     planned_runs,
+    promise_at_fit,
 )
 from benchmarks.experiments.judge import paired, share
 from benchmarks.experiments.making import Candidate, candidates, names
-from wbc.design.experiment import Cause
+from wbc.arrays import FloatArray
+from wbc.design.experiment import Cause, Rivals
 from wbc.errors import DesignError, WbcError
 from wbc.files import write_text
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.odds import TIED
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.intervals import parameter_covariance
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -98,9 +106,10 @@ def judged(case: Case, seed: int) -> Result:
     open_ends = []
     for one, hidden, tables in zip(made, cases, first, strict=True):
         logs = logs_of(tables)
-        causes = tied((one.truth, *one.rivals), robot, logs)
+        causes, covariances = tied((one.truth, *one.rivals), robot, logs)
         if len(causes) < 2:
             continue
+        rivals = Rivals(robot, causes, noise_of(hidden), covariances=covariances)
         tie: Result = {
             "family": case.machine.family,
             "run": one.run.kind,
@@ -108,11 +117,14 @@ def judged(case: Case, seed: int) -> Result:
         }
         ties.append(tie)
         try:
-            runs, said = planned_runs(hidden, robot, causes)
+            runs, said = planned_runs(hidden, rivals)
         except DesignError as reason:
             tie["unplanned"] = str(reason)
             continue
         tie["said"] = {k: [d.odds[0, i] for i in range(1, len(causes))] for k, d in said.items()}
+        against = range(1, len(causes))
+        tie["chance"] = {k: min(d.chance[0, i] for i in against) for k, d in said.items()}
+        tie["at fit"] = promise_at_fit(hidden, rivals, said)
         true = [(one.truth,), *causes[1:]]
         tie["owed"] = owed(hidden, robot, true, said)
         arms: dict[str, tuple[Excitation, ...]] = {WORDS: _words(case, causes), **runs}
@@ -131,21 +143,29 @@ def _holding(case: Case, one: Candidate) -> Case:
     return replace(case, flaws=(Flaw(one.truth.name, one.truth.where, one.truth.values),))
 
 
-def tied(effects: Sequence[Effect], robot: Robot, logs: Sequence[Log]) -> list[Cause]:
-    """Return the first effect as fitted and those that the logs do not tell from it, if any."""
+def tied(
+    effects: Sequence[Effect], robot: Robot, logs: Sequence[Log]
+) -> tuple[tuple[Cause, ...], tuple[FloatArray, ...]]:
+    """Return the first effect as fitted and those that the logs do not tell from it, if any.
+
+    With the covariance of the values of each, as a diagnosis gives it.
+    """
     try:
         trials = Trials(EstimationProblem.from_logs(robot, logs))
     except WbcError:  # too poor a run for any diagnosis: nothing ties
-        return []
+        return (), ()
     true = trials.of(effects[:1])
     if true is None or not true.believable:
-        return []
+        return (), ()
     others = [h for h in trials.all_of([(e,) for e in effects[1:]]) if h.believable]
     scores = weigh(trials.problem, [true, trials.nothing, *others])
     if scores[1] > scores[0] - TIED or max(scores) > scores[0] + TIED:
-        return []
+        return (), ()
     kept = [h for h, score in zip(others, scores[2:], strict=True) if score > scores[0] - TIED]
-    return [true.effects, *(h.effects for h in kept)]
+    every = [true, *kept]
+    blocks = trials.problem.blocks
+    open_parts = tuple(parameter_covariance(trials.fit(h), blocks) for h in every)
+    return tuple(h.effects for h in every), open_parts
 
 
 def margins(robot: Robot, logs: Sequence[Log], causes: Sequence[Cause]) -> list[float]:
@@ -190,6 +210,7 @@ def report(results: Sequence[Result]) -> str:
         least = {name: [min(tie["nats"][name]) for tie in group] for name in ARMS}
         lines += [_row(name, least) for name in ARMS if group]
     lines += ["", "decidable, but not by the designed motion:", *map(_missed, can)]
+    lines += ["", *map(partial(_promise, planned), (RANDOM, CLASSIC, DESIGNED))]
     runs = [tie["runs"] for tie in planned]
     lines += ["", f"words: {np.mean(runs):.1f} runs of 8 s on average"] if runs else []
     return "\n".join(line for line in lines if line is not None)
@@ -210,6 +231,27 @@ def _missed(tie: Result) -> str | None:
         return None
     nats = ", ".join(f"{name} {least[name]:.1f}" for name in ARMS)
     return f"  {' or '.join(tie['causes'])}: expected {_best(tie):.0f}; {nats}"
+
+
+def _promise(ties: Sequence[Result], name: str) -> str:
+    """Return how many ties a motion was expected to decide, and did; mean squared errors."""
+    hits = np.array([min(tie["nats"][name]) > TIED for tie in ties], dtype=float)
+    means = np.array([tie["chance"][name] for tie in ties])
+    fitted, true = (
+        _chance(np.array([tie[key][name] for tie in ties])) for key in ("at fit", "owed")
+    )
+    sides = {"averaged": means, "values as fitted": fitted, "true values": true}
+    told = [f"{k} {p.sum():.0f} (error {np.mean((p - hits) ** 2):.3f})" for k, p in sides.items()]
+    sure = means > 0.99
+    return (
+        f"promised, {name}: {', '.join(told)}; decided {hits.sum():.0f} of {len(ties)}; "
+        f"above 99 %: {hits[sure].sum():.0f} of {sure.sum()}"
+    )
+
+
+def _chance(nats: np.ndarray) -> np.ndarray:
+    """Return the probability of more than 3 nats where so many are expected, variance 2 nats."""
+    return np.asarray(norm.cdf((nats - TIED) / np.sqrt(2.0 * np.maximum(nats, 1e-12))))
 
 
 def _row(name: str, least: dict[str, list[float]]) -> str:

@@ -16,7 +16,6 @@ from wbc.cli.shared.inputs import table_console, watching, write_json
 from wbc.cli.shared.outputs import require_outputs
 from wbc.design.experiment import (
     BAND,
-    Cause,
     Designed,
     FourierPath,
     MotionLimits,
@@ -27,7 +26,7 @@ from wbc.design.experiment import (
     parameter_names,
     parse_cause,
     random_paths,
-    tied_causes,
+    tied_rivals,
     torque_misfit,
 )
 from wbc.effects import load_robot
@@ -46,7 +45,8 @@ the motion that shrinks its intervals.
 
 The odds are those of the cause, if true, over the other one after its numbers
 are refitted: equal odds before, white noise of the torque, and nothing else
-wrong with the model. A free base is held in a stand, the feet in the air.
+wrong with the model. Of found.json, the values that its logs leave open are
+averaged over. A free base is held in a stand, the feet in the air.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv"""
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         raise WbcError("--rounds must be at least 1.")
     robot = load_robot(options.robot)
     robot = robot.lossless() if options.lossless else robot
-    rivals = Rivals(robot, _causes(options.between, robot), _noise(options, robot), options.band)
+    rivals = _rivals(options, robot)
     limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
     _require_room(limits)
     shown = table_console(options, console)
@@ -106,10 +106,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _causes(texts: list[str], robot: Robot) -> tuple[Cause, ...]:
+def _rivals(options: argparse.Namespace, robot: Robot) -> Rivals:
+    texts, noise = options.between, _noise(options, robot)
     if len(texts) == 1 and texts[0].lower().endswith(".json"):
-        return tied_causes(texts[0], robot)
-    return tuple(parse_cause(text, robot) for text in texts)
+        return tied_rivals(texts[0], robot, noise, options.band)
+    return Rivals(robot, tuple(parse_cause(text, robot) for text in texts), noise, options.band)
 
 
 def _noise(options: argparse.Namespace, robot: Robot) -> FloatArray:
@@ -261,6 +262,10 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
                 {"true": i, "over": j, "value": value / float(np.log(10.0))}
                 for (i, j), value in one.odds.items()
             ]
+            for name, one in found.items()
+        },
+        "chance": {
+            name: [{"true": i, "over": j, "value": p} for (i, j), p in one.chance.items()]
             for name, one in found.items()
         },
         "used": found["designed"].used,

@@ -23,7 +23,7 @@ from wbc.design.experiment.search import (
     shrinking,
     torque_misfit,
 )
-from wbc.design.experiment.tied import tied_causes
+from wbc.design.experiment.tied import tied_causes, tied_rivals
 
 __all__ = [
     "BAND",
@@ -44,6 +44,7 @@ __all__ = [
     "require_predictable",
     "shrinking",
     "tied_causes",
+    "tied_rivals",
     "torque_misfit",
     "typical_values",
 ]

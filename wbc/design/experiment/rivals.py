@@ -18,6 +18,7 @@ from wbc.robot import Effect, Motion, Parameter, Robot
 
 _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
 _IMPOSSIBLE = 1e6  # misfit in units of the noise, far beyond any that a fit would accept
+_DRAWS = 64  # values of a true cause that earlier logs leave open
 _SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
 
 Cause = tuple[Effect, ...]
@@ -116,12 +117,16 @@ class Rivals:
             are to shrink.
         noise: (m,) standard deviation of the measured rotor torque [N m], white from row to row.
         band: [Hz] that the diagnosis of the log will keep of torques; infinite for all of it.
+        covariances: per cause (p, p) of what earlier logs leave open of its parameters, in their
+            units; None, or no entry, where there are no such logs: the cause, if true, has its
+            values, and as a rival it may take any.
     """
 
     robot: Robot
     causes: tuple[Cause, ...]
     noise: FloatArray
     band: float = BAND
+    covariances: tuple[FloatArray | None, ...] = ()
 
     def __post_init__(self) -> None:
         """Check what can be compared."""
@@ -144,11 +149,31 @@ class Rivals:
             raise DesignError("the noise of the torque must be > 0 and finite; give --noise.")
         if not self.band > 0.0:
             raise DesignError("the band of the diagnosis must be > 0; give --band.")
+        for cause, open_part in zip(self.causes, self.covariances, strict=False):
+            count = len(_parameters(cause))
+            if open_part is not None and open_part.shape != (count, count):
+                raise DesignError(
+                    f"the covariance of a cause with {count} parameters must be "
+                    f"({count}, {count}), not {open_part.shape}."
+                )
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
         """All ordered pairs of causes."""
         return tuple(permutations(range(len(self.causes)), 2))
+
+    def open_part(self, number: int) -> FloatArray | None:
+        """Return (p, p) a square root of what is open of a cause, in typical sizes; None if fixed.
+
+        A parameter that earlier logs do not show is known to one typical size, as before any log.
+        """
+        found = self.covariances[number] if number < len(self.covariances) else None
+        if found is None:
+            return None
+        scales = np.array([parameter.scale for _, parameter in _parameters(self.causes[number])])
+        size, axes = np.linalg.eigh(found / np.outer(scales, scales))
+        size = np.maximum(size, 0.0)
+        return np.asarray(axes * np.sqrt(size / (1.0 + size)))
 
     def predictions(self, motion: Motion) -> Predictions:
         """Return what the rivals predict along one motion of the encoders, with its times."""
@@ -163,6 +188,7 @@ class Predictions:
         self.rivals, self.motion, self._links = rivals, motion, links
         self._torques: dict[int, FloatArray] = {}
         self._slopes: dict[int, FloatArray] = {}
+        self._drawn: dict[int, FloatArray] = {}
         self._readable = ReadableRows(rivals.robot, motion, rivals.band)
 
     def torque(self, cause: Cause) -> FloatArray:
@@ -232,27 +258,85 @@ class Predictions:
         return float(found.cost)
 
     def near_distance(self, pair: Pair) -> float:
-        """Return `distance` with the other cause taken as linear in its parameters: much cheaper.
+        """Return what a motion is expected to say [nats]: cheap, both causes taken as linear.
 
-        It is the same where the effects are linear, and never needs an iteration.
+        Where the values are fixed it is `distance`; it is the same where the effects are linear,
+        and never needs an iteration. Where earlier logs leave values open, it is
+
+            -4 ln E exp(-d / 4),  d = 1/2 |r + G z|^2,  z normal with mean 0 and covariance 1
+
+        with r what the rival leaves at the values expected and G how this changes with the values
+        of the true cause. exp(-d / 4) / 2 bounds the chance that noise names the wrong cause
+        (Bhattacharyya), so that this is the distance with the same bound at values that are known.
         """
-        left = self.misfit(pair)
-        return float(0.5 * np.sum(left**2))
+        left = self._unfitted(pair[1], self._apart(pair)[:, None])[:, 0]
+        spread = self.rivals.open_part(pair[0])
+        if spread is None:
+            return float(0.5 * left @ left)
+        moved = self._unfitted(pair[1], self.sensitivity(pair[0]) @ spread)
+        gram, lever = moved.T @ moved, moved.T @ left
+        least = left @ left - lever @ np.linalg.solve(4.0 * np.eye(len(gram)) + gram, lever)
+        grown = np.linalg.slogdet(np.eye(len(gram)) + 0.25 * gram)[1]
+        return float(0.5 * least + 2.0 * grown)
+
+    def _apart(self, pair: Pair) -> FloatArray:
+        """Return the difference (N m,) of two rivals at their expected values, over noise."""
+        true, other = pair
+        return self._in_noise(self.expected_torque(true) - self.expected_torque(other)).ravel()
+
+    def _unfitted(self, number: int, torques: FloatArray) -> FloatArray:
+        """Return what a cause, refitted, leaves of torques (N m, k) over noise.
+
+        Where earlier logs know its values, there are p rows more: what it costs to leave these.
+        """
+        spread, slopes = self.rivals.open_part(number), self.sensitivity(number)
+        if spread is None:
+            return np.asarray(torques - slopes @ np.linalg.lstsq(slopes, torques)[0])
+        count = len(spread)
+        held = np.concatenate([slopes @ spread, np.eye(count)])
+        whole = np.concatenate([torques, np.zeros((count, torques.shape[1]))])
+        return np.asarray(whole - held @ np.linalg.lstsq(held, whole)[0])
 
     def misfit(self, pair: Pair) -> FloatArray:
         """Return what the refitted other cause leaves of a true one's torque, (N, m) over noise.
 
         The other one is taken as linear in its parameters.
         """
-        true, other = pair
-        apart = self._in_noise(self.expected_torque(true) - self.expected_torque(other))
-        slopes = self.sensitivity(other)
-        fitted = slopes @ np.linalg.lstsq(slopes, apart.ravel())[0]
-        return np.asarray(apart - fitted.reshape(apart.shape))
+        apart = self._apart(pair)
+        left = self._unfitted(pair[1], apart[:, None])[: len(apart), 0]
+        return np.asarray(left.reshape(self.expected_torque(pair[0]).shape))
 
-    def odds(self) -> dict[Pair, float]:
-        """Return the expected log-odds of every rival, if true, over every other one."""
-        return {pair: self.distance(pair) for pair in self.rivals.pairs}
+    def distances(self, pair: Pair) -> FloatArray:
+        """Return `distance` (k,) at values of the true cause that earlier logs leave open.
+
+        The rival, taken as linear, is refitted to all logs. One number where the values are fixed.
+        """
+        true, other = pair
+        if self.rivals.open_part(true) is None:
+            return np.array([self.distance(pair)])
+        drawn = self._drawn_torques(true) - self.expected_torque(other)[..., None]
+        left = self._unfitted(other, self._in_noise(drawn).reshape(-1, drawn.shape[2]))
+        return np.asarray(0.5 * np.sum(left**2, axis=0))
+
+    def _drawn_torques(self, number: int) -> FloatArray:
+        """Return torques (N, m, k) of a cause at values drawn from what is open."""
+        if number in self._drawn:
+            return self._drawn[number]
+        cause, spread = self.rivals.causes[number], self.rivals.open_part(number)
+        parameters = [parameter for _, parameter in _parameters(cause)]
+        scales = np.array([parameter.scale for parameter in parameters])
+        low, high = ([getattr(p, end) for p in parameters] for end in ("low", "high"))
+        steps = np.random.default_rng(0).normal(size=(_DRAWS, len(scales)))
+        torques = []
+        for step in steps if spread is not None else ():
+            values = np.clip(_values(cause) + scales * (spread @ step), low, high)
+            try:
+                torques.append(self.torque(_moved(cause, values)))
+            except EffectError:  # values that no robot can have
+                continue
+        torques = torques or [self.expected_torque(number)]
+        self._drawn[number] = np.stack(torques, axis=2)
+        return self._drawn[number]
 
     def signal(self, number: int) -> float:
         """Return half the squared torque that a cause adds, each row in units of its noise."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from wbc.arrays import FloatArray
 from wbc.design.experiment.fourier import FourierPath
@@ -20,6 +21,7 @@ _DRAWN = 40  # random motions, of which the best are improved
 _KEPT = 4
 _ROOM = 0.8  # share of the limits that a motion may use: room for what the rivals do not know
 _SEARCH_RATE = 50.0  # [Hz] at which motions are compared; odds are given at the rate of the log
+_SURE = 3.0  # [nats] beyond which a diagnosis names one cause alone
 _MIMICKED = 1e-5  # of a cause's squared torque: what another one leaves of it when it is the same
 
 
@@ -29,7 +31,10 @@ class Designed:
 
     Attributes:
         path: the motion.
-        odds: (i, j) -> expected natural logarithm of the odds of cause i, if true, over cause j.
+        odds: (i, j) -> expected natural logarithm of the odds of cause i, if true, over cause j;
+            `Predictions.near_distance` says how it is averaged over values that are open.
+        chance: (i, j) -> probability that the log then speaks for cause i, if true, by odds of
+            more than 20 to 1 over cause j, which names it alone.
         widths: per cause the half widths (p,) of the 90 % intervals of its parameters.
         used: the largest share of a limit that it uses.
         alike: pairs (i, j) of which j does what i does, on any motion: i is a special case of it.
@@ -37,6 +42,7 @@ class Designed:
 
     path: FourierPath
     odds: dict[Pair, float]
+    chance: dict[Pair, float]
     widths: tuple[FloatArray, ...]
     used: float
     alike: tuple[Pair, ...] = ()
@@ -226,9 +232,26 @@ def expected(
     site = _Site(rivals, limits, path.duration)
     found = rivals.predictions(site.motion(path, rate))
     used = limits.used(path.at(path.times(rate)), found.peak())
-    odds, widths = found.odds(), tuple(map(found.widths, range(len(rivals.causes))))
-    alike = tuple(pair for pair, d in odds.items() if d <= _MIMICKED * found.signal(pair[0]))
-    return Designed(path, odds, widths, used, alike)
+    widths = tuple(map(found.widths, range(len(rivals.causes))))
+    apart = {pair: found.distances(pair) for pair in rivals.pairs}
+    odds = {pair: _softened(d) for pair, d in apart.items()}
+    chance = {pair: _decided(d) for pair, d in apart.items()}
+    alike = tuple(
+        pair for pair in rivals.pairs if found.distance(pair) <= _MIMICKED * found.signal(pair[0])
+    )
+    return Designed(path, odds, chance, widths, used, alike)
+
+
+def _softened(distances: FloatArray) -> float:
+    """Return -4 ln of the mean of exp(-d / 4): the distance with the same bound of errors."""
+    least = float(distances.min())
+    return least - 4.0 * float(np.log(np.mean(np.exp(0.25 * (least - distances)))))
+
+
+def _decided(distances: FloatArray) -> float:
+    """Return the probability of more than `_SURE` nats: noise makes them normal, variance 2 d."""
+    spread = np.sqrt(2.0 * np.maximum(distances, 1e-12))
+    return float(np.mean(norm.cdf((distances - _SURE) / spread)))
 
 
 def _drawn(site: _Site, random: np.random.Generator) -> FourierPath:

@@ -7,7 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wbc.design.experiment.rivals import Cause, require_predictable, typical_values
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.design.experiment.readable import BAND
+from wbc.design.experiment.rivals import Cause, Rivals, require_predictable, typical_values
 from wbc.effects import effect_class
 from wbc.errors import DesignError
 from wbc.robot import Effect, Robot
@@ -53,6 +57,37 @@ def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Ca
     if len(causes) < 2:
         raise DesignError(f"the diagnosis holds no rival of what it found{refused}.")
     return tuple(causes[:_MOST])
+
+
+def tied_rivals(
+    found: Mapping[str, Any] | str | Path, robot: Robot, noise: FloatArray, band: float = BAND
+) -> Rivals:
+    """Return the `tied_causes` of a diagnosis with what its logs leave open of their values.
+
+    Args:
+        found: what `wbc diagnose --json` wrote, or the path of its file.
+        robot: the robot that was diagnosed.
+        noise: (m,) standard deviation of the measured rotor torque [N m].
+        band: [Hz] that the diagnosis of the log will keep of torques.
+
+    Raises:
+        DesignError: as `tied_causes`, and covariances that do not fit their causes.
+        EffectError: an effect or place that this robot does not have.
+    """
+    table = found if isinstance(found, Mapping) else _read(Path(found))
+    causes = tied_causes(table, robot)
+    covariances = tuple(_covariance(table, cause) for cause in causes)
+    return Rivals(robot, causes, noise, band, covariances)
+
+
+def _covariance(table: Mapping[str, Any], cause: Cause) -> FloatArray | None:
+    """Return the covariance that the ranking holds of a cause, None where it holds none."""
+    keys = [effect.key for effect in cause]
+    for row in table.get("ranking", []):
+        listed = [(e["effect"], e["where"]) for e in row.get("effects", [])]
+        if listed == keys and row.get("covariance") is not None:
+            return np.array(row["covariance"], dtype=np.float64)
+    return None
 
 
 def _ranked(table: Mapping[str, Any], robot: Robot) -> list[Cause]:

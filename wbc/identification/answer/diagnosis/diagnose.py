@@ -12,7 +12,7 @@ from wbc.effects import EFFECTS
 from wbc.identification.answer.diagnosis.correlation import correlation_of
 from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.diagnosis.findings import describe_findings
-from wbc.identification.answer.diagnosis.ranking import rank_hypotheses
+from wbc.identification.answer.diagnosis.ranking import rank_hypotheses, with_covariances
 from wbc.identification.answer.diagnosis.verdict import (
     NOTHING_MOVES,
     explained_share,
@@ -123,7 +123,7 @@ def diagnose(
         remainder=describe(left),
         robot=fit.robot,
         warnings=tuple(warnings),
-        ranking=rank_hypotheses(odds, final),
+        ranking=with_covariances(rank_hypotheses(odds, final), trials),
         correlation=correlation,
         before=series_of(problem.robot, problem.records),
         after=series_of(fit.robot, problem.records),

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.odds import TIED, Odds
+from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.model.intervals import parameter_covariance
 from wbc.robot import Effect
 
 _MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could use
+RIVALS = 3
+"""Rivals of what was found whose covariance is kept: as many as an experiment is planned for."""
 Standing = Literal["found", "better", "worse", "not distinguishable"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ranked:
     """A hypothesis that was tried, beside the one that was found.
 
@@ -30,6 +36,8 @@ class Ranked:
         standing: `found` for what was found itself; `better`, `worse`, or `not distinguishable`,
             by the evidence.
         effects: all it has, with the parameters fitted to these logs.
+        covariance: (p, p) of these parameters, in their order and units; None for hypotheses that
+            no experiment is planned for: only what was found and its closest rivals have it.
     """
 
     added: tuple[Key, ...]
@@ -40,6 +48,7 @@ class Ranked:
     evidence: float
     standing: Standing
     effects: tuple[Effect, ...] = ()
+    covariance: FloatArray | None = None
 
     @property
     def text(self) -> str:
@@ -94,6 +103,7 @@ class Ranked:
                 {"effect": effect.name, "where": effect.where, "parameters": effect.values}
                 for effect in self.effects
             ],
+            "covariance": None if self.covariance is None else self.covariance.tolist(),
         }
 
 
@@ -115,6 +125,31 @@ def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
         less, more = own - keys, {name for name, _ in keys - own}
         if (len(less) <= 1 and len(more) <= 1) or not keys:
             rows.append(_beside(h, found, nats - level))
+    return tuple(rows)
+
+
+def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked, ...]:
+    """Return the ranking with what the logs leave open of the parameters of the closest rivals.
+
+    Those whose links swing behind their gears are left out: no experiment is planned for them, and
+    to fit them anew takes long.
+
+    Args:
+        ranking: of the hypotheses tried.
+        trials: which hold their fits, or make them again.
+    """
+    known = {h.effects: h for h in trials.known}
+    rows, left = [], RIVALS
+    for row in ranking:
+        h = known.get(row.effects)
+        rival = bool(row.added and row.removed)
+        wanted = bool(row.effects) and (row.standing == "found" or (rival and left > 0))
+        if not wanted or h is None or h.swings:
+            rows.append(row)
+            continue
+        left -= rival
+        covariance = parameter_covariance(trials.fit(h), trials.problem.blocks)
+        rows.append(replace(row, covariance=covariance))
     return tuple(rows)
 
 
