@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import pytest
 
+from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, TorqueOffset, ViscousFriction, load_robot
 from wbc.identification.answer.diagnosis import diagnose as diagnose_module
+from wbc.identification.choice.search.find_causes import SearchResult
+from wbc.identification.choice.weighing.certainty import Support, support_of
 from wbc.identification.choice.weighing.evidence import weigh
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.odds import Odds
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
@@ -84,3 +92,39 @@ def test_what_a_doubted_cause_kept_out_comes_back(problem: EstimationProblem) ->
     answer = diagnose_module._without(trials, final, {("torque_offset", "hip")})
     assert answer is true
     assert diagnose_module._without(trials, true, set()) is true
+
+
+def test_a_cause_is_judged_again_without_one_that_is_less_believed(
+    problem: EstimationProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A link's inertia and a rotor's shared what they explain, and both went (double pendulum)."""
+    rival = TorqueOffset("hip", 0.1)
+    trials = Trials(problem)
+    final = trials.of([*HIDDEN, rival])
+    assert final is not None
+
+    def shared(
+        trials: Trials, h: Hypothesis, odds: Odds, excess: FloatArray, explained: bool
+    ) -> dict[Key, Support]:
+        found = support_of(trials, h, odds, excess, explained)
+        beside: Collection[Key] = (HIDDEN[0].key, rival.key) if rival.key in h.keys else ()
+        given = {HIDDEN[0].key: 0.6, rival.key: 0.5}
+        return {
+            key: replace(one, odds=given[key], group=given[key]) if key in beside else one
+            for key, one in found.items()
+        }
+
+    monkeypatch.setattr(diagnose_module, "support_of", shared)
+    monkeypatch.setattr(
+        diagnose_module,
+        "_without",
+        lambda trials, h, doubted: _best_without(trials, final, doubted),
+    )
+    answer = diagnose_module._believed(SearchResult(trials, (), final))[0]
+    assert {*answer.keys} == {effect.key for effect in HIDDEN}
+
+
+def _best_without(trials: Trials, final: Hypothesis, doubted: Collection[Key]) -> Hypothesis:
+    found = trials.of([effect for effect in final.effects if effect.key not in doubted])
+    assert found is not None
+    return found

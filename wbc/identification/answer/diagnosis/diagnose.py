@@ -149,6 +149,9 @@ def _believed(
 ) -> tuple[Hypothesis, Odds, Attainable, dict[Key, Support], bool]:
     """Return the hypothesis with those causes only that are more probable than not.
 
+    The least believed cause goes first, and the others are judged again without it: two that share
+    what they explain may both be doubted while one of them alone is not.
+
     With the odds of all that was tried, what it leaves, what speaks for its causes, and whether
     more must be missing.
     """
@@ -165,13 +168,13 @@ def _believed(
         level = attainable(problem, trials.fit(final))
         more = unexplained(first.error, final, level.excess)
         support = support_of(trials, final, odds, level.excess, not more)
-        less = {key for key, s in support.items() if s.group_probability < BELIEVED}
-        if not less:
+        least = min(support, key=lambda key: support[key].group_probability, default=None)
+        if least is None or support[least].group_probability >= BELIEVED:
             # Where something was found and nothing of it is believed, something else is there,
             # unless the logs hardly speak against the robot as given.
             missing = not final.effects and 1.0 - odds_of(trials).nothing >= BELIEVED
             return final, odds, level, support, more or missing
-        doubted |= less
+        doubted.add(least)
 
 
 def _without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:
