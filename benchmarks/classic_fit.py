@@ -4,7 +4,8 @@
 
 DATA is the folder with the recorded logs. Both see the same logs, band, weights and folds; what is
 left is held out: each fold predicted by numbers that were fitted without it. The classic fit is
-`wbc identify`: base parameters, rotor inertias, viscous and Coulomb friction, offsets.
+`wbc identify`: base parameters, rotor inertias, viscous and Coulomb friction, offsets. Beside each
+ratio stands its standard error: blocks of the logs are drawn with replacement, the same for both.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.recorded import run_on_machines
+from wbc.arrays import FloatArray
 from wbc.identification import diagnose
 from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Robot
+
+_DRAWS = 2000  # of the blocks; the standard error of a standard error is then 2 %
 
 
 def main() -> None:
@@ -50,6 +54,7 @@ def measure(
         "before": classic.before.tolist(),
         "classic": classic.left.tolist(),
         "diagnosis": np.sqrt(np.mean(left**2, axis=0)).tolist(),
+        "ratio_error": ratio_error(left, classic.residual, problem.blocks).tolist(),
         "preparation_seconds": prepared,
         "classic_seconds": classic_seconds,
         "diagnosis_seconds": seconds,
@@ -63,13 +68,30 @@ def measure(
     return result, table_of(machine, result)
 
 
+def ratio_error(left: FloatArray, other: FloatArray, blocks: np.ndarray) -> FloatArray:
+    """Return (outputs,) the standard error of the ratio of two rms values on the same rows.
+
+    Args:
+        left, other: (rows, outputs).
+        blocks: (rows,) block of each row; what is left is not correlated from block to block.
+    """
+    _, block = np.unique(blocks, return_inverse=True)
+    count = int(block.max()) + 1
+    sums = [
+        np.stack([np.bincount(block, column**2, count) for column in rows.T], axis=1)
+        for rows in (left, other)
+    ]
+    drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1.0 / count), _DRAWS)
+    return np.asarray(np.std(np.sqrt((drawn @ sums[0]) / (drawn @ sums[1])), axis=0))
+
+
 def table_of(name: str, result: dict[str, Any]) -> Table:
     """Return one machine's table."""
     table = Table("joint", "before", "classic", "diagnosis", "ratio", box=None, title=name)
-    columns = (result[key] for key in ("joints", "before", "classic", "diagnosis"))
-    for joint, before, classic, found in zip(*columns, strict=True):
-        numbers = (f"{x:.3g}" for x in (before, classic, found, found / classic))
-        table.add_row(joint, *numbers)
+    keys = "joints", "before", "classic", "diagnosis", "ratio_error"
+    for joint, before, classic, found, error in zip(*(result[key] for key in keys), strict=True):
+        numbers = (f"{x:.3g}" for x in (before, classic, found))
+        table.add_row(joint, *numbers, f"{found / classic:.3f} ± {error:.3f}")
     table.caption = (
         f"rms held out [N m]; classic {result['classic_numbers']} numbers, "
         f"{result['classic_seconds']:.1f} CPU s; diagnosis {result['verdict']}, "

@@ -70,6 +70,7 @@ class ClassicFit:
         joints: outputs that were judged.
         before: (outputs,) rms of the robot as given [N m].
         left: (outputs,) rms held out: each fold predicted by a fit without it [N m].
+        residual: (rows, outputs) the same, row by row [N m].
         warnings: about the logs.
     """
 
@@ -77,6 +78,7 @@ class ClassicFit:
     joints: tuple[str, ...]
     before: FloatArray
     left: FloatArray
+    residual: FloatArray
     warnings: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -136,6 +138,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
         joints=tuple(names[k] for k in kept),
         before=np.sqrt(np.mean(problem.residual[:, kept] ** 2, axis=0)),
         left=np.sqrt(np.mean(held**2, axis=0)),
+        residual=held,
         warnings=problem.warnings,
     )
 
