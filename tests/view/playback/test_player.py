@@ -129,13 +129,25 @@ def test_the_force_of_an_impact_stands_at_its_arrow_as_a_number(tab: Any) -> Non
     tab.get_by_label("forces").check()
 
 
-@pytest.mark.parametrize("size", [(1000, 700), (390, 800), (1400, 400)])
-def test_the_camera_fills_the_window_with_the_robot(tab: Any, size: tuple[int, int]) -> None:
+@pytest.mark.parametrize("size", [(1000, 700), (560, 560), (390, 800), (1400, 400)])
+def test_the_camera_fills_what_the_card_leaves_free_with_the_robot(
+    tab: Any, size: tuple[int, int]
+) -> None:
+    """In the report's window the card hid the robot."""
     tab.set_viewport_size({"width": size[0], "height": size[1]})
     tab.evaluate("window.dispatchEvent(new Event('resize')), pump(20), player.frameCamera()")
-    reach = tab.evaluate("player.reach()")
+    points = np.array(tab.evaluate("player.framedPoints()"))
+    window = tab.locator("#pane").bounding_box()
+    card = tab.locator("#card").bounding_box()
+    corner = np.array([card["x"] + card["width"], card["y"] + card["height"]])
+    whole = np.array([window["width"], window["height"]])
+    assert np.all(points > 0.0)
+    assert np.all(points < whole)
+    assert not np.any(np.all(points < corner, axis=1))
+    free = [whole, whole - [corner[0], 0.0], whole - [0.0, corner[1]]]
     # The border of 6 % is of the nearest depth: what lies behind reaches a little less far.
-    assert 0.85 < max(reach) <= 1.0
+    filled = [float(np.max(np.ptp(points, axis=0) / part)) for part in free]
+    assert any(0.85 < share <= 1.0 for share in filled)
     tab.set_viewport_size({"width": 1000, "height": 700})
 
 

@@ -1,12 +1,9 @@
 // The camera's own frame has y up: (x, y, z) of the world is (x, z, -y) there.
 const target = () => viewer.controls.target;
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-// As near as the window allows: every point of the frame lies inside, with a border of 6 %.
-function frameCamera() {
-  const d = data.camera.direction, points = data.camera.points;
-  viewer.camera.fov = 32;
-  const half = Math.tan((viewer.camera.fov * Math.PI) / 360) / 1.06;
-  const wide = half * (pane.clientWidth / Math.max(pane.clientHeight, 1));
+// As near as a part of the window allows: every point of the frame lies inside, with a border of 6 %.
+function nearest(points, d, aspect) {
+  const half = Math.tan((viewer.camera.fov * Math.PI) / 360) / 1.06, wide = half * aspect;
   const flat = Math.hypot(d[0], d[1]), right = [-d[1] / flat, d[0] / flat, 0];
   const above = [d[1] * right[2] - d[2] * right[1], d[2] * right[0] - d[0] * right[2], d[0] * right[1] - d[1] * right[0]];
   // A point p is inside if |right p - x| < wide (distance - d p), and likewise up: four planes, whose
@@ -16,14 +13,41 @@ function frameCamera() {
   const [u1, u2] = [1, -1].map((s) => most((p) => s * dot(p, above) / half + dot(p, d)));
   const distance = Math.max(r1 + r2, u1 + u2) / 2;
   const x = (wide * (r1 - r2)) / 2, y = (half * (u1 - u2)) / 2;
-  const eye = [0, 1, 2].map((k) => x * right[k] + y * above[k] + distance * d[k]);
-  const depth = distance - points.reduce((sum, p) => sum + dot(p, d), 0) / points.length;
-  const aim = eye.map((e, k) => e - depth * d[k]);
-  target().set(aim[0], aim[2], -aim[1]);
-  viewer.camera.position.set(eye[0], eye[2], -eye[1]);
+  return { distance, eye: [0, 1, 2].map((k) => x * right[k] + y * above[k] + distance * d[k]) };
+}
+// Whether the card covers one of the framed points.
+function covered() {
+  const card = $("card");
+  return framedPoints().some(([x, y]) => x < card.offsetLeft + card.offsetWidth && y < card.offsetTop + card.offsetHeight);
+}
+// (points, 2) the framed points in the window, px.
+function framedPoints() {
+  viewer.camera.updateMatrixWorld();
+  return data.camera.points.map((p) => {
+    v1.set(p[0], p[2], -p[1]).project(viewer.camera);
+    return [((v1.x + 1) / 2) * pane.clientWidth, ((1 - v1.y) / 2) * pane.clientHeight];
+  });
+}
+// In the part of the window where the robot is largest and not behind the card.
+function frameCamera() {
+  const d = data.camera.direction, points = data.camera.points;
+  viewer.camera.fov = 32;
+  const look = (name) => {
+    const [, , w, h] = parts[name]();
+    const { distance, eye } = nearest(points, d, Math.max(w, 1) / Math.max(h, 1));
+    const depth = distance - points.reduce((sum, p) => sum + dot(p, d), 0) / points.length;
+    const aim = eye.map((e, k) => e - depth * d[k]);
+    target().set(aim[0], aim[2], -aim[1]);
+    viewer.camera.position.set(eye[0], eye[2], -eye[1]);
+    viewer.camera.lookAt(target());
+    showIn(name);
+    return h / distance;
+  };
+  const size = { right: look("right"), below: look("below") };
+  look("all");
+  if (covered()) look(size.right > size.below ? "right" : "below");
   // The points of a robot that moves away are those of its start.
   if (data.follow) shift(at3(data.com, 0), centerNow());
-  viewer.camera.updateProjectionMatrix();
   anchor = null;
   viewer.controls.update();
   viewer.set_dirty();

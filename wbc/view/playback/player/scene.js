@@ -1,7 +1,20 @@
 const pane = $("pane");
 const viewer = new MeshCat.Viewer(pane);
+// The parts of the window that the card leaves free, [left, top, width, height] in px, and the whole.
+const parts = {
+  all: () => [0, 0, pane.clientWidth, pane.clientHeight],
+  right: () => { const x = $("card").offsetLeft + $("card").offsetWidth; return [x, 0, pane.clientWidth - x, pane.clientHeight]; },
+  below: () => { const y = $("card").offsetTop + $("card").offsetHeight; return [0, y, pane.clientWidth, pane.clientHeight - y]; },
+};
+let shownIn = "all";
+// The middle of the view lies in the middle of that part, and the field of view is its height's.
+function showIn(name) {
+  shownIn = name;
+  const [x, y, w, h] = parts[name]().map((size, k) => (k < 2 ? size : Math.max(size, 1)));
+  viewer.camera.setViewOffset(w, h, -x, -y, Math.max(pane.clientWidth, 1), Math.max(pane.clientHeight, 1));
+}
 const resize = viewer.set_3d_pane_size;
-viewer.set_3d_pane_size = function () { resize.call(viewer, pane.clientWidth, Math.max(pane.clientHeight, 1)); };
+viewer.set_3d_pane_size = function () { resize.call(viewer, pane.clientWidth, Math.max(pane.clientHeight, 1)); showIn(shownIn); };
 for (const command of data.commands) viewer.handle_command_bytearray(bytes(command));
 const node = (...path) => viewer.scene_tree.find(["wbc", ...path]).object;
 const paint = (object, rgb) => object.traverse((o) => { if (o.material) o.material.color.setRGB(...rgb); });

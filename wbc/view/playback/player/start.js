@@ -7,20 +7,17 @@ const host = window.frameElement && window.frameElement.dataset.theme;
 setTheme(host || document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 requestAnimationFrame(() => {
   viewer.set_3d_pane_size();
-  frameCamera();
   seek(wish.has("t") ? +wish.get("t") : data.at);
+  // After the card has its text, and so its size.
+  frameCamera();
+  drawFrame();
   if (data.autoplay && !wish.has("t") && !wish.has("still")) setPlaying(true);
   requestAnimationFrame(tick);
   window.player = { seek, step, frameCamera, setTheme, setPlaying, layers, start, stop, frames,
     get time() { return now; }, get playing() { return playing; },
     visible: (path) => node(...path).visible,
     colour(path) { const seen = []; node(...path).traverse((o) => { if (o.material) seen.push(o.material.color.toArray()); }); return seen[0]; },
-    // How far the framed points reach towards the border of the window, across and up; 1 is the border.
-    reach() {
-      viewer.camera.updateMatrixWorld();
-      const seen = data.camera.points.map((p) => v1.set(p[0], p[2], -p[1]).project(viewer.camera).toArray());
-      return [0, 1].map((k) => Math.max(...seen.map((p) => Math.abs(p[k]))));
-    },
+    framedPoints,
     // Where the centre of mass is in the window; 1 is the border.
     middle() {
       viewer.camera.updateMatrixWorld();
