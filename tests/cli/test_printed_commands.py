@@ -106,7 +106,9 @@ def test_the_commands_that_a_newcomer_is_told_lead_to_a_better_robot(
     run(*shlex.split(first))
     logs = [*shlex.split(first)[1:], "--lossless"]
     said = " ".join(run("diagnose", *logs, "--quiet").split())
-    save, use = re.findall(r"(--save \S+) .*(--robot \S+) \(without --lossless\)\.$", said)[0]
+    save, use = re.findall(
+        r"(--save \S+) .*(--robot \S+) \(leave out --lossless if you gave it\)\.$", said
+    )[0]
     run("diagnose", *logs, "--quiet", *save.split())
     at = logs.index("--robot")
     better = [*logs[:at], *use.split(), *logs[at + 2 : -1]]

@@ -96,10 +96,16 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     )
     named = replace(diagnosis, verdict="named")
     assert verdict_sentence(named).startswith("Missing: viscous friction of 0.4 N m s/rad at knee.")
+    rest = replace(named, outputs=(OutputLevel("knee", "N m", 4.0, 0.5, 0.3, 0.1),))
+    assert verdict_sentence(rest).endswith(
+        "4.0 -> 0.50 N m at knee, where the best model of the motion would leave 0.30 N m."
+    )
     assert "--save fitted.toml" in what_to_do(named)
     assert "--save" not in what_to_do(named, "better.toml")
     # --lossless would take the losses that were found out of the corrected robot again.
-    assert what_to_do(named, "better.toml").endswith("--robot better.toml (without --lossless).")
+    assert what_to_do(named, "better.toml").endswith(
+        "--robot better.toml (leave out --lossless if you gave it)."
+    )
     none = replace(diagnosis, verdict="none", findings=())
     assert verdict_sentence(none).startswith("Nothing is missing")
     partial = replace(diagnosis, verdict="partial")

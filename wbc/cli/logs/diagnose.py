@@ -204,7 +204,10 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
     for o in diagnosis.outputs:
         numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
         table.add_row(o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside")
-    table.caption = "rms torque that the model does not explain; attainable by any model of motion"
+    table.caption = (
+        "rms torque that the model does not explain; attainable: what the best model of the motion "
+        "would leave"
+    )
     return table
 
 

@@ -66,7 +66,7 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
         saved: name of the file in which the robot with the effects found is, None if in none.
     """
     # Perfect gears would take the losses found out again.
-    option = f"--robot {saved or 'fitted.toml'} (without --lossless)."
+    option = f"--robot {saved or 'fitted.toml'} (leave out --lossless if you gave it)."
     use = f"Use the corrected robot: {option}"
     if not saved:
         save = "give the same command with --save fitted.toml (in Python: save_robot)"
@@ -93,13 +93,21 @@ def spoken(name: str) -> str:
 
 
 def _progress(diagnosis: Diagnosis) -> str:
-    """Return how far the error falls where the most of it is explained, beside the sensors."""
+    """Return how far the error falls where the most of it is explained, beside the sensors.
+
+    With what the best model of the motion would leave, where that is less by more than the noise
+    of the sensors: the limit from which on the verdict takes the rest for a missing cause.
+    """
     worst = max(_judged(diagnosis), key=_explained, default=None)
     share = f"That explains {_percent(diagnosis.explained)} of the squared error"
     if worst is None:
         return share
     before, after = plain(worst.before, 2), plain(worst.after, 2)
-    return f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
+    said = f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
+    if worst.after**2 - worst.attainable**2 <= worst.sensors**2:
+        return said
+    least = f"{plain(worst.attainable, 2)} {worst.unit}"
+    return f"{said}, where the best model of the motion would leave {least}"
 
 
 def _percent(share: float) -> str:
