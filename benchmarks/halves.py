@@ -4,7 +4,8 @@
 
 DATA is the folder with the recorded logs. Every log is cut in the middle of its time. Printed is
 every cause that is certain (0.95) from one half: its probability from the other half, with what
-stands in its place, and how much its joint moved there, as a share of its rms speed here.
+stands in its place, and how much its joint moved there, as a share of its rms speed here. A log
+whose halves are too short for a diagnosis (0.5 s or 50 rows) is left out.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ def measure(
 
 def names_of(robot: Robot, logs: Sequence[Log], budget: float) -> list[Name]:
     """Return every cause that is certain from the first or the second half of some logs."""
-    halves = [[half(log, number) for log in logs] for number in (0, 1)]
+    cut = [log for log in logs if all(long_enough(half(log, number)) for number in (0, 1))]
+    halves = [[half(log, number) for log in cut] for number in (0, 1)]
     answers = [diagnose(robot, part, budget=budget) for part in halves]
     found = []
     for number, (own, other) in enumerate(zip(answers, reversed(answers), strict=True)):
@@ -95,6 +97,11 @@ def half(log: Log, number: int) -> Log:
     rows = slice(0, middle) if number == 0 else slice(middle, None)
     columns = {name: values[rows] for name, values in log.columns.items()}
     return Log(log.time[rows], columns, log.source)
+
+
+def long_enough(log: Log) -> bool:
+    """Return whether a diagnosis takes this log."""
+    return log.duration >= 0.5 and len(log) >= 50
 
 
 def believed(answer: Diagnosis, key: tuple[str, str]) -> float:
