@@ -19,6 +19,7 @@ from rich.table import Table
 
 from benchmarks.recorded import run_on_machines
 from wbc.identification import Diagnosis, diagnose
+from wbc.identification.arguments import long_enough
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -97,11 +98,6 @@ def half(log: Log, number: int) -> Log:
     rows = slice(0, middle) if number == 0 else slice(middle, None)
     columns = {name: values[rows] for name, values in log.columns.items()}
     return Log(log.time[rows], columns, log.source)
-
-
-def long_enough(log: Log) -> bool:
-    """Return whether a diagnosis takes this log."""
-    return log.duration >= 0.5 and len(log) >= 50
 
 
 def believed(answer: Diagnosis, key: tuple[str, str]) -> float:

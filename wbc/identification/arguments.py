@@ -57,6 +57,11 @@ def require_logs(logs: Sequence[Log]) -> None:
             )
 
 
+def long_enough(log: Log) -> bool:
+    """Return whether a log is long enough to say anything: half a second and 50 rows."""
+    return log.duration >= 0.5 and len(log) >= 50
+
+
 def require_readable(robot: Robot, log: Log) -> None:
     """Check that a log is long enough, and holds every joint's position in the right unit.
 
@@ -64,7 +69,7 @@ def require_readable(robot: Robot, log: Log) -> None:
         IdentificationError: too short a log, or a position far beyond the joint's limits.
         SuspiciousLogError: a joint without position; the message says what to do.
     """
-    if log.duration < 0.5 or len(log) < 50:
+    if not long_enough(log):
         raise IdentificationError(
             f"{log.source.label}: {log.duration:g} s with {len(log)} rows are too short to say "
             "anything; record at least a few seconds of motion."

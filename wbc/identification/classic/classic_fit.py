@@ -19,6 +19,7 @@ from wbc.identification.classic.base_parameters import base_columns, combination
 from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.inertial_columns import inertial_columns
+from wbc.identification.model.intervals import TAIL
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.outputs import output_names
 from wbc.measurement import Log
@@ -34,8 +35,6 @@ KINDS: tuple[type[Effect], ...] = (
     RotorInertia,
 )
 """What is fitted at every joint beside the links; rotor friction where gears are coupled."""
-
-_TAIL = 1.645  # standard deviations of a normal distribution's 90 % interval
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
     parameters = []
     for k, (name, unit, drawn) in enumerate(table.names):
         value = drawn + float(solution[k])
-        half = _TAIL * float(deviation[k])
+        half = TAIL * float(deviation[k])
         text = table.combinations[k]
         parameters.append(BaseParameter(name, text, value, drawn, value - half, value + half, unit))
     held = held_out_residual(

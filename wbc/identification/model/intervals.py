@@ -15,7 +15,8 @@ BOOTSTRAP_SEED = 0
 # the plain bootstrap covered 76 %, those of a normal distribution 1.4 times as wide cover 90 %.
 WIDER = 1.4
 """By which half widths of the bootstrap are multiplied."""
-_SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
+TAIL = 1.645
+"""Standard deviations from the middle to the ends of a normal distribution's 90 % interval."""
 _UNSEEN = 1e-3  # of what all blocks know of a parameter
 
 
@@ -62,7 +63,7 @@ def parameter_covariance(fit: Fit, blocks: IntArray) -> FloatArray:
         return np.zeros((0, 0))
     steps = bootstrap_steps(fit, blocks)
     low, middle, high = np.percentile(steps, [5.0, 50.0, 95.0], axis=0)
-    most = 3.0 * (high - low) / (2.0 * _SIDES)
+    most = 3.0 * (high - low) / (2.0 * TAIL)
     kept = np.clip(steps - middle, -most, most)
     scales = WIDER * np.array([parameter.scale for _, parameter in fit.parameters])
     return np.atleast_2d(np.cov(kept.T)) * np.outer(scales, scales)

@@ -10,12 +10,11 @@ from wbc.arrays import FloatArray
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import WIDER, bootstrap_steps
+from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps
 from wbc.robot import Effect, Quantity
 
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
 _STEP = 1e-4  # of a scale, by which parameters are varied
-_TAIL = 1.645  # standard deviations of a normal distribution's 90 % interval
 _RIDGE = 1e-9
 
 
@@ -46,7 +45,7 @@ def quantities_of(
     after = _spread(_left_by_others(fit, rows), slopes)
     moves = bootstrap_steps(fit, problem.blocks)[:, rows] @ slopes.T
     low, high = np.percentile(WIDER * moves, [5.0, 95.0], axis=0)
-    others = np.hypot(_TAIL * after, slopes @ distortion[rows])
+    others = np.hypot(TAIL * after, slopes @ distortion[rows])
     estimates = {
         name: Estimate(
             quantity.value,
