@@ -131,7 +131,10 @@ def test_a_measured_current_is_within_any_limit() -> None:
     time = np.linspace(0.0, 2.0, 401)
     columns = {}
     for joint, rate in (("hip", 3.0), ("knee", 5.0)):
-        columns |= {f"{joint}.position": np.sin(rate * time), f"{joint}.current": np.cos(9.0 * time)}
+        columns |= {
+            f"{joint}.position": np.sin(rate * time),
+            f"{joint}.current": np.cos(9.0 * time),
+        }
     log = Log(time, columns)
     asked = Log(time, {k.replace("current", "rotor_torque"): v for k, v in columns.items()})
     offered = [
