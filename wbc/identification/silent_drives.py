@@ -14,8 +14,8 @@ _SHARE = 0.4  # of what the motion needs; a drive that reports less is not merel
 _FOLLOWS = 0.7  # correlation with what the motion needs
 _FLOORS = 20.0  # a report this far above its noise says something, whatever it is
 # Standard deviations of the share, by which it must lie below `_SHARE`. The shares of the four
-# drives of a recorded arm that report nothing are 0.01, 0.09, 0.02 and -0.04 +- 0.16; the least of the 31
-# others on eight recorded machines is 0.71 +- 0.06.
+# drives of a recorded arm that report nothing are 0.01, 0.09, 0.02 and -0.04 +- 0.16; the least of
+# the 31 others on eight recorded machines is 0.71 +- 0.06.
 _DEVIATIONS = 2.0
 _BLOCKS = 20  # of which what is left is taken to be independent
 
