@@ -12,6 +12,7 @@ from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare, diagnose
+from wbc.identification.answer.diagnosis.diagnose import about_silent
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.filters.smoothing import quantisation_level
 from wbc.identification.silent_drives import reported_torque
@@ -113,6 +114,8 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
     reported = np.concatenate([reported_torque(record)[:, 1] for record in problem.records])
     assert np.std(reported) > 0.5 * np.std(reported - problem.residual[:, 1])
     assert problem.silent == ("knee",)
+    (both,) = about_silent(("hip", "knee"))
+    assert both.startswith("hip, knee: the torques that their drives report")
     # What friction adds to an honest report hides no share of the load.
     assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
 
