@@ -1,4 +1,4 @@
-"""Recorded sets of pendulums: from a stranger's files to an answer, and what their README knows.
+"""Recorded sets of pendulums and an arm: from a stranger's files to an answer, and what their README knows.
 
 The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
 """
@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from wbc.cli import main
-from wbc.effects import EFFECTS, CoulombFriction, load_robot
+from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFriction, load_robot
 from wbc.identification import open_loop
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import load_logs
 from wbc.robot import Effect, Robot
@@ -119,3 +120,22 @@ def test_a_payload_shows_beside_a_robot_that_was_fitted_without_it() -> None:
     inertias = [body.model.inertias[body.body_joint("link2")] for body in bodies]
     moments = [np.linalg.norm(inertia.mass * inertia.lever) for inertia in inertias]
     np.testing.assert_allclose(moments, [0.053, 0.072], rtol=0.05)
+
+
+def test_tiagos_arm_is_explained_as_well_as_by_least_squares_without_its_silent_drives() -> None:
+    robot = load_robot("tiago").lossless()
+    path = recorded("tiago/tiago.parquet")
+    logs = load_logs([path], ROOT / "robots" / "tiago" / "columns.toml")
+    problem = EstimationProblem.from_logs(robot, logs)
+    arm = tuple(f"arm_{k}_joint" for k in (1, 2, 3, 4))
+    assert problem.judged_joints == arm
+    # Friction and, at arm_2, a torque constant: what its drive reports is 0.8 of what it carries.
+    effects = [ViscousFriction(joint, coefficient=1.0) for joint in arm]
+    effects += [CoulombFriction(joint, level=1.0) for joint in arm]
+    fit = problem.fit([*effects, TorqueConstant(arm[1], factor=1.1)])
+    assert fit.effects[-1].values["factor"] == pytest.approx(1.23, abs=0.03)
+    left = held_out_residual(
+        problem, lambda used: fit.residual[~used] + fit.jacobian[~used] @ fit.step(used)
+    )
+    ratio = np.sqrt(np.mean(left**2, axis=0)) / classic_fit(problem).left
+    assert ratio[1] < 1.02
