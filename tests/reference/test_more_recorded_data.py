@@ -1,4 +1,4 @@
-"""Recorded sets of pendulums and an arm: from a stranger's files to an answer, and what their README knows.
+"""Recorded pendulums and an arm: from a stranger's files to an answer, and what is known of them.
 
 The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
 """
