@@ -133,6 +133,7 @@ def _record(
         motion=thinned,
         torque=frozen(torque[thin]),
         reported=frozen(channels.reported, np.bool_),
+        currents=frozen(channels.currents, np.bool_),
         sensed=frozen(low_pass(channels.sensed, cutoff, rate)[thin]),
         forces=forces,
         active={name: touches[thin] for name, touches in channels.active.items()},

@@ -164,12 +164,13 @@ def _of_motion(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
         groups.setdefault(mistake.ratio.text, []).append(mistake)
     found = [_of_group(group) for group in groups.values()]
     clocks = [f for f in found if f.kind == "time_unit"]
-    if not clocks and (probability := slow_clock(log)) >= LIKELY:
+    probability, unit = slow_clock(log)
+    if not clocks and probability >= LIKELY:
         text = (
             f"the time stamps are {log.sample_time:g} s apart, too far for the motion of a robot: "
-            "the time is in ms?"
+            f"the time is in {unit}?"
         )
-        mend: Mend = {"time": {"unit": "ms"}}
+        mend: Mend = {"time": {"unit": unit}}
         way = "If so, " + say_so(mend)
         severity = _severity(probability)
         found.append(LogFinding(severity, "time_unit", "time", text, way, mend, probability))

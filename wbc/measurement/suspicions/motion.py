@@ -20,6 +20,7 @@ _MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
 _CHECKED_ROWS = 200_000
 _USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2  # sample times: a judgement, 0.5 to 50 ms
+_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps, in seconds
 
 
 @dataclass(frozen=True)
@@ -125,12 +126,17 @@ def motion_mistakes(log: Log, ratios: Mapping[str, float]) -> list[MotionMistake
     return found
 
 
-def slow_clock(log: Log) -> float:
-    """Return the probability that the time stamps are milliseconds, from their distance alone."""
-    step = log.sample_time
-    stands = -0.5 * ((np.log(step) - _USUAL_STEP) / _STEP_SPREAD) ** 2
-    other = _MISTAKE - 0.5 * ((np.log(1e-3 * step) - _USUAL_STEP) / _STEP_SPREAD) ** 2
-    return float(np.exp(other - np.logaddexp(stands, other)))
+def slow_clock(log: Log) -> tuple[float, str]:
+    """Return the probability that the time stamps are no seconds, and the unit that they have.
+
+    From their distance alone.
+    """
+    steps = log.sample_time * np.array([1.0, *_CLOCKS.values()])
+    odds = -0.5 * ((np.log(steps) - _USUAL_STEP) / _STEP_SPREAD) ** 2
+    odds[1:] += _MISTAKE
+    likely = int(odds[1:].argmax())
+    wrong = np.logaddexp.reduce(odds[1:])
+    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), tuple(_CLOCKS)[likely]
 
 
 def velocity_scale(log: Log, joint: str) -> float | None:
