@@ -30,8 +30,12 @@ from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
-from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
-from wbc.identification.answer.numbers import plain, sure, with_deviation, with_interval
+from wbc.identification.answer.diagnosis.sentence import (
+    MEANINGS,
+    verdict_sentence,
+    what_to_do,
+)
+from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
 from wbc.measurement.guessing.robot_guess import guessed_numbers
@@ -175,7 +179,7 @@ def print_diagnosis(
         verbose: print all of the detail.
     """
     answer: list[RenderableType] = [
-        Text(f"verdict: {diagnosis.verdict}", style="bold"),
+        Text(f"verdict: {diagnosis.verdict} ({MEANINGS[diagnosis.verdict]})", style="bold"),
         verdict_sentence(diagnosis),
     ]
     if to_do := what_to_do(diagnosis, saved):
@@ -205,8 +209,8 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
         numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
         table.add_row(o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside")
     table.caption = (
-        "rms torque that the model does not explain; attainable: what the best model of the motion "
-        "would leave"
+        f"rms {efforts(o.unit for o in diagnosis.outputs)} that the model does not explain; "
+        "attainable: what the best model of the motion would leave; sensors: their noise"
     )
     return table
 
@@ -258,6 +262,7 @@ def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
     table.caption = (
         "most probable first; error: held out, in noise floors; difference of its mean square from "
-        "that of what was found, ± standard error"
+        "that of what was found, ± standard error; effects that are not listed promised less in a "
+        "linear estimate"
     )
     return table

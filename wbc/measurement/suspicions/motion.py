@@ -21,8 +21,12 @@ _ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have anoth
 _MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
 _CHECKED_ROWS = 200_000
-_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2  # sample times: a judgement, 0.5 to 50 ms
-_USUAL_SPEED, _SPEED_SPREAD = log(1.0), 1.5  # of the fastest joint: a judgement, 0.05 to 20 rad/s
+# What is usual, as logarithms with standard deviations. Judgements: sample times of 0.5 to 50 ms,
+# logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Seven recorded
+# machines have 0.2 to 10 ms, 5 to 60 s and 0.15 to 11 rad/s.
+_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2
+_USUAL_LENGTH, _LENGTH_SPREAD = log(30.0), 2.0
+_USUAL_SPEED, _SPEED_SPREAD = log(3.0), 1.5
 _SPEED_ROWS = 200
 
 
@@ -142,8 +146,8 @@ def together_likely(probabilities: Sequence[float]) -> float:
 def slow_clock(log: Log) -> float:
     """Return the probability that the time stamps are milliseconds.
 
-    From their distance, and from the speed of the fastest joint, which nobody states. Either alone
-    leaves it open: a controller may run at 5 kHz, and a joint may creep.
+    From their distance, the length of the log and the speed of its fastest joint. Each alone leaves
+    it open: a controller may run at 5 kHz, a log may be long, and a joint may creep.
     """
     stands = _usual(log, 1.0)
     other = _MISTAKE + _usual(log, 1e-3)
@@ -151,13 +155,12 @@ def slow_clock(log: Log) -> float:
 
 
 def _usual(log: Log, unit: float) -> float:
-    """Return how usual a log's sample time and speed are, if its time is in a unit [s]."""
+    """Return how usual a log's clock, length and speed are, if its time is in a unit [s]."""
     step = (np.log(unit * log.sample_time) - _USUAL_STEP) / _STEP_SPREAD
+    length = (np.log(unit * log.duration) - _USUAL_LENGTH) / _LENGTH_SPREAD
     speed = _fastest(log)
-    if speed <= 0.0:
-        return float(-0.5 * step**2)
-    fast = (np.log(speed / unit) - _USUAL_SPEED) / _SPEED_SPREAD
-    return float(-0.5 * (step**2 + fast**2))
+    fast = (np.log(speed / unit) - _USUAL_SPEED) / _SPEED_SPREAD if speed > 0.0 else 0.0
+    return float(-0.5 * (step**2 + length**2 + fast**2))
 
 
 def _fastest(log: Log) -> float:

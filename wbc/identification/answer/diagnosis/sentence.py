@@ -10,6 +10,15 @@ from wbc.identification.answer.numbers import plain
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, Finding, OutputLevel
 
+MEANINGS = {
+    "named": "these logs tell which effects the model lacks",
+    "ambiguous": "several effects explain these logs equally well",
+    "partial": "some missing effects are certain, and more is missing",
+    "unknown": "something is missing, and no known effect explains it",
+    "none": "the model explains these logs as far as their noise allows",
+    "not_repeatable": "repeated runs disagree, so nothing can be named",
+}
+"""What a verdict means."""
 _MOST = 3
 """Numbers of one effect in a sentence; tables hold all."""
 _MANY = 3
