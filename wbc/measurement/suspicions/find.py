@@ -143,15 +143,7 @@ def _certain(finding: LogFinding) -> bool:
 def _trusted(finding: LogFinding, log: Log) -> LogFinding:
     if not log.source.trusted or finding.severity != "error":
         return finding
-    return LogFinding(
-        "warning",
-        finding.kind,
-        finding.column,
-        finding.text,
-        finding.way_out,
-        finding.mend,
-        finding.probability,
-    )
+    return replace(finding, severity="warning")
 
 
 def _severity(probability: float) -> str:
@@ -240,6 +232,7 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
         way,
         {} if mistake.others else mistake.mend,
         mistake.probability,
+        mistake.mend,
     )
 
 

@@ -178,9 +178,9 @@ def _camera(
 ) -> dict[str, Any]:
     """Return the points that the camera frames and its direction.
 
-    The points are the corners of all bodies along the motion, and of the ghost's. The camera follows a robot that
-    leaves the picture over the ground: its points are moved back to where it starts. A robot that
-    lives in the x-z plane is seen nearly along y.
+    The points are the corners of all bodies along the motion, and of the ghost's. The camera
+    follows a robot that leaves the picture over the ground: its points are moved back to where it
+    starts. A robot that lives in the x-z plane is seen nearly along y.
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
     leaves = _leaves(robot, track, size)
