@@ -97,7 +97,7 @@ def mistakes(robot: Robot, log: Log) -> Mistakes:
             yield "speed of the rotor", "that of the rotor", scaled(ratio, speed)
         if not slides(robot, joint):
             yield "speed in rpm", "in rpm", scaled(30.0 / np.pi, speed)
-    turning = [j for j in joints if not slides(robot, j)]
+    turning = [j for j in robot.single_joints if not slides(robot, j)]
     if turning:
         degrees = scaled(180.0 / np.pi, [f"{j}.{q}" for j in turning for q in MOVING])
         yield "degrees", "degrees", degrees
