@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -38,10 +39,13 @@ from wbc.identification.answer.diagnosis.sentence import (
 from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
+from wbc.measurement import Log
 from wbc.measurement.guessing.robot_guess import guessed_numbers
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 _RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
+
+_Intervals = Mapping[tuple[str, str, str], tuple[float, float]]
 
 _EPILOG = """example:
   wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
@@ -98,6 +102,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
     diagnosis = _with_guesses(diagnosis, options.robot)
+    if options.save and not options.discover:
+        # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
+        _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, shown)
     print_diagnosis(
@@ -108,22 +115,18 @@ def run(options: argparse.Namespace, console: Console) -> int:
         quiet=options.quiet,
         verbose=options.verbose,
     )
-    content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
-    discovery = None
+    content, discovery = diagnosis.to_json(), None
     if options.discover:
         with working(shown, "discovering") as progress:
             discovery = discover(robot, logs, progress, diagnosis.effects)
         print_discovery(shown, discovery)
         content["discovery"] = discovery.to_json()
-        if discovery.proposals:
-            fitted, intervals = discovery.robot, dict(discovery.intervals)
+        if options.save:
+            found = discovery if discovery.proposals else diagnosis
+            known = discovery.intervals if discovery.proposals else diagnosis.intervals()
+            _save(options.save, found.robot, known, logs)
     if options.save:
-        facts = {
-            "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
-            "command": command_line(),
-        }
-        path = save_robot(fitted, options.save, intervals, facts)
-        shown.print(f"wrote {path}")
+        shown.print(f"wrote {options.save}")
     if options.json:
         before, *after = (one.to_json() for one in simulated())
         content["open_loop"] = {"before": before, "after": after[0] if after else before}
@@ -132,6 +135,15 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.report:
         write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated())
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+
+
+def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -> None:
+    """Write a robot with the effects found, and what they come from."""
+    facts = {
+        "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
+        "command": command_line(),
+    }
+    save_robot(robot, path, intervals, facts)
 
 
 def _with_guesses(diagnosis: Diagnosis, robot: str) -> Diagnosis:
