@@ -10,13 +10,13 @@ from typing import Any
 from wbc.identification import Comparison, Diagnosis, Finding, OpenLoop, Ranked
 from wbc.identification.answer.diagnosis.sentence import (
     MEANINGS,
-    spoken,
     verdict_sentence,
     what_to_do,
 )
 from wbc.identification.answer.numbers import plain, sure, told, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.measurement import LogQuality, LogSource
+from wbc.robot.effect import spoken
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10

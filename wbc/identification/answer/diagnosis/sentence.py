@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.numbers import plain
+from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, Finding, OutputLevel
@@ -94,11 +95,6 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
 def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
     """Return the findings that are certain, each alone or with what it cannot be told from."""
     return tuple(f for f in diagnosis.findings if f.support.group_probability >= CERTAIN)
-
-
-def spoken(name: str) -> str:
-    """Return the name of an effect as words."""
-    return name.replace("_", " ")
 
 
 def _progress(diagnosis: Diagnosis) -> str:
