@@ -151,7 +151,7 @@ def smooth_torque(
         if flaw.effect == "viscous_friction":
             torque[:, j] -= p["coefficient"] * v[:, j]
         elif flaw.effect == "directional_viscous_friction":
-            way = np.where(v[:, j] > 0.0, p["forward"], p["backward"])
+            way = np.where(v[:, j] > 0.0, p["positive_direction"], p["negative_direction"])
             torque[:, j] -= way * v[:, j]
         elif flaw.effect == "thermal_viscous_friction" and conditions is not None:
             warm = conditions.temperature[:, j] - LUBRICANT

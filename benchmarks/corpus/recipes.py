@@ -147,7 +147,8 @@ def _of_joints(random: np.random.Generator, effect: str, j: int, typical: Typica
         other = float(random.uniform(0.0, 0.7))
         pair = (1.0, other) if random.uniform() < 0.5 else (other, 1.0)
         return Recipe(
-            lambda u: {"forward": u * pair[0], "backward": u * pair[1]}, 0.8 * torque / speed
+            lambda u: {"positive_direction": u * pair[0], "negative_direction": u * pair[1]},
+            0.8 * torque / speed,
         )
     if effect == "thermal_viscous_friction":
         # Lubricants lose half of their viscosity every 12 to 45 K.

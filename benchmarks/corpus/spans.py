@@ -52,7 +52,10 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
             )
     elif effect == "directional_viscous_friction":
         yield tuple(
-            flaw(forward=_SMALL * torque * f, backward=_SMALL * torque * (1.0 - f))
+            flaw(
+                positive_direction=_SMALL * torque * f,
+                negative_direction=_SMALL * torque * (1.0 - f),
+            )
             for f in (1.0, 0.0)
         )
     elif effect == "thermal_viscous_friction":

@@ -40,7 +40,9 @@ def flaw_of(effect: str, machine: Machine) -> Flaw:
         "stribeck_friction": Flaw(effect, last, {"level": 0.2 * torque, "speed": 0.5}),
         "presliding": Flaw(effect, last, {"level": 0.2 * torque, "length": 0.05}),
         "directional_viscous_friction": Flaw(
-            effect, last, {"forward": 0.2 * torque, "backward": 0.05 * torque}
+            effect,
+            last,
+            {"positive_direction": 0.2 * torque, "negative_direction": 0.05 * torque},
         ),
         "load_presliding": Flaw(
             effect,

@@ -246,7 +246,7 @@ def test_what_a_format_cannot_say_stands_on_the_terminal_and_in_the_file(
         " ".join(capsys.readouterr().out.split()),
         " ".join(target.read_text().split()),
     )
-    for text in ("forward efficiency 0.66", "stribeck friction at hip", "delay of knee: 0.006 s"):
+    for text in ("forward efficiency 0.66", "Stribeck friction at hip", "delay of knee: 0.006 s"):
         assert text in printed
         assert text in written
     assert "delay" not in " ".join(export_robot(leg, "mjcf").unsaid)

@@ -43,8 +43,8 @@ def steady_level(values: FloatArray, direction: FloatArray, rate: float) -> Floa
     """Return the density of the noise of each column while a direction lasts, (n,) [unit^2/Hz].
 
     Dry friction jumps where a joint turns round, and a spectrum of the whole column holds its jumps
-    at all frequencies. On 426 torque channels of generated logs this level is 0.89 to 1.05
-    times the true one (rms); that of the spectrum is up to 12 times as large. Infinite where no direction
+    at all frequencies. On 426 torque channels of generated logs this level is 0.89 to 1.05 times
+    the true one (rms); that of the spectrum is up to 12 times as large. Infinite where no direction
     lasts.
 
     Args:
