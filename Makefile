@@ -11,7 +11,6 @@ export OPENBLAS_NUM_THREADS ?= 1
 .PHONY: demo test lint docs pictures clean
 
 demo: $(READY)
-	@echo "The first time, controller and simulator are compiled: one to two minutes."
 	$(BIN)/python -m sims.demo
 
 test: $(READY) lint
@@ -26,6 +25,8 @@ lint: $(READY)
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	@echo "Compiling controller and simulator, once: about a minute."
+	$(BIN)/python -c "import wbc.control.controller" & $(BIN)/python -c "import wbc.sim.plant"; wait
 	touch $@
 
 docs: $(READY)

@@ -1,13 +1,18 @@
 """Time of one tick of the controller, beside its peers on the same robot, tasks and states.
 
-    python -m benchmarks.controller [rounds] [robot ...]
+    python -m benchmarks.controller [rounds] [robot ...] [--peers]
 
 Every round runs a motion of 4000 ticks with contact changes; blocks of ticks alternate between all
 contestants, so that a machine whose speed drifts slows all of them alike: only ratios count. Times
 are of one thread. Median and 99th percentile are of processor time; "wall p99" is what an observer
 with a clock saw. Of several rounds the least time of each tick counts: other programs that share
 caches and cores stretch processor time as well. A peer that is not there is named as absent. "raw"
-is the solver alone on the programs of the same ticks.
+is the solver alone on the programs of the same ticks. `--peers` leaves out all but the dissipative
+controller and its peers, which takes seconds instead of minutes.
+
+A peer runs in a Python of its own, which WBC_TSID_PYTHON and WBC_PLACO_PYTHON name, each in a fresh
+environment: `pip install placo==0.10.2`, and `pip install tsid==1.7.1 pin==3.4.0 "cmeel-urdfdom<5"
+"cmeel-tinyxml2<11"` (the last TSID whose wheel holds its library).
 """
 
 from __future__ import annotations
@@ -44,8 +49,9 @@ PEERS = (
 
 
 def main():
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 1
-    names = sys.argv[2:] or ROBOTS
+    given = [word for word in sys.argv[1:] if word != "--peers"]
+    rounds, only_peers = int(given[0]) if given else 1, "--peers" in sys.argv
+    names = given[1:] or ROBOTS
     console, messages = Console(width=110), set()
     console.print(machine())
     times = Table("robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio")
@@ -54,7 +60,7 @@ def main():
     )
     for name in names:
         robot, states = scene(name, TICKS)
-        found = compare(robot, states, rounds, messages)
+        found = compare(robot, states, rounds, messages, only_peers)
         base = np.median(found["dissipative"][:, 0])
         for contestant, taken in found.items():
             middle, high = np.median(taken[:, 0]), np.percentile(taken[:, 0], 99)
@@ -92,7 +98,7 @@ def processor():
     return next((line.split(":")[1].strip() for line in lines if "model name" in line), "?")
 
 
-def compare(robot, states, rounds, messages):
+def compare(robot, states, rounds, messages, only_peers=False):
     """Return processor and wall time [us] (k, 2) by contestant, measured in alternating blocks."""
     always = {"warm_start": WarmStart.SOLVER}
     ours = {
@@ -105,6 +111,8 @@ def compare(robot, states, rounds, messages):
         "dissipative, proxsuite every tick": "raw proxsuite",
         "dissipative, daqp every tick": "raw daqp",
     }
+    if only_peers:
+        ours, raw = {"dissipative": ours["dissipative"]}, {}
     times = {key: [] for key in (*ours, *raw.values())}
     with tempfile.TemporaryDirectory() as folder:
         peers = start_peers(robot, states, folder, messages)

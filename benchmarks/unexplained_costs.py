@@ -203,8 +203,9 @@ def _dahl(motion: Motion, robot: Robot, rate: float) -> FloatArray:
     speed = motion.velocity[:, robot.actuated]
     state = np.zeros_like(speed)
     for k in range(1, len(speed)):
-        target = np.sign(speed[k])
-        kept = np.exp(-RATE * np.abs(speed[k]) / rate)
+        mean = 0.5 * (speed[k - 1] + speed[k])
+        target = np.sign(mean)
+        kept = np.exp(-RATE * np.abs(mean) / rate)
         state[k] = target + (state[k - 1] - target) * kept
     return state
 

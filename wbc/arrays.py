@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,40 @@ def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+def is_real(value: Any) -> TypeGuard[float]:
+    """Whether a value is a real number that a float can hold; True and False are none."""
+    if type(value) is float:
+        return True
+    if isinstance(value, bool) or not isinstance(value, (float, int, np.floating, np.integer)):
+        return False
+    try:
+        held = float(value)
+    except OverflowError:
+        return False
+    return held == value or np.isfinite(held) or held != held
+
+
+def reals(values: Any) -> FloatArray:
+    """Return a new array of floats of values that are real numbers.
+
+    NumPy alone would read text as numbers, drop imaginary parts, and ignore the mask of an array.
+
+    Raises:
+        TypeError: values that are text, truth values, complex, masked, or no numbers.
+        ValueError: rows of different lengths.
+    """
+    given = np.asanyarray(values)
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise TypeError("some of its values are masked")
+    if given.dtype.kind == "O":
+        for value in given.flat:
+            if not is_real(value):
+                raise TypeError(f"{value!r:.40} is no real number that a float can hold")
+    elif given.dtype.kind not in "fiu":
+        raise TypeError(f"values of type {given.dtype} are no real numbers")
+    return np.array(given, dtype=np.float64, subok=False)
 
 
 def checked(

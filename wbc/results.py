@@ -262,15 +262,19 @@ def _numbered(
     return number, function(job)
 
 
-def read_results(path: str | Path) -> dict[str, Any]:
+def read_results(path: str | Path, names: Sequence[str] | None = None) -> dict[str, Any]:
     """Return the columns of a table of results: arrays (n,) of numbers, lists of texts.
+
+    Args:
+        path: of the table.
+        names: of the columns that are read; all when left out. Only these take memory.
 
     Raises:
         ResultsError: no such file, or not a table of results.
     """
     _metadata(Path(path))
     pa, pq = _pyarrow()
-    return _plain_columns(pa, pq.read_table(path))
+    return _plain_columns(pa, pq.read_table(path, columns=None if names is None else list(names)))
 
 
 def _plain_columns(pa: Any, table: Any) -> dict[str, Any]:

@@ -29,19 +29,22 @@ LISTED = (
 )  # fmt: skip
 LATER = (
     "presliding", "directional_viscous_friction", "load_presliding", "load_stribeck_friction",
+    "thermal_viscous_friction", "voltage_scaling",
 )  # fmt: skip
 """Effects that came to the list later; seeds below `_FIRST` are the cases that they always were."""
 _FIRST = {
     "presliding": 24, "directional_viscous_friction": 30, "load_presliding": 30, DRAWING: 30,
-    "load_stribeck_friction": 33,
+    "load_stribeck_friction": 33, "thermal_viscous_friction": 38, "voltage_scaling": 38,
 }  # fmt: skip
 _WRONG_DRAWINGS = 1.0 / 3.0  # share of all cases
 _ONLY_CLOSED_LOOP = ("backlash", "current_limit")
-ONLY_PRESCRIBED = ("load_presliding", "load_stribeck_friction")
+BY_CONDITIONS = ("thermal_viscous_friction", "voltage_scaling")
+_CONDITIONS = 0.3  # share of the cases from then on that record temperatures and voltage anyway
+ONLY_PRESCRIBED = ("load_presliding", "load_stribeck_friction", *BY_CONDITIONS)
 _ALONE = ("backlash", "joint_compliance", "current_limit")
 _ALL_GEARS = {"actuation_delay": 0.7} | dict.fromkeys(
     ("viscous_friction", "coulomb_friction", "transmission_efficiency", "load_friction",
-     "torque_constant", "thermal_drift"), 0.25
+     "torque_constant", "thermal_drift", *BY_CONDITIONS), 0.25
 )  # fmt: skip
 _SIZES, _SIZES_OUTSIDE = (0.7, 80.0), (8.0, 300.0)  # drawn, in floors
 _TRIES = 6
@@ -80,6 +83,12 @@ def draw_case(number: int, seed: int = SEED) -> Case:
         flaws += _sized(random, effect, machine, signatures, kind)
     if machine.family in CLOSED_LOOP:
         flaws = [_in_whole_steps(flaw) for flaw in flaws]
+    if any(flaw.effect in BY_CONDITIONS for flaw in flaws) or (
+        seed >= _FIRST["voltage_scaling"]
+        and machine.family not in CLOSED_LOOP
+        and bool(np.random.default_rng([8, seed, number]).uniform() < _CONDITIONS)
+    ):
+        sensors = replace(sensors, conditions=True)
     return Case(
         number, machine, tuple(flaws), excitations, richness, sensors, signatures.torque_noise
     )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from benchmarks.corpus.conditions import Conditions
 from benchmarks.corpus.flaws import Flaw, per_joint
 from benchmarks.corpus.machine import Machine
 
@@ -18,6 +19,7 @@ def reported_torque(
     time: np.ndarray,
     spin: np.ndarray,
     delivered: np.ndarray,
+    conditions: Conditions | None = None,
 ) -> np.ndarray:
     """Return what the drives report for a delivered torque, both (N, m) at the motor output.
 
@@ -29,6 +31,7 @@ def reported_torque(
         time: (N,) since the start of the log [s], evenly spaced.
         spin: (N, m) speed of the motors after their reductions [rad/s].
         delivered: torque that reaches the rotors.
+        conditions: of the run; without them the supply has the voltage that a drive believes in.
     """
     torque = delivered - per_joint(machine, flaws, "torque_offset", "offset", 0.0)
     for flaw in flaws:
@@ -39,6 +42,11 @@ def reported_torque(
             j, size = machine.driven.index(flaw.where), flaw.values["size"]
             torque[:, j] = torque[:, j] * (1.0 + size * np.abs(torque[:, j]))
     torque = torque / factors(machine, flaws, time)
+    for flaw in flaws:
+        if flaw.effect == "voltage_scaling" and conditions is not None:
+            p = flaw.values
+            follows = 1.0 + p["share"] * (conditions.voltage / p["nominal"] - 1.0)
+            torque[:, machine.driven.index(flaw.where)] /= follows
     for flaw in flaws:
         if flaw.effect == "supply_sag":
             torque = _sagging(torque, spin, flaw.values["coefficient"])

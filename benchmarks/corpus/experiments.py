@@ -12,6 +12,8 @@ _DURATION = 8.0  # [s]
 RUN_FOR = {
     "viscous_friction": "speeds",  # several speeds
     "directional_viscous_friction": "speeds",
+    "thermal_viscous_friction": "speeds",  # cold and warm
+    "voltage_scaling": "multisine",  # one motion at two voltages
     "quadratic_drag": "speeds",
     "coulomb_friction": "sweep",  # slowly both ways
     "stribeck_friction": "sweep",

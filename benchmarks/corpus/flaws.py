@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from benchmarks.corpus.conditions import Conditions
 from benchmarks.corpus.machine import Link, Machine
 
 WHOLE_ROBOT = ("gravity_direction", "supply_sag")
 DRAWING = "link_inertia"
 INERTIAL = ("payload_mass", "center_of_mass", DRAWING)
 POINTS = 2  # masses that the drawing of a link lacks
+LUBRICANT = 40.0  # [deg C], at which the viscosity of lubricants is stated
 HIDDEN_STATE = ("joint_compliance", "backlash")
 
 
@@ -134,7 +136,11 @@ def gains_at(
 
 
 def smooth_torque(
-    machine: Machine, flaws: Sequence[Flaw], q: np.ndarray, v: np.ndarray
+    machine: Machine,
+    flaws: Sequence[Flaw],
+    q: np.ndarray,
+    v: np.ndarray,
+    conditions: Conditions | None = None,
 ) -> np.ndarray:
     """Return the torque (N, m) that smooth effects beside the joints add; q, v are (N, m)."""
     torque = np.zeros_like(v)
@@ -145,8 +151,11 @@ def smooth_torque(
         if flaw.effect == "viscous_friction":
             torque[:, j] -= p["coefficient"] * v[:, j]
         elif flaw.effect == "directional_viscous_friction":
-            way = np.where(v[:, j] > 0.0, p["forward"], p["backward"])
+            way = np.where(v[:, j] > 0.0, p["positive_direction"], p["negative_direction"])
             torque[:, j] -= way * v[:, j]
+        elif flaw.effect == "thermal_viscous_friction" and conditions is not None:
+            warm = conditions.temperature[:, j] - LUBRICANT
+            torque[:, j] -= p["coefficient"] * np.exp(-p["rate"] * warm) * v[:, j]
         elif flaw.effect == "quadratic_drag":
             torque[:, j] -= p["coefficient"] * np.abs(v[:, j]) * v[:, j]
         elif flaw.effect == "joint_spring":

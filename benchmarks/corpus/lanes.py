@@ -12,8 +12,8 @@ from benchmarks.corpus.unlisted import UnlistedTorques
 
 _JOINT = {
     "viscous": ("viscous_friction", "coefficient", 0.0),
-    "forward_viscous": ("directional_viscous_friction", "forward", 0.0),
-    "backward_viscous": ("directional_viscous_friction", "backward", 0.0),
+    "forward_viscous": ("directional_viscous_friction", "positive_direction", 0.0),
+    "backward_viscous": ("directional_viscous_friction", "negative_direction", 0.0),
     "drag": ("quadratic_drag", "coefficient", 0.0),
     "coulomb": ("coulomb_friction", "level", 0.0),
     "stribeck": ("stribeck_friction", "level", 0.0),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.corpus.conditions import Conditions
 from benchmarks.corpus.drive import reported_torque
 from benchmarks.corpus.flaws import (
     INERTIAL,
@@ -33,6 +34,7 @@ class Motion:
         v: (N, nv).
         a: (N, nv).
         forces: contact -> (N, 3) on the robot [N].
+        conditions: temperatures and voltage, None where nothing depends on them.
     """
 
     time: np.ndarray
@@ -40,12 +42,14 @@ class Motion:
     v: np.ndarray
     a: np.ndarray
     forces: Mapping[str, np.ndarray]
+    conditions: Conditions | None = None
 
     def thinned(self, every: int) -> Motion:
         """Return every so many-th sample."""
         forces = {name: force[::every] for name, force in self.forces.items()}
         rows = slice(None, None, every)
-        return Motion(self.time[rows], self.q[rows], self.v[rows], self.a[rows], forces)
+        conditions = None if self.conditions is None else self.conditions.thinned(every)
+        return Motion(self.time[rows], self.q[rows], self.v[rows], self.a[rows], forces, conditions)
 
 
 def link_torque(machine: Machine, flaws: Sequence[Flaw], motion: Motion) -> np.ndarray:
@@ -77,7 +81,7 @@ def needed_torque(
     """
     machine, b = changed_machine(machine, flaws), machine.base_size
     theta, omega, alpha = motor_motion(machine, flaws, motion, links)
-    joint = links[:, b:] - smooth_torque(machine, flaws, theta, omega)
+    joint = links[:, b:] - smooth_torque(machine, flaws, theta, omega, motion.conditions)
     joint = joint - unlisted_torque(machine, flaws, motion.time, theta, omega, alpha)
     joint = joint + dry_level(machine, flaws, omega) * np.tanh(omega / SLOW)
     inverse = np.linalg.inv(machine.topology)
@@ -90,7 +94,7 @@ def needed_torque(
             bent = bristles((theta @ inverse.T)[:, j], flaw.values["length"])
             mesh[:, j] = loaded(output[:, j], bent, gains[0][:, j], gains[1][:, j])
     delivered = mesh + machine.reflected * rise
-    reported = reported_torque(machine, flaws, motion.time, spin, delivered)
+    reported = reported_torque(machine, flaws, motion.time, spin, delivered, motion.conditions)
     return np.concatenate([reported, -links[:, :b]], axis=1)
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
+from benchmarks.corpus.conditions import conditions_of
 from benchmarks.corpus.excitation import Excitation, reference
 from benchmarks.corpus.flaws import Flaw, changed_machine
 from benchmarks.corpus.machine import GRAVITY, Machine
@@ -21,6 +23,11 @@ def prescribed_motion(
     machine: Machine, flaws: Sequence[Flaw], excitation: Excitation, rate: float = RATE
 ) -> Motion:
     """Return the motion of a machine whose drives hold their joints on the reference."""
+    motion = _motion(machine, flaws, excitation, rate)
+    return replace(motion, conditions=conditions_of(machine, excitation, motion.time))
+
+
+def _motion(machine: Machine, flaws: Sequence[Flaw], excitation: Excitation, rate: float) -> Motion:
     time = np.arange(round(excitation.duration * rate)) / rate
     path = reference(machine, excitation)
     if machine.floating:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.corpus.conditions import NOMINAL
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.rigid import Rigid
@@ -146,8 +147,13 @@ def _of_joints(random: np.random.Generator, effect: str, j: int, typical: Typica
         other = float(random.uniform(0.0, 0.7))
         pair = (1.0, other) if random.uniform() < 0.5 else (other, 1.0)
         return Recipe(
-            lambda u: {"forward": u * pair[0], "backward": u * pair[1]}, 0.8 * torque / speed
+            lambda u: {"positive_direction": u * pair[0], "negative_direction": u * pair[1]},
+            0.8 * torque / speed,
         )
+    if effect == "thermal_viscous_friction":
+        # Lubricants lose half of their viscosity every 12 to 45 K.
+        rate = float(random.uniform(0.015, 0.06))
+        return Recipe(lambda u: {"coefficient": u, "rate": rate}, 0.5 * torque / speed)
     if effect == "rotor_inertia":
         nominal = float(typical.machine.reflected[j])
         way = float(random.choice([1.0, 1.0, -1.0]))
@@ -176,6 +182,8 @@ def _of_drives(random: np.random.Generator, effect: str, j: int, typical: Typica
     if effect == "torque_constant":
         way = float(random.choice([1.0, -1.0]))
         return Recipe(lambda u: {"factor": 1.0 + way * u}, 0.3)
+    if effect == "voltage_scaling":
+        return Recipe(lambda u: {"share": u, "nominal": NOMINAL}, 1.0)
     if effect == "thermal_drift":
         tau = float(np.exp(random.uniform(np.log(3.0), np.log(40.0))))
         warm = tau * (1.0 - np.exp(-typical.duration / tau))

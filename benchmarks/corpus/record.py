@@ -12,7 +12,7 @@ from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import CLOSED_LOOP
 from benchmarks.corpus.needed import link_torque, motor_motion, needed_torque
 from benchmarks.corpus.prescribed import RATE, prescribed_motion
-from benchmarks.corpus.sensors import base_table, joint_table
+from benchmarks.corpus.sensors import base_table, condition_table, joint_table
 
 Table = dict[str, np.ndarray]
 
@@ -69,6 +69,8 @@ def _prescribed(case: Case, excitation: Excitation) -> Table:
         v[::every],
         torque[::every],
     )
+    if sensors.conditions and kept.conditions is not None:
+        table |= condition_table(machine, excitation.noise, kept.conditions)
     if machine.base_size:
         table |= base_table(machine, sensors, excitation.noise, kept)
     return table

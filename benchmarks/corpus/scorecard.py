@@ -25,6 +25,8 @@ _SHAPES = {
     ("presliding", "length"),
     ("load_presliding", "length"),
     ("load_stribeck_friction", "speed"),
+    ("thermal_viscous_friction", "rate"),
+    ("voltage_scaling", "nominal"),
     ("thermal_drift", "time_constant"),
     ("joint_compliance", "damping"),
     ("backlash", "stiffness"),

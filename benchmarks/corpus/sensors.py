@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.corpus.conditions import Conditions
 from benchmarks.corpus.flaws import Flaw, per_joint
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.needed import Motion
@@ -25,6 +26,7 @@ class Sensors:
         velocity: rms noise [rad/s, m/s]; None where velocity is not recorded.
         torque: rms noise as a share of `torque_size`.
         force: rms noise [N].
+        conditions: whether the motors' temperatures and the supply's voltage are recorded.
     """
 
     rate: float
@@ -33,6 +35,7 @@ class Sensors:
     velocity: float | None
     torque: float
     force: float
+    conditions: bool = False
 
 
 def joint_table(
@@ -84,6 +87,16 @@ def reported_motion(
             v[:, j] *= 1.0 + p["size"] * np.cos(q[:, j] + p["phase"])
             q[:, j] += p["size"] * np.sin(q[:, j] + p["phase"])
     return q, v
+
+
+def condition_table(machine: Machine, noise: int, conditions: Conditions) -> dict[str, np.ndarray]:
+    """Return the columns of temperature, to 0.1 K, and of voltage, to 10 mV, of all drives."""
+    random = np.random.default_rng([7, noise])
+    volts = conditions.voltage + 0.02 * random.standard_normal(conditions.voltage.shape)
+    table = {f"{joint}.voltage": np.round(volts, 2) for joint in machine.driven}
+    for j, joint in enumerate(machine.driven):
+        table[f"{joint}.temperature"] = np.round(conditions.temperature[:, j], 1)
+    return table
 
 
 def base_table(

@@ -75,6 +75,7 @@ class Signatures:
             np.concatenate([motion.v[:, :b], v], axis=1),
             np.concatenate([motion.a[:, :b], motion.a[:, b:] + rise], axis=1),
             motion.forces,
+            motion.conditions,
         )
         return reported - needed_torque(machine, (), seen, link_torque(machine, (), seen))
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from benchmarks.corpus.conditions import NOMINAL
 from benchmarks.corpus.flaws import DRAWING, WHOLE_ROBOT, Flaw, point_mass
 from benchmarks.corpus.machine import Link
 from benchmarks.corpus.recipes import Typical
@@ -18,6 +19,7 @@ _BENT_UNDER_LOAD = (0.03, 0.05, 0.08, 0.15)
 _ORDERS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 20.0, 30.0)
 _WARMING = (0.1, 0.4, 2.0, 10.0)
 _CLIPPED = (0.05, 0.15, 0.25, 0.4)
+_THINNING = (0.015, 0.025, 0.04, 0.06)  # [1/K], the range that is drawn
 _SMALL = 1e-3
 
 
@@ -50,9 +52,16 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
             )
     elif effect == "directional_viscous_friction":
         yield tuple(
-            flaw(forward=_SMALL * torque * f, backward=_SMALL * torque * (1.0 - f))
+            flaw(
+                positive_direction=_SMALL * torque * f,
+                negative_direction=_SMALL * torque * (1.0 - f),
+            )
             for f in (1.0, 0.0)
         )
+    elif effect == "thermal_viscous_friction":
+        yield from ((flaw(coefficient=_SMALL * torque, rate=rate),) for rate in _THINNING)
+    elif effect == "voltage_scaling":
+        yield tuple(flaw(share=_SMALL, nominal=f * NOMINAL) for f in (0.8, 1.1))
     elif effect == "stribeck_friction":
         yield from ((flaw(level=_SMALL * torque, speed=s * speed),) for s in _SLOWNESS)
     elif effect == "load_stribeck_friction":

@@ -33,6 +33,8 @@ _PARAMETERS = {
     "directional_viscous_friction": 2,
     "load_presliding": 2,
     "load_stribeck_friction": 1,
+    "thermal_viscous_friction": 1,
+    "voltage_scaling": 2,
     DRAWING: 10,
 }
 

@@ -16,6 +16,9 @@ import numpy as np
 import pinocchio as pin
 import tsid
 
+if not hasattr(tsid, "RobotWrapper"):  # wheels of 1.7.1 have their __init__ one folder too deep
+    from tsid import tsid_pywrap as tsid
+
 
 def main():
     with open(sys.argv[1], encoding="utf-8") as file:

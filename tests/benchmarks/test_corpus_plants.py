@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.corpus.case import Case
-from benchmarks.corpus.draw import LATER, LISTED, ONLY_PRESCRIBED
+from benchmarks.corpus.draw import BY_CONDITIONS, LATER, LISTED, ONLY_PRESCRIBED
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import draw_machine
 from benchmarks.corpus.flaws import Flaw
@@ -25,7 +27,8 @@ SENSORS = Sensors(rate=250.0, position=2e-5, bits=18, velocity=3e-3, torque=0.00
 def recorded(machine: Machine, flaws: tuple[Flaw, ...], kinds: tuple[str, ...]) -> Case:
     noise = 0.02 * np.ones(len(machine.driven))
     runs = tuple(Excitation(kind, 10 + k, 4.0, 20 + k) for k, kind in enumerate(kinds))
-    return Case(0, machine, flaws, runs, "fair", SENSORS, noise)
+    sensors = replace(SENSORS, conditions=any(flaw.effect in BY_CONDITIONS for flaw in flaws))
+    return Case(0, machine, flaws, runs, "fair", sensors, noise)
 
 
 def flaw_of(effect: str, machine: Machine) -> Flaw:
@@ -37,13 +40,17 @@ def flaw_of(effect: str, machine: Machine) -> Flaw:
         "stribeck_friction": Flaw(effect, last, {"level": 0.2 * torque, "speed": 0.5}),
         "presliding": Flaw(effect, last, {"level": 0.2 * torque, "length": 0.05}),
         "directional_viscous_friction": Flaw(
-            effect, last, {"forward": 0.2 * torque, "backward": 0.05 * torque}
+            effect,
+            last,
+            {"positive_direction": 0.2 * torque, "negative_direction": 0.05 * torque},
         ),
         "load_presliding": Flaw(
             effect,
             last,
             {"forward_efficiency": 0.75, "backward_efficiency": 0.65, "length": 0.05},
         ),
+        "thermal_viscous_friction": Flaw(effect, last, {"coefficient": 0.3 * torque, "rate": 0.03}),
+        "voltage_scaling": Flaw(effect, last, {"share": 0.9, "nominal": 24.0}),
         "load_friction": Flaw(effect, last, {"coefficient": 0.15}),
         "load_stribeck_friction": Flaw(effect, last, {"coefficient": 0.3, "speed": 0.5}),
         "quadratic_drag": Flaw(effect, last, {"coefficient": 0.1 * torque}),

@@ -14,6 +14,7 @@ import pytest
 from wbc import load_robot
 from wbc.cli import main
 from wbc.measurement import Log, load_log, save_log
+from wbc.samples import sample_logs
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -155,3 +156,25 @@ def test_joints_without_positions_are_held_still(
     assert robot["lock"] == ["base_x", "base_z", "base_pitch"]
     assert set(robot["gears"]) == {"hip", "knee"}
     assert load_robot(tmp_path / "robot.toml").single_joints == ("hip", "knee")
+
+
+def test_a_guessed_gear_ratio_is_no_reason_to_suspect_columns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With a ratio of one the torque is too small for the motion, and degrees explained that."""
+    model = Path(__file__).parents[2] / "robots" / "planar_leg" / "planar_leg.urdf"
+    logs = [str(save_log(log, tmp_path / f"run{k}.csv")) for k, log in enumerate(sample_logs())]
+    assert main(["init", str(model), *logs, "--out", str(tmp_path)]) == 0
+    files = ["--robot", str(tmp_path / "robot.toml"), "--columns", str(tmp_path / "columns.toml")]
+    capsys.readouterr()
+    assert main(["check", *logs, *files]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "degrees" not in said
+    assert "still guesses of `wbc init`" in said
+    assert "gears.hip.gear_ratio" in said
+    # What is wrong is found all the same.
+    first = sample_logs()[0]
+    wrong = first.with_columns({"knee.rotor_torque": -first.column("knee.rotor_torque")})
+    save_log(wrong, logs[0])
+    assert main(["check", logs[0], *files]) == 1
+    assert "the sign of knee.rotor_torque is reversed" in " ".join(capsys.readouterr().out.split())

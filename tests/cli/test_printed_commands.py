@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import tomllib
@@ -32,6 +33,11 @@ OPTIONS: list[tuple[str, str, dict[str, str]]] = [
     (EXPERIMENT, r"--noise|--speed", {"--speed": "--speed 0.2", "--noise": "--noise 1"}),
     (f"trend run.csv {LEG}", r"--index FILE\.csv", {"FILE.csv": "index.csv"}),
     ("init planar_leg_fixed run.csv", r"--out", {"--out": "--out new"}),
+    (
+        f"diagnose {LEG} --add coulomb_friction",
+        r"--fleet FILE\.csv|--out fleet\.parquet",
+        {"FILE.csv": "index.csv"},
+    ),
     (f"diagnose run.csv {LEG} --add ,", r"auto", {"auto": "--add coulomb_friction"}),
 ]
 
@@ -130,6 +136,25 @@ def test_a_designed_motion_is_played_as_it_says(
     assert main(shlex.split(play)) == 2
     (html,) = re.findall(r"with (--html FILE)", capsys.readouterr().err)
     assert main(shlex.split(f"{play} {html.replace('FILE', 'a.html')}")) == 0
+
+
+def test_every_option_that_a_message_names_is_one() -> None:
+    """What is printed anywhere; options of other programs are told by their files."""
+    known = set(re.findall(r'"(--[a-z][a-z-]+)"', _text(ROOT / "wbc" / "cli")))
+    texts = [
+        node.value
+        for path in (ROOT / "wbc").rglob("*.py")
+        if path.name not in ("browser.py", "provenance.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
+    named = {option for text in texts for option in re.findall(r"--[a-z][a-z-]+", text)}
+    assert named - known <= {"--help", "--version"}
+    assert len(named) > 40
+
+
+def _text(folder: Path) -> str:
+    return "".join(path.read_text() for path in folder.rglob("*.py"))
 
 
 def test_the_lists_that_messages_name_are_there(capsys: pytest.CaptureFixture[str]) -> None:

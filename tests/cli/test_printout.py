@@ -70,9 +70,9 @@ def printed(diagnosis: Diagnosis, **how: bool) -> list[str]:
 
 def test_the_answer_comes_first_and_fits_a_screen(long_answer: Diagnosis) -> None:
     usual = printed(long_answer)
-    assert usual[0] == "verdict: named"
+    assert usual[0] == "verdict: named (these logs tell which effects the model lacks)"
     # One effect at many places is said once: it was a headline of seventeen lines.
-    assert usual[1].startswith("Missing: coulomb friction at 12 places (0.50 N m). That explains")
+    assert usual[1].startswith("Missing: Coulomb friction at 12 places (0.50 N m). That explains")
     assert len(usual) < 57  # and three files written: below 60
     assert "not shown: the rest of what was found, what is left" in "\n".join(usual)
     everything = printed(long_answer, verbose=True)
@@ -109,7 +109,9 @@ def test_quiet_commands_print_the_answer_alone(
     assert "N m at hip" in shown
     assert "where it fails" not in shown
     assert main(["check", *rubbing, "--robot", "planar_leg_fixed", "--quiet"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 1
+    remarks = capsys.readouterr().out.splitlines()
+    assert len(remarks) == 1
+    assert "below" not in remarks[0]
     with pytest.raises(SystemExit):
         main(["check", *rubbing, "--robot", "planar_leg_fixed", "--quiet", "--verbose"])
 

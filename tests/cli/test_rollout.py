@@ -90,3 +90,7 @@ def test_a_rollout_without_a_gain_says_where_to_state_it(
     assert "LOG@ROBOT" in said
     assert main(["rollout", *logs, "--robot", "planar_leg_fixed"]) == 2
     assert "for one driven joint" in capsys.readouterr().err
+    assert main(["rollout", *logs, "--robot", "sts3250_pendulum"]) == 2
+    said = capsys.readouterr().err
+    assert "supply_voltage; put the number in place of VALUE" in said
+    assert 'resistance = { value = VALUE, unit = "ohm"' in said

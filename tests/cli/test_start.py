@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from wbc.measurement import Log, save_log
+from wbc.samples import sample_paths
 
 _RUN = """
 import sys
@@ -47,6 +48,14 @@ def test_checking_a_log_loads_neither(tmp_path: Path) -> None:
     save_log(Log(time, columns), path)
     assert loaded("check", str(path), "--robot", "planar_leg_fixed") == []
     assert loaded("list", "effects") == []
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose --add coulomb_friction"])
+def test_an_answer_does_not_wait_for_the_compiler(command: str) -> None:
+    """The open-loop error, which needs the plant, follows the answer."""
+    paths = [str(path) for path in sample_paths()]
+    robot = ["--robot", "planar_leg_fixed", "--lossless"]
+    assert loaded(*command.split(), *paths, *robot, "--quiet") == []
 
 
 def test_a_simulation_is_loaded_when_it_is_used() -> None:

@@ -113,7 +113,7 @@ def test_the_machine_that_drifts_is_named_with_its_change(trend: Trend) -> None:
     assert trend.to_json()["drifting"] == ["leg1"]
     friction = next(d for d in trend.drifting if d.quantity[0] == "coulomb_friction")
     assert friction.change == pytest.approx(0.18, abs=0.04)
-    assert friction.name == "level of coulomb friction at hip"
+    assert friction.name == "level of Coulomb friction at hip"
     assert trend.sentence.startswith("leg1 drifts (12 sessions of 3 machines).")
     first = trend.sessions[0].values[("coulomb_friction", "hip", "level")]
     assert first.low < first.value < first.high

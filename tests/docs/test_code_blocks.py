@@ -138,7 +138,7 @@ def test_the_commands_of_the_readme_lead_from_files_to_an_answer(
     assert "these logs can be used" in capsys.readouterr().out
     run_commands(diagnose)
     answer = " ".join(capsys.readouterr().out.split())
-    assert "coulomb friction of 0.5 N m at hip" in answer
+    assert "Coulomb friction of 0.5 N m at hip" in answer
     assert "Look up gears.hip.rotor_inertia, gears.knee.rotor_inertia in robot.toml" in answer
     run_commands(play)
     assert load_robot("fitted.toml").effects[0].key == ("coulomb_friction", "hip")

@@ -107,7 +107,8 @@ def test_friction_that_differs_by_direction_is_named(leg: Robot) -> None:
     assert diagnosis.verdict == "named"
     (found,) = diagnosis.effects
     assert found.key == ("directional_viscous_friction", "hip")
-    assert found.values == pytest.approx({"forward": 0.6, "backward": 0.2}, rel=0.02)
+    ways = {"positive_direction": 0.6, "negative_direction": 0.2}
+    assert found.values == pytest.approx(ways, rel=0.02)
 
 
 def test_plain_viscous_friction_keeps_its_name_at_any_temperature(leg: Robot) -> None:

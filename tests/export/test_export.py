@@ -246,14 +246,18 @@ def test_what_a_format_cannot_say_stands_on_the_terminal_and_in_the_file(
         " ".join(capsys.readouterr().out.split()),
         " ".join(target.read_text().split()),
     )
-    for text in ("forward efficiency 0.66", "stribeck friction at hip", "delay of knee: 0.006 s"):
+    for text in ("forward efficiency 0.66", "Stribeck friction at hip", "delay of knee: 0.006 s"):
         assert text in printed
         assert text in written
     assert "delay" not in " ".join(export_robot(leg, "mjcf").unsaid)
 
 
-def test_a_wrong_ending_and_a_wrong_format_are_said(tmp_path: Path) -> None:
-    code = main(["export", "planar_leg_fixed", "--to", "mjcf", "--file", str(tmp_path / "a.urdf")])
-    assert code == 2
+def test_a_wrong_ending_and_a_wrong_format_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a.urdf", "a"):
+        file = str(tmp_path / name)
+        assert main(["export", "planar_leg_fixed", "--to", "mjcf", "--file", file]) == 2
+        assert "mjcf wants a name that ends in .xml" in capsys.readouterr().err
     with pytest.raises(RobotError, match="format 'sdf'"):
         export_robot(load_robot("planar_leg_fixed"), "sdf")

@@ -1,4 +1,4 @@
-"""Recorded sets of pendulums: from a stranger's files to an answer, and what their README knows.
+"""Recorded pendulums and an arm: from a stranger's files to an answer, and what is known of them.
 
 The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
 """
@@ -12,10 +12,14 @@ import numpy as np
 import pytest
 
 from wbc.cli import main
-from wbc.effects import CoulombFriction, load_robot
+from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFriction, load_robot
 from wbc.identification import open_loop
+from wbc.identification.choice.weighing.evidence import weigh
+from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import load_logs
+from wbc.robot import Effect, Robot
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -85,3 +89,53 @@ def test_a_payload_on_the_outer_arm_makes_its_error_larger() -> None:
         left[name] = np.sqrt(np.mean(residual[:, 1] ** 2))
     bare, loaded = left.values()
     assert loaded > 1.15 * bare
+
+
+def test_a_payload_shows_beside_a_robot_that_was_fitted_without_it() -> None:
+    robot = load_robot("ricmonk")
+
+    def effect(name: str, where: str, given: Robot) -> Effect:
+        return EFFECTS[name].at(where, EFFECTS[name].null_values(given, where))
+
+    def problem_of(given: Robot, *names: str) -> EstimationProblem:
+        files = [recorded(f"ricmonk/TVLQR_{name}.parquet") for name in names]
+        return EstimationProblem.from_logs(given, load_logs(files, RICMONK / "columns.toml"))
+
+    usual = [
+        effect(name, joint, robot)
+        for name in ("coulomb_friction", "rotor_inertia")
+        for joint in robot.transmission.joints
+    ]
+    bare = problem_of(robot, "3xForward", "6xForward")
+    fitted = bare.fit([*usual, effect("link_inertia", "link2", robot)]).robot
+    loaded = Trials(problem_of(fitted, "3xForward_170gm_asymmetricLoad"))
+    causes = ("payload_mass", "link2"), ("link_inertia", "link2"), ("torque_constant", "Joint3")
+    found = [loaded.of((effect(name, where, fitted),)) for name, where in causes]
+    hypotheses = [loaded.nothing, *(h for h in found if h is not None)]
+    assert len(hypotheses) == 4
+    nothing, payload, link, drive = weigh(loaded.problem, hypotheses)
+    assert payload > max(nothing, link, drive)
+    # Least squares of the outer arm alone: 0.053 kg m without and 0.072 with the payload.
+    bodies = fitted, loaded.fit(hypotheses[2]).robot
+    inertias = [body.model.inertias[body.body_joint("link2")] for body in bodies]
+    moments = [np.linalg.norm(inertia.mass * inertia.lever) for inertia in inertias]
+    np.testing.assert_allclose(moments, [0.053, 0.072], rtol=0.05)
+
+
+def test_tiagos_arm_is_explained_as_well_as_by_least_squares_without_its_silent_drives() -> None:
+    robot = load_robot("tiago").lossless()
+    path = recorded("tiago/tiago.parquet")
+    logs = load_logs([path], ROOT / "robots" / "tiago" / "columns.toml")
+    problem = EstimationProblem.from_logs(robot, logs)
+    arm = tuple(f"arm_{k}_joint" for k in (1, 2, 3, 4))
+    assert problem.judged_joints == arm
+    # Friction and, at arm_2, a torque constant: what its drive reports is 0.8 of what it carries.
+    effects = [ViscousFriction(joint, coefficient=1.0) for joint in arm]
+    effects += [CoulombFriction(joint, level=1.0) for joint in arm]
+    fit = problem.fit([*effects, TorqueConstant(arm[1], factor=1.1)])
+    assert fit.effects[-1].values["factor"] == pytest.approx(1.23, abs=0.03)
+    left = held_out_residual(
+        problem, lambda used: fit.residual[~used] + fit.jacobian[~used] @ fit.step(used)
+    )
+    ratio = np.sqrt(np.mean(left**2, axis=0)) / classic_fit(problem).left
+    assert ratio[1] < 1.02

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from threading import Lock
 from time import perf_counter
+from typing import NoReturn
 
 import numpy as np
 
@@ -164,6 +165,13 @@ class Controller:
         """A copy of the torque (nv,) [N m, N] that the observer has learned, zero without one."""
         return self._disturbance.torque.copy()
 
+    def __reduce__(self) -> NoReturn:
+        """Raise TypeError: the parts of a controller share memory that a copy would tear apart."""
+        raise TypeError(
+            "a Controller is neither copied nor pickled; make another one of the same robot, "
+            "tasks, contacts, limits and settings."
+        )
+
     def reset(self) -> None:
         """Forget references, directions and the last good torque, as when newly made."""
         m = self.robot.transmission.size
@@ -198,7 +206,7 @@ class Controller:
             weights: task name -> weight of all its rows in this tick, in place of the task's own.
             activation: task name -> 0 (off) to 1 (on, as when left out), what its weight is
                 multiplied with; numbers in between blend a task in or out.
-            dt: time until the next tick [s]; that of the settings when left out.
+            dt: time until the next tick [s], below 1; that of the settings when left out.
         """
         start = perf_counter()
         if not self._free.acquire(blocking=False):
@@ -224,14 +232,19 @@ class Controller:
         return TickInputs(state, wanted, contacts, weights, activation, step)
 
     def _step(self, given: TickInputs, start: float) -> Command:
+        motion = None
         try:
-            ready = self._prepare(given)
+            admitted = self._admitted(given.state)
+            if not isinstance(admitted, Motion):
+                return self._safe(None, admitted, given.dt, start)
+            motion = admitted
+            ready = self._prepare(motion, given)
             if isinstance(ready, RefusedTick):
                 return self._safe(ready.motion, ready.complaint, given.dt, start)
             return self._solve(ready, start)
-        except Exception as cause:  # what a task or an effect of the user's own may raise
+        except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-            return self._safe(None, complaint, given.dt, start)
+            return self._safe(motion, complaint, given.dt, start)
 
     def build(
         self,
@@ -250,19 +263,24 @@ class Controller:
         Raises:
             ControlError: `step` would not solve a program for these arguments.
         """
-        ready = self._prepare(self._given(state, references, contacts, weights, activation, dt))
+        motion = self._admitted(state)
+        if not isinstance(motion, Motion):
+            raise ControlError(motion[1])
+        given = self._given(state, references, contacts, weights, activation, dt)
+        ready = self._prepare(motion, given)
         if isinstance(ready, RefusedTick):
             raise ControlError(ready.complaint[1])
         first = ready.levels[0]
         first.assemble(ready.motion, ready.references, ready.contacts, ready.dt, None)
         return first.built(ready.gears, self._output)
 
-    def _prepare(self, given: TickInputs) -> ReadyTick | RefusedTick:
-        """Check everything and evaluate the state, tasks and contacts; remember nothing."""
+    def _admitted(self, state: State) -> Motion | Complaint:
+        """Return the state that the settings' hook makes of a state, or what is wrong with it."""
         hook = self.settings.state_hook
-        motion = self._states.admitted(given.state if hook is None else hook(given.state))
-        if not isinstance(motion, Motion):
-            return RefusedTick(None, motion)
+        return self._states.admitted(state if hook is None else hook(state))
+
+    def _prepare(self, motion: Motion, given: TickInputs) -> ReadyTick | RefusedTick:
+        """Check the inputs and evaluate the state, tasks and contacts; remember nothing."""
         complaint = self._inputs.complaint(given)
         if complaint is not None:
             return RefusedTick(motion, complaint)

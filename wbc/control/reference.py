@@ -32,4 +32,4 @@ class Reference:
         """Whether every number in it is finite."""
         position = self.position
         parts = (getattr(position, "homogeneous", position), self.velocity, self.acceleration)
-        return all(p is None or bool(np.isfinite(p).all()) for p in parts)
+        return all(p is None or bool(np.isfinite(np.asarray(p, np.float64)).all()) for p in parts)

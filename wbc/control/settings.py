@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wbc.control.disturbance import DisturbanceObserver
+from wbc.control.safety.inputs import step_complaint
 from wbc.control.safety.policies import LetDown, SafetyPolicy
 from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.state import State
@@ -64,7 +65,10 @@ class ControllerSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        positive = ("time_step", "tolerance", "max_iterations", "max_rounds", "acceleration_weight")
+        complaint = step_complaint(self.time_step)
+        if complaint is not None:
+            raise ControlError(f"setting time_step: {complaint[1]}")
+        positive = ("tolerance", "max_iterations", "max_rounds", "acceleration_weight")
         for name in positive:
             if not getattr(self, name) > 0:
                 raise ControlError(f"setting {name} must be > 0, got {getattr(self, name)}.")

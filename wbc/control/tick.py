@@ -47,9 +47,9 @@ class ReadyTick(NamedTuple):
 
 
 class RefusedTick(NamedTuple):
-    """A tick that did not pass them; the motion is None where it is what is wrong."""
+    """A tick whose inputs did not pass them, although its state did."""
 
-    motion: Motion | None
+    motion: Motion
     complaint: Complaint
 
 

@@ -29,6 +29,7 @@ from wbc.measurement.suspicions.find import (
 from wbc.measurement.torque import (
     feedback_torques,
     makes_torque,
+    reports_current,
     reports_torque,
     rotor_torques,
     torque_quantity,
@@ -67,6 +68,7 @@ __all__ = [
     "placeless_joints",
     "read_column_map",
     "read_logs",
+    "reports_current",
     "reports_torque",
     "require_plausible_units",
     "residual_noise",

@@ -81,6 +81,18 @@ def reports_torque(log: Log, joint: str) -> bool:
     return any(log.has(f"{joint}.{quantity}") for quantity in REPORTED)
 
 
+def reports_current(log: Log, transmission: Transmission) -> BoolArray:
+    """Return (m,) whether the torque of a joint is read from the current that its drive reports."""
+    above = [name for name in REPORTED if name != "current"]
+    return np.array(
+        [
+            log.has(f"{joint}.current") and not any(log.has(f"{joint}.{name}") for name in above)
+            for joint in transmission.joints
+        ],
+        dtype=bool,
+    )
+
+
 def makes_torque(log: Log, transmission: Transmission) -> BoolArray:
     """Whether (m,) a log and the numbers of a drive make a torque that nothing reported."""
     known = [

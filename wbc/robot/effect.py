@@ -121,6 +121,14 @@ _USUAL = np.zeros(0)
 _USUAL.flags.writeable = False
 
 
+def spoken(name: str) -> str:
+    """Return the name of an effect or a parameter as words."""
+    words = name.replace("_", " ")
+    for person in ("coulomb", "stribeck"):
+        words = words.replace(person, person.capitalize())
+    return words
+
+
 @dataclass(frozen=True)
 class Effect(ABC):
     """A physical effect at one place of the robot; subclasses are final, small and frozen.
@@ -253,13 +261,11 @@ class Effect(ABC):
         Args:
             units: parameter -> unit where it is not that of a joint that turns.
         """
-        name, listed = self.name.replace("_", " "), []
+        name, listed = spoken(self.name), []
         for p in self.parameters:
             stated = (units or {}).get(p.name, p.unit)
             unit = "" if stated == "1" else f" {stated}"
-            listed.append(
-                (p.name.replace("_", " "), f"{float(f'{self.values[p.name]:.2g}'):g}{unit}")
-            )
+            listed.append((spoken(p.name), f"{float(f'{self.values[p.name]:.2g}'):g}{unit}"))
         if len(listed) == 1 and self.parameters[0].unit != "1":
             return f"{name} of {listed[0][1]} at {self.where}"
         few = listed if len(listed) <= 3 else []  # more are for a table

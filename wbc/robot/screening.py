@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.robot.motion import Motion
 
 
@@ -20,11 +20,14 @@ class Evidence:
         unexplained: one (N, nv) per log: measured minus modelled torque at the coordinates
             [N m, N], driven rows at the motor output.
         reported: one (N, m) per log: torque on the rotors that the drives report [N m].
+        currents: (m,) whether all that is known of a drive's torque is the current in its motor;
+            None where no drive reports one.
     """
 
     motions: tuple[Motion, ...]
     unexplained: tuple[FloatArray, ...]
     reported: tuple[FloatArray, ...]
+    currents: BoolArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +23,31 @@ _UNKNOWN_ALLOWED = (
     "duty_gain",
     "supply_voltage",
 )
+
+_Rule = tuple[Callable[[FloatArray], NDArray[np.bool_]], str]
+_POSITIVE: tuple[_Rule, ...] = ((lambda x: x > 0.0, "> 0"),)
+_NOT_NEGATIVE: tuple[_Rule, ...] = ((lambda x: x >= 0.0, ">= 0"),)
+_POSITIVE_OR_UNKNOWN: tuple[_Rule, ...] = ((lambda x: ~(x <= 0.0), "> 0, or NaN where unknown"),)
+_NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"
+_RULES: Mapping[str, tuple[_Rule, ...]] = {
+    "forward_efficiency": (*_POSITIVE, (lambda x: x <= 1.0, "<= 1")),
+    "backward_efficiency": ((lambda x: x <= 1.0, _NO_POWER),),
+    "gear_ratio": ((lambda x: x != 0.0, "other than 0"),),
+    **dict.fromkeys(
+        (
+            "rotor_inertia",
+            "rotor_coulomb_friction",
+            "rotor_viscous_friction",
+            "damping",
+            "backlash",
+            "velocity_gain",
+        ),
+        _NOT_NEGATIVE,
+    ),
+    **dict.fromkeys(_POSITIVE_INFINITY_ALLOWED, _POSITIVE),
+    **dict.fromkeys(_UNKNOWN_ALLOWED, _POSITIVE_OR_UNKNOWN),
+}
+"""What must hold of every field with one number per gear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,21 +120,11 @@ class Transmission:
         if len(self.housings) not in (0, m):
             raise TransmissionError(f"{len(self.housings)} housings for {m} motors.")
         eta_f = np.ones(m) if self.forward_efficiency is None else self.forward_efficiency
-        self._store("forward_efficiency", eta_f, m)
-        _require(self, "forward_efficiency", self.forward_efficiency > 0.0, "> 0")
-        _require(self, "forward_efficiency", self.forward_efficiency <= 1.0, "<= 1")
+        self._store("forward_efficiency", eta_f)
         eta_b = self.backward_efficiency
-        self._store(
-            "backward_efficiency",
-            wedge_backward_efficiency(self.forward_efficiency) if eta_b is None else eta_b,
-            m,
-        )
-        _require(
-            self,
-            "backward_efficiency",
-            self.backward_efficiency <= 1.0,
-            "at most 1 (above it a gear that its joint drives would create power)",
-        )
+        if eta_b is None:
+            eta_b = wedge_backward_efficiency(self.forward_efficiency)
+        self._store("backward_efficiency", eta_b)
         defaults: dict[str, ArrayLike] = {
             "gear_ratio": self.gear_ratio,
             "rotor_inertia": self.rotor_inertia,
@@ -128,16 +144,7 @@ class Transmission:
         }
         for name, default in defaults.items():
             given = getattr(self, name)
-            self._store(name, default if given is None else given, m)
-        for name in ("rotor_inertia", "rotor_coulomb_friction", "rotor_viscous_friction"):
-            _require(self, name, getattr(self, name) >= 0.0, ">= 0")
-        for name in ("torque_limit", "speed_limit", "stiffness"):
-            _require(self, name, getattr(self, name) > 0.0, "> 0")
-        for name in ("damping", "backlash", "velocity_gain"):
-            _require(self, name, getattr(self, name) >= 0.0, ">= 0")
-        for name in _UNKNOWN_ALLOWED:
-            _require(self, name, ~(getattr(self, name) <= 0.0), "> 0, or NaN where unknown")
-        _require(self, "gear_ratio", self.gear_ratio != 0.0, "other than 0")
+            self._store(name, default if given is None else given)
         topology = np.eye(m) if self.topology is None else self.topology
         object.__setattr__(
             self, "topology", checked(topology, (m, m), "topology D", TransmissionError)
@@ -145,8 +152,9 @@ class Transmission:
         if m and np.linalg.cond(self.topology) > 1e8:
             raise TransmissionError("topology D is singular: some motor motion moves no joint.")
 
-    def _store(self, name: str, values: ArrayLike, m: int) -> None:
-        label = f"transmission {name}"
+    def _store(self, name: str, values: ArrayLike) -> None:
+        """Freeze and check the numbers of a field that has one per gear."""
+        label, m = f"transmission {name}", len(self.joints)
         array = np.asarray(values, dtype=np.float64)
         if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED):
             if array.shape != (m,):
@@ -154,6 +162,8 @@ class Transmission:
             object.__setattr__(self, name, frozen(array))
         else:
             object.__setattr__(self, name, checked(array, (m,), label, TransmissionError))
+        for holds, rule in _RULES[name]:
+            _require(self, name, holds(getattr(self, name)), rule)
 
     @property
     def size(self) -> int:
@@ -207,8 +217,18 @@ class Transmission:
         return self.joints.index(joint)
 
     def replace(self, **changes: Any) -> Transmission:
-        """Return a copy with some fields changed (all checks run again)."""
-        return replace(self, **changes)
+        """Return a copy with some fields changed; what is changed is checked.
+
+        A search for causes asks for a hundred thousand copies that differ in one number.
+        """
+        if not changes.keys() <= _RULES.keys() or any(v is None for v in changes.values()):
+            return replace(self, **changes)
+        copy: Transmission = object.__new__(type(self))
+        for one in fields(self):
+            object.__setattr__(copy, one.name, getattr(self, one.name))
+        for name, values in changes.items():
+            copy._store(name, values)
+        return copy
 
     def with_value(self, name: str, joint: str, value: float) -> Transmission:
         """Return a copy in which field `name` of one gear has `value`."""

@@ -67,7 +67,7 @@ def test_solution_satisfies_the_dissipative_equation(name, coupled):
 
 EFFECTS = (
     ("viscous_friction", {"coefficient": 0.8}),
-    ("directional_viscous_friction", {"forward": 0.8, "backward": 0.2}),
+    ("directional_viscous_friction", {"positive_direction": 0.8, "negative_direction": 0.2}),
     ("thermal_viscous_friction", {"coefficient": 0.8, "rate": 0.03}),
     ("coulomb_friction", {"level": 1.3}),
     ("stribeck_friction", {"level": 0.7, "speed": 0.3}),

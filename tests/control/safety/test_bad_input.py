@@ -162,6 +162,10 @@ def test_setup_mistakes_are_errors():
         SpeedBlend(full_speed=0.0)
     with pytest.raises(ControlError, match="time_step"):
         ControllerSettings(time_step=0.0)
+    with pytest.raises(ControlError, match="1 ms is"):
+        ControllerSettings(time_step=1.0)
+    with pytest.raises(ControlError, match="time_step"):
+        ControllerSettings(time_step="1 ms")
     with pytest.raises(ControlError, match="normal_minimum"):
         PointContact(name="foot", normal_minimum=2.0, normal_maximum=1.0)
     with pytest.raises(ControlError, match="fraction"):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -48,6 +51,10 @@ def turned(norm):
     return Motion(q, REST)
 
 
+def words(values):
+    return np.array([str(x) for x in values], dtype=object)
+
+
 COM = pin.centerOfMass(SOLO.model, SOLO.model.createData(), STAND)
 DOUBLE = pin.SE3(2.0 * np.eye(3), np.zeros(3))
 NAN = np.array([0.0, np.nan, 0.0])
@@ -62,8 +69,14 @@ BAD = {
     "contact by number": ((STATE, None, {0: 1.0}), "contact"),
     "state None": ((None,), "position"),
     "state a number": ((3.0,), "position"),
-    "state of words": ((Motion("standing", REST),), "shape"),
-    "state of None": ((Motion(None, None),), "shape"),
+    "state of words": ((Motion("standing", REST),), "numbers"),
+    "state of None": ((Motion(None, None),), "number"),
+    "state of number words": ((Motion([str(x) for x in STAND], REST),), "numbers"),
+    "state of number words in objects": ((Motion(words(STAND), REST),), "number"),
+    "complex state": ((Motion(STAND + 1e-3j, REST),), "complex"),
+    "state of truth values": ((Motion(STAND, REST.astype(bool)),), "bool"),
+    "masked state": ((Motion(np.ma.masked_array(STAND, STAND > 0.5), REST),), "masked"),
+    "state of integers too large": ((Motion(STAND, [10**400] * len(REST)),), "number"),
     "quaternion 0": ((turned(0.0),), "quaternion"),
     "quaternion 1.1": ((turned(1.1),), "quaternion"),
     "references as list": ((STATE, [Reference()]), "references"),
@@ -81,6 +94,16 @@ BAD = {
     "matrix for a pose": ((STATE, {"pose": Reference(np.eye(4))}), "SE3"),
     "pose that is none": ((STATE, {"pose": Reference(DOUBLE)}), "rotation"),
     "force of wrong shape": ((STATE, {"load": Reference(np.zeros(2))}), "shape"),
+    "complex target": ((STATE, {"center_of_mass": Reference(COM + 1j)}), "complex"),
+    "None in a target": ((STATE, {"center_of_mass": Reference(np.array([None] * 3))}), "number"),
+    "complex velocity": ((STATE, {"center_of_mass": Reference(COM, COM + 1j)}), "complex"),
+    "None in a velocity": (
+        (STATE, {"center_of_mass": Reference(COM, np.array([None] * 3))}),
+        "velocity",
+    ),
+    "None in a rotation": ((STATE, {"trunk": Reference(np.full((3, 3), None))}), "rotation"),
+    "None in a force": ((STATE, {"load": Reference(np.array([None] * 3))}), "load"),
+    "contact limit too large": ((STATE, None, {FEET[0]: 10**400}), FEET[0]),
     "NaN target": ((STATE, {"center_of_mass": Reference(NAN)}), "not finite"),
     "NaN rotation": ((STATE, {"trunk": Reference(np.full((3, 3), np.nan))}), "not finite"),
     "NaN feed-forward": ((STATE, {"center_of_mass": Reference(COM, None, NAN)}), "not finite"),
@@ -91,6 +114,11 @@ MORE = {
     "dt zero": ({"dt": 0.0}, "dt"),
     "dt NaN": ({"dt": np.nan}, "dt"),
     "dt as words": ({"dt": "1 ms"}, "dt"),
+    "dt infinite": ({"dt": np.inf}, "dt"),
+    "dt that no float holds": ({"dt": 10**400}, "dt"),
+    "dt that overflows a target": ({"dt": 1.7e308}, "dt"),
+    "dt in milliseconds": ({"dt": 1.0}, "dt"),
+    "weight that no float holds": ({"weights": {"posture": 10**400}}, "posture"),
     "weights as list": ({"weights": [1.0]}, "weights"),
     "weight negative": ({"weights": {"posture": -1.0}}, "posture"),
     "weight infinite": ({"weights": {"posture": np.inf}}, "posture"),
@@ -119,6 +147,7 @@ def test_a_bad_input_is_named_and_forgotten(used, case):
     before = used.step(STATE).rotor_torque
     arguments, word = BAD[case]
     refused(used.step(*arguments), word)
+    assert used.step(*arguments).status in (Status.BAD_INPUT, Status.NOT_FINITE)
     after = used.step(STATE)
     assert after.status is Status.SOLVED
     np.testing.assert_allclose(after.rotor_torque, before, atol=1e-6)
@@ -145,6 +174,34 @@ def test_an_exception_of_a_task_is_a_status():
     command = ours.step(STATE)
     refused(command, "no value today")
     assert command.status is Status.FAILED
+
+
+def test_an_exception_does_not_hide_the_state_from_the_safe_command():
+    """Whatever raises, joints that turn are braked as after any other bad tick."""
+
+    class Breaks(PostureTask):
+        def admitted(self, target, size):
+            if target is not None and np.max(np.abs(target)) > 100.0:
+                raise RuntimeError("no target today")
+            return super().admitted(target, size)
+
+    turning = Motion(STAND, np.r_[np.zeros(6), np.full(12, 0.5)])
+    torques = []
+    for wish in (np.full(12, 200.0), np.full(12, np.nan)):
+        task = Breaks.of(SOLO)
+        ours = Controller(SOLO, [task], [PointContact(name=name) for name in FEET])
+        ours.step(STATE)
+        for _ in range(30):  # beyond the ticks that are ridden through
+            command = ours.step(turning, {"posture": Reference(wish)})
+        assert not command.status.usable
+        torques.append(command.rotor_torque)
+    np.testing.assert_allclose(torques[0], torques[1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy, copy.copy])
+def test_a_copy_is_refused_in_words(used, copied):
+    with pytest.raises(TypeError, match="make another one"):
+        copied(used)
 
 
 def test_feed_forward_left_out_ends():

@@ -40,7 +40,7 @@ def test_exact_equals_are_called_so_in_either_order(effect: Effect, rival: str, 
 
 def test_rivals_that_an_experiment_separates_are_not() -> None:
     said = _said(CoulombFriction("hip", 0.3), "viscous_friction at hip", "coulomb_friction at knee")
-    assert said.startswith("To tell coulomb friction from viscous friction")
+    assert said.startswith("To tell Coulomb friction from viscous friction")
     assert "no run" not in said.lower()
 
 

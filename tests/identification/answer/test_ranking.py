@@ -8,7 +8,7 @@ from wbc.identification import Ranked
 
 EFFICIENCY, FRICTION = ("transmission_efficiency", "knee"), ("coulomb_friction", "hip")
 
-FRICTION_FOR_EFFICIENCY = "coulomb friction at hip instead of transmission efficiency at knee"
+FRICTION_FOR_EFFICIENCY = "Coulomb friction at hip instead of transmission efficiency at knee"
 
 
 @pytest.mark.parametrize(
@@ -16,8 +16,8 @@ FRICTION_FOR_EFFICIENCY = "coulomb friction at hip instead of transmission effic
     [
         ((), (), "what was found"),
         ((), (EFFICIENCY, FRICTION), "robot as given"),
-        ((), (FRICTION,), "without coulomb friction at hip"),
-        ((FRICTION,), (), "with coulomb friction at hip, too"),
+        ((), (FRICTION,), "without Coulomb friction at hip"),
+        ((FRICTION,), (), "with Coulomb friction at hip, too"),
         ((FRICTION,), (EFFICIENCY,), FRICTION_FOR_EFFICIENCY),
     ],
 )

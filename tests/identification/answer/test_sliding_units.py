@@ -40,7 +40,7 @@ def test_a_sliding_joint_is_answered_in_newtons_and_metres(found: Diagnosis) -> 
     assert friction.parameters["level"].value == pytest.approx(20.0, rel=0.05)
     assert friction.parameters["level"].unit == "N"
     assert "N m" not in str(found)
-    assert "coulomb friction of 20 N at slide" in str(found)
+    assert "Coulomb friction of 20 N at slide" in str(found)
 
 
 def test_nothing_is_attainable_below_the_noise_of_the_sensors(found: Diagnosis) -> None:

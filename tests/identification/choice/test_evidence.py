@@ -49,10 +49,28 @@ def test_what_filters_distort_is_no_evidence() -> None:
     # One per cent of the first error (rms), 100 floors^2, is added to both variances.
     rough = SimpleNamespace(first=np.array([1e6]))
     one, other = weigh(rough, [hypothesis(20.0), hypothesis(2.0)])  # type: ignore[arg-type]
-    expected = 100.0 * (np.log(120.0 / 102.0) + 20.0 / 120.0 - 2.0 / 102.0)
+    # A tenth of it (rms) may look like any one cause, in every row alike.
+    samples = 200.0 / (1.0 + 200.0 * 0.01 * 100.0 / 102.0)
+    expected = 0.5 * samples * (np.log(120.0 / 102.0) + 20.0 / 120.0 - 2.0 / 102.0)
     assert other - one == pytest.approx(expected, rel=1e-3)
     one, other = weigh(PROBLEM, [hypothesis(20.0), hypothesis(2.0)])  # type: ignore[arg-type]
     assert other - one == pytest.approx(0.5 * 200 * np.log(10.0))
+
+
+def test_more_rows_do_not_average_out_what_filters_distort() -> None:
+    """An efficiency of 0.998 was certain on three long logs: it took up what filters distort."""
+    rough = SimpleNamespace(first=np.array([1e4]))  # 1 % of it (rms) is one floor
+    found = []
+    for rows in (1e2, 1e4, 1e6):
+        one, other = (replace(hypothesis(s), rows=np.full(5, rows)) for s in (1.2, 1.19))
+        evidence = weigh(rough, [one, other])  # type: ignore[arg-type]
+        found.append(evidence[1] - evidence[0])
+    most = 0.01 / 0.1**2  # what it explains over what may look like it, in squares
+    assert found[0] < found[1] < found[2] < most
+    # A cause as large as all that is distorted is certain all the same.
+    small, large = (replace(hypothesis(s), rows=np.full(5, 1e4)) for s in (2.2, 1.2))
+    evidence = weigh(rough, [small, large])  # type: ignore[arg-type]
+    assert evidence[1] - evidence[0] > 20.0
 
 
 def test_nothing_below_what_a_simulated_link_distorts_is_evidence() -> None:

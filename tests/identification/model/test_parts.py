@@ -17,7 +17,7 @@ from wbc.identification import compare, diagnose
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.filters.smoothing import white_level
+from wbc.identification.records.filters.smoothing import steady_level, white_level
 from wbc.identification.records.noise.noise_floor import close_repeats, drawn_noise, noise_floor
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, find_repeats, low_pass
@@ -59,6 +59,28 @@ def test_white_noise_is_measured_below_a_large_motion() -> None:
     motion = np.sin(2 * np.pi * 0.7 * t) + 2e-3 * random.standard_normal(t.size)
     level = white_level(motion[:, None], 500.0)[0]
     assert level == pytest.approx(2e-3**2 / 250.0, rel=0.15)
+
+
+def test_the_jumps_of_dry_friction_are_no_noise_of_the_sensor() -> None:
+    """Read off the spectrum the noise was four times too large, and with it the noise floor."""
+    random = np.random.default_rng(0)
+    t = np.arange(5000) / 100.0
+    speed = np.cos(2 * np.pi * 0.9 * t)
+    torque = 3.0 * np.sin(2 * np.pi * 0.9 * t) + np.sign(speed)
+    noisy = (torque + 0.02 * random.standard_normal(t.size))[:, None]
+    true = 0.02**2 / 50.0
+    assert white_level(noisy, 100.0)[0] > 10.0 * true
+    level = steady_level(noisy, np.sign(speed)[:, None], 100.0)[0]
+    assert level == pytest.approx(true, rel=0.15)
+    spikes = np.where(random.uniform(size=t.size) < 0.1, 0.1, 0.0)  # these are
+    level = steady_level(noisy + spikes[:, None], np.sign(speed)[:, None], 100.0)[0]
+    assert level > 2.0 * true
+
+
+def test_no_direction_that_lasts_says_nothing_of_the_noise() -> None:
+    shaken = np.where(np.arange(400) % 2, 1.0, -1.0)[:, None]
+    assert steady_level(np.ones((400, 1)), shaken, 100.0)[0] == np.inf
+    assert steady_level(np.ones((5, 1)), np.ones((5, 1)), 100.0)[0] == np.inf
 
 
 def test_held_out_errors_equal_those_of_separate_fits() -> None:

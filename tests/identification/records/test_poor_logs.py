@@ -12,7 +12,10 @@ from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare, diagnose
+from wbc.identification.answer.diagnosis.diagnose import about_silent
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.filters.smoothing import quantisation_level
+from wbc.identification.silent_drives import reported_torque
 from wbc.measurement import Log
 
 ROBOT = load_robot("planar_leg_fixed").lossless()
@@ -96,6 +99,25 @@ def test_a_drive_that_reports_nothing_is_set_aside(friction: tuple[Log, Log]) ->
     diagnosis = diagnose(ROBOT, deaf)
     assert [(e.name, e.where) for e in diagnosis.effects] == [("coulomb_friction", "hip")]
     assert any(w.startswith("knee: the torque that its drive reports") for w in diagnosis.warnings)
+
+
+def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
+    friction: tuple[Log, Log],
+) -> None:
+    random = np.random.default_rng(5)
+    deaf = []
+    for log in friction:
+        noise = random.standard_normal(len(log))
+        needed = log.column("knee.rotor_torque").std()
+        deaf.append(log.with_columns({"knee.rotor_torque": 4.0 * needed * noise}))
+    problem = EstimationProblem.from_logs(ROBOT, deaf)
+    reported = np.concatenate([reported_torque(record)[:, 1] for record in problem.records])
+    assert np.std(reported) > 0.5 * np.std(reported - problem.residual[:, 1])
+    assert problem.silent == ("knee",)
+    (both,) = about_silent(("hip", "knee"))
+    assert both.startswith("hip, knee: the torques that their drives report")
+    # What friction adds to an honest report hides no share of the load.
+    assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
 
 
 def test_degrees_are_recognised_by_the_limits_of_the_joint(friction: tuple[Log, Log]) -> None:

@@ -16,6 +16,8 @@ from wbc.cli import main
 from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
+from wbc.identification.choice.screening.candidate_columns import evidence
+from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, rotor_torques, save_log
 from wbc.measurement.checks.robot_check import check_robot
 from wbc.robot import Evidence, Motion, Robot, robots_directory
@@ -120,6 +122,27 @@ def test_a_drive_law_with_its_limit_is_not_given_a_lower_one() -> None:
         robot.transmission.replace(torque_limit=np.array([np.inf, np.inf]))
     )
     assert CurrentLimit.screening(free, "hip", known)
+
+
+def test_a_measured_current_is_within_any_limit() -> None:
+    robot = with_gains()
+    constants = robot.transmission.replace(torque_constant=np.array([0.1, 0.1]))
+    robot = robot.with_transmission(constants)
+    time = np.linspace(0.0, 2.0, 401)
+    columns = {}
+    for joint, rate in (("hip", 3.0), ("knee", 5.0)):
+        columns |= {
+            f"{joint}.position": np.sin(rate * time),
+            f"{joint}.current": np.cos(9.0 * time),
+        }
+    log = Log(time, columns)
+    asked = Log(time, {k.replace("current", "rotor_torque"): v for k, v in columns.items()})
+    offered = [
+        bool(CurrentLimit.screening(robot, joint, evidence(robot, prepare(robot, [one]))))
+        for one in (log, asked)
+        for joint in robot.joints
+    ]
+    assert offered == [False, False, True, True]
 
 
 def test_only_the_target_comes_late() -> None:

@@ -57,6 +57,10 @@ def test_milliseconds_for_seconds_are_refused_with_and_without_velocity(swing: L
         require_plausible_units(late)
     with pytest.raises(LogError, match=r"2 s apart(?s:.*)unit = \"ms\""):
         require_plausible_units(late.select(["hip.position"]))
+    for unit, factor in (("us", 1e6), ("ns", 1e9)):
+        alone = Log(factor * swing.time, swing.columns).select(["hip.position"])
+        with pytest.raises(LogError, match=f'unit = "{unit}"'):
+            require_plausible_units(alone)
 
 
 def test_degrees_throughout_show_against_the_limits_of_the_robot() -> None:

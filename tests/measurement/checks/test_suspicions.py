@@ -88,3 +88,41 @@ def test_the_gear_ratio_of_another_robot_is_told_with_its_true_value(ratio: floa
     assert (finding.kind, finding.severity) == ("gear_ratio", "error")
     stated = float(finding.text.split("are ")[1].split(" times")[0])
     assert stated * ratio == pytest.approx(20.0, rel=0.05)
+
+
+def test_forces_a_thousand_times_too_large_are_no_friction() -> None:
+    """A slide without gravity: friction of any size explained them."""
+    robot, logs = recorded("emps")
+    wrong = [mended(log, {"columns": {"slide.motor_torque": {"scale": 1000}}}) for log in logs]
+    ((finding,),) = find_suspicions(wrong, robot)
+    assert (finding.kind, finding.severity) == ("torque_unit", "error")
+    assert "slide.motor_torque holds mN" in finding.text
+
+
+def test_milliseconds_show_without_velocities_at_a_high_rate() -> None:
+    """At 5 kHz the time stamps are 0.2 s apart, which a log may well be."""
+    robot, logs = recorded("staubli_tx40")
+    ((finding,),) = find_suspicions([replace(logs[0], time=1e3 * logs[0].time)], robot)
+    assert (finding.kind, finding.severity) == ("time_unit", "error")
+
+
+def test_exchanged_torques_are_found_where_one_log_alone_does_not_ask_for_them() -> None:
+    robot, logs = recorded("double_pendulum_c1")
+    names = ("shoulder.motor_torque", "elbow.motor_torque")
+    swap = {a: {"from": b} for a, b in (names, names[::-1])}
+    wrong = [mended(log, {"columns": swap}) for log in logs[:3]]
+    for own in find_suspicions(wrong, robot):
+        (finding,) = own
+        assert (finding.kind, finding.severity) == ("exchanged", "error")
+        assert set(finding.mend["columns"]) == set(names)
+
+
+def test_no_map_mends_what_cannot_be_told_from_something_else() -> None:
+    robot, logs = recorded("double_pendulum_c1")
+    wrong = [mended(log, {"columns": {"elbow.motor_torque": {"sign": -1}}}) for log in logs[:3]]
+    for own in find_suspicions(wrong, robot):
+        (finding,) = own
+        assert finding.severity == "error"
+        assert "the sign of elbow.motor_torque is reversed" in finding.text
+        assert not finding.mend
+        assert finding.likeliest

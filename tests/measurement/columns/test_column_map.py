@@ -88,6 +88,9 @@ def test_one_file_is_split_into_logs_and_rows_are_chosen(tmp_path: Path) -> None
         load_log(*files)
     with pytest.raises(LogError, match=r"no log 'z'.*There are: b, a"):
         load_log(f"{files[0]}#z", files[1])
+    files[1].write_text(text.replace('"leg*"', '"hand"'))
+    with pytest.raises(LogError, match=r"holds: robot = leg1, run = b; robot = leg2, run = a; "):
+        load_log(*files)
 
 
 def test_interleaved_logs_are_taken_apart(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from wbc import load_robot
 from wbc.errors import LogError, ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
-from wbc.view import profile_ground, write_playback
+from wbc.view import Ghost, profile_ground, write_playback
 from wbc.view.quantities.channels import configuration
 
 
@@ -145,3 +145,8 @@ def test_the_whole_motion_of_a_machine_with_a_fixed_base_is_framed(tmp_path: Pat
     assert along.max() == pytest.approx(0.30, abs=1e-3)
     assert not scene["follow"]
     assert scene["gears"][0]["unit"] == "N"
+    # Without friction the model runs ahead of the machine: it was cut off at the border.
+    ahead = Ghost("ahead", time, 0.6 * time[:, None], time, {"slide": np.zeros(51)})
+    written = write_playback(tmp_path / "g.html", load_robot("emps"), log, ghost=ahead)
+    along = np.array(scene_of(written)["camera"]["points"])[:, 0]
+    assert along.max() == pytest.approx(0.65, abs=1e-3)

@@ -92,7 +92,7 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert verdict_sentence(diagnosis) == (
         "It would be enough to add viscous friction of 0.4 N m s/rad at knee. That explains more "
         "than 99 % of the squared error: 4.0 -> 0.10 N m at knee. But these logs cannot tell "
-        "viscous friction from coulomb friction."
+        "viscous friction from Coulomb friction."
     )
     named = replace(diagnosis, verdict="named")
     assert verdict_sentence(named).startswith("Missing: viscous friction of 0.4 N m s/rad at knee.")
@@ -147,8 +147,8 @@ def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
     )
     both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
     assert verdict_sentence(both).startswith(
-        "Missing: viscous friction of 0.4 N m s/rad at knee, coulomb friction of 0.5 N m at hip "
-        "and coulomb friction of 0.5 N m at knee. That explains"
+        "Missing: viscous friction of 0.4 N m s/rad at knee, Coulomb friction of 0.5 N m at hip "
+        "and Coulomb friction of 0.5 N m at knee. That explains"
     )
 
 
@@ -165,7 +165,7 @@ def test_a_sentence_holds_no_more_than_four_causes_the_certain_first(diagnosis: 
     assert "rotor inertia of" in said
     assert " and 2 more causes. That explains" in said
     four = verdict_sentence(replace(diagnosis, verdict="named", findings=findings[:4]))
-    assert four.index("rotor inertia") < four.index("coulomb friction")
+    assert four.index("rotor inertia") < four.index("Coulomb friction")
     assert "more causes" not in four
 
 
@@ -267,7 +267,7 @@ def test_paired_differences_tell_the_effect_from_none_and_from_its_rival(page: P
     verdicts = {row[0]: row[2] for row in rows}
     assert rows[0][0] == "what was found"
     assert verdicts["what was found"] == "found"
-    given, rival = "without viscous friction at knee", "coulomb friction at knee instead of viscous"
+    given, rival = "without viscous friction at knee", "Coulomb friction at knee instead of viscous"
     rival = next(name for name in verdicts if name.startswith(rival))
     assert verdicts[given] == verdicts[rival] == "fits worse"
     errors = {row[0]: float(row[1]) for row in rows}

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
             + ", ".join(guessed)
         )
-    answer = [_answer(qualities, bool(said))]
+    answer = [_answer(qualities, len(said), options.quiet)]
     parts = [Part("remarks", Spoken(text, 2)) for text in said]
     for group in find_repeats(logs):
         names = ", ".join(_short(qualities[k]) for k in group)
@@ -104,11 +104,15 @@ def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
     ]
 
 
-def _answer(qualities: Sequence[LogQuality], remarks: bool) -> str:
+def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
     """Return in a sentence whether the logs can be used."""
     wrong = [_short(quality) for quality in qualities if not quality.usable]
     if wrong:
-        return f"do not use yet: {', '.join(wrong)} would give wrong results."
+        why = " Why: the same command without --quiet." if quiet else ""
+        return f"do not use yet: {', '.join(wrong)} would give wrong results.{why}"
+    if remarks and quiet:
+        many = "one remark" if remarks == 1 else f"{remarks} remarks"
+        return f"these logs can be used, with {many} (printed without --quiet)."
     if remarks:
         return "these logs can be used, with the remarks below."
     return "nothing to complain about"

@@ -26,7 +26,7 @@ from wbc.cli.shared.outputs import require_outputs
 from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import load_robot
 from wbc.identification import Comparison, Contestant, compare, rank_robots
-from wbc.identification.answer.numbers import plain, with_deviation
+from wbc.identification.answer.numbers import efforts, plain, with_deviation
 from wbc.identification.answer.provenance import provenance
 
 EXIT_ABOVE = 3
@@ -132,7 +132,7 @@ def error_table(comparison: Comparison) -> Table:
         "output",
         "unit",
         "residual",
-        "torque",
+        "measured",
         "floor",
         "x floor",
         box=None,
@@ -150,7 +150,8 @@ def error_table(comparison: Comparison) -> Table:
             plain(o.floor, 2),
             plain(o.ratio, 2),
         )
-    table.caption = "rms over all logs; torque: measured; floor: noise"
+    reported = efforts(o.unit for o in comparison.outputs)
+    table.caption = f"rms {reported} over all logs; residual: measured - model; floor: noise"
     return table
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -30,14 +31,21 @@ from wbc.cli.shared.printout import Part, Spoken, print_out
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
 from wbc.identification import Diagnosis, diagnose
-from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
-from wbc.identification.answer.numbers import plain, sure, with_deviation, with_interval
+from wbc.identification.answer.diagnosis.sentence import (
+    MEANINGS,
+    verdict_sentence,
+    what_to_do,
+)
+from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
+from wbc.measurement import Log
 from wbc.measurement.guessing.robot_guess import guessed_numbers
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 _RANKED = 5  # rows of the ranking that are printed; --verbose and --json have all of them
+
+_Intervals = Mapping[tuple[str, str, str], tuple[float, float]]
 
 _EPILOG = """example:
   wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
@@ -94,6 +102,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     with working(shown, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
     diagnosis = _with_guesses(diagnosis, options.robot)
+    if options.save and not options.discover:
+        # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
+        _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, shown)
     print_diagnosis(
@@ -104,22 +115,18 @@ def run(options: argparse.Namespace, console: Console) -> int:
         quiet=options.quiet,
         verbose=options.verbose,
     )
-    content, fitted, intervals = diagnosis.to_json(), diagnosis.robot, diagnosis.intervals()
-    discovery = None
+    content, discovery = diagnosis.to_json(), None
     if options.discover:
         with working(shown, "discovering") as progress:
             discovery = discover(robot, logs, progress, diagnosis.effects)
         print_discovery(shown, discovery)
         content["discovery"] = discovery.to_json()
-        if discovery.proposals:
-            fitted, intervals = discovery.robot, dict(discovery.intervals)
+        if options.save:
+            found = discovery if discovery.proposals else diagnosis
+            known = discovery.intervals if discovery.proposals else diagnosis.intervals()
+            _save(options.save, found.robot, known, logs)
     if options.save:
-        facts = {
-            "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
-            "command": command_line(),
-        }
-        path = save_robot(fitted, options.save, intervals, facts)
-        shown.print(f"wrote {path}")
+        shown.print(f"wrote {options.save}")
     if options.json:
         before, *after = (one.to_json() for one in simulated())
         content["open_loop"] = {"before": before, "after": after[0] if after else before}
@@ -128,6 +135,15 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.report:
         write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated())
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+
+
+def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -> None:
+    """Write a robot with the effects found, and what they come from."""
+    facts = {
+        "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
+        "command": command_line(),
+    }
+    save_robot(robot, path, intervals, facts)
 
 
 def _with_guesses(diagnosis: Diagnosis, robot: str) -> Diagnosis:
@@ -175,7 +191,7 @@ def print_diagnosis(
         verbose: print all of the detail.
     """
     answer: list[RenderableType] = [
-        Text(f"verdict: {diagnosis.verdict}", style="bold"),
+        Text(f"verdict: {diagnosis.verdict} ({MEANINGS[diagnosis.verdict]})", style="bold"),
         verdict_sentence(diagnosis),
     ]
     if to_do := what_to_do(diagnosis, saved):
@@ -205,8 +221,8 @@ def _outputs_table(diagnosis: Diagnosis) -> Table:
         numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
         table.add_row(o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside")
     table.caption = (
-        "rms torque that the model does not explain; attainable: what the best model of the motion "
-        "would leave"
+        f"rms {efforts(o.unit for o in diagnosis.outputs)} that the model does not explain; "
+        "attainable: what the best model of the motion would leave; sensors: their noise"
     )
     return table
 
@@ -258,6 +274,7 @@ def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
     table.caption = (
         "most probable first; error: held out, in noise floors; difference of its mean square from "
-        "that of what was found, ± standard error"
+        "that of what was found, ± standard error; effects that are not listed promised less in a "
+        "linear estimate"
     )
     return table

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     logs = logs_from(options, robot)
     with working(shown, "identifying"):
         fit = identify(robot, logs)
-    shown.print(_parameters(fit))
+    shown.print(table_of(fit))
     shown.print(_LEGEND)
     shown.print(_errors(fit))
     for warning in fit.warnings:
@@ -66,10 +66,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _parameters(fit: ClassicFit) -> Table:
+def table_of(fit: ClassicFit) -> Table:
+    """Return the parameters as a table that fits 60 columns: names break, numbers do not."""
     table = Table("parameter", "value", "90 % interval", "drawn", "unit", box=None)
     table.columns[1].justify = table.columns[3].justify = "right"
-    for column in table.columns:
+    # A long name or combination breaks, a number never.
+    table.columns[0].overflow = "fold"
+    for column in table.columns[1:]:
         column.no_wrap = True
     for p in fit.parameters:
         value, interval = with_interval(p.value, p.low, p.high)

@@ -33,6 +33,7 @@ from wbc.effects import load_robot
 from wbc.errors import DesignError, WbcError
 from wbc.files import write_text
 from wbc.robot import Robot
+from wbc.robot.coordinates import unit_at
 
 _RANDOM = 21  # random motions of which the median one is shown
 _SHARE = 0.01  # of the motor's torque limit: the noise of a torque sensor, where none is given
@@ -226,9 +227,8 @@ def _draw(
             name: torque_misfit(rivals, limits, found[key].path, pair, options.rate)
             for name, key in (("designed", "designed"), ("random", "random, median"))
         }
-    figure = experiment_figure(
-        robot.transmission.joints, time, (position, velocity), misfits, theme=theme
-    )
+    joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
+    figure = experiment_figure(joints, time, (position, velocity), misfits, theme=theme)
     return write_figure(Path(options.figures) / f"{robot.name}_experiment.png", figure)
 
 

@@ -34,9 +34,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     robot = load_robot(options.robot)
     ending = FORMATS[options.to]
     options.file = options.file or f"{robot.name}{ending}"
-    require_outputs(options)
     if Path(options.file).suffix.lower() != ending:
         raise WbcError(f"--file '{options.file}': {options.to} wants a name that ends in {ending}.")
+    require_outputs(options)
     exported = export_robot(robot, options.to)
     path = exported.write(options.file)
     shown = table_console(options, console)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, reals
 from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.program.stacking import place_rates, place_wanted
 from wbc.control.reference import Reference, Target
@@ -18,6 +18,7 @@ from wbc.robot import Robot
 
 _NONE: Mapping[str, float] = {}
 _REST = Reference()
+_FLOAT = np.dtype(np.float64)
 
 
 class _Entry(NamedTuple):
@@ -275,14 +276,18 @@ class TaskStack:
 
 
 def rates(asked: FloatArray, label: str, size: int, task: str) -> FloatArray:
-    """Return a reference's velocity or acceleration (size,) after checking its shape.
+    """Return a reference's velocity or acceleration (size,) as floats.
 
     Raises:
-        ControlError: another shape.
+        ControlError: another shape, or no real numbers.
     """
-    if (asked.shape if isinstance(asked, np.ndarray) else np.shape(asked)) != (size,):
+    if type(asked) is not np.ndarray or asked.dtype is not _FLOAT:
+        try:
+            asked = reals(asked)
+        except (TypeError, ValueError) as cause:
+            raise ControlError(f"the reference of task '{task}': {label}: {cause}.") from cause
+    if asked.shape != (size,):
         raise ControlError(
-            f"the reference of task '{task}': {label} has shape {np.shape(asked)}, "
-            f"expected ({size},)."
+            f"the reference of task '{task}': {label} has shape {asked.shape}, expected ({size},)."
         )
     return asked

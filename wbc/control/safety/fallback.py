@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from time import perf_counter
 
 import numpy as np
@@ -126,17 +127,19 @@ class Fallback:
         return np.array(position[self._robot.actuated_position])
 
     def _rotor_torque(self, motion: Motion | None, dt: float) -> FloatArray:
-        """Return the drive command (m,); the last good torque if all else fails."""
+        """Return the drive command (m,); the last good torque if the policy fails."""
         ratio = self._robot.transmission.gear_ratio
         with np.errstate(all="ignore"):
             try:
                 chosen = self._policy.rotor_torque(self._situation(motion, dt))
                 torque = self._motors.clipped(np.where(np.isfinite(chosen), chosen, 0.0))
-                rotor = torque / ratio
-                if motion is not None:
+            except Exception:  # a policy of the user's own may raise anything
+                torque = self._motors.clipped(self._torque)
+            rotor = torque / ratio
+            if motion is not None:
+                # An effect of the user's own may raise anything; then it is not compensated.
+                with suppress(Exception):
                     rotor = self._motors.to_drive(motion, torque)
-            except Exception:  # a policy or an effect of the user's own may raise anything
-                rotor = self._motors.clipped(self._torque) / ratio
         limit = self._robot.transmission.torque_limit
         return np.clip(np.where(np.isfinite(rotor), rotor, 0.0), -limit, limit)
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from math import inf
-from typing import Any, TypeGuard
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, IntArray, frozen, is_real, reals
 from wbc.compiled import Number, Places, Vector, compiled
 from wbc.control.command import Status
 from wbc.control.contacts import BoundContact
@@ -22,6 +21,7 @@ from wbc.robot import Motion, Robot
 Complaint = tuple[Status, str]
 
 _FLOAT = np.dtype(np.float64)  # numpy keeps one of it, and comparing types takes 0.2 us
+_LONG = 1.0  # [s] a tick of a second is one whose step was given in milliseconds
 _UNIT = 1e-3  # single precision leaves 1e-7, integrating for a while without normalising 1e-4
 
 
@@ -42,11 +42,13 @@ class StateCheck:
         except AttributeError:
             kind = type(state).__name__
             return Status.BAD_INPUT, f"a state has position and velocity; got {kind}."
-        floats = _of_floats(q) and _of_floats(v)
-        if floats and isinstance(state, Motion):
-            motion = state
+        if not (_of_floats(q) and _of_floats(v)):
+            try:
+                motion = _motion(reals(q), reals(v))
+            except (TypeError, ValueError) as cause:
+                return Status.BAD_INPUT, f"position and velocity of a state are numbers: {cause}."
         else:
-            motion = _motion(*((q, v) if floats else (_floats(q), _floats(v))))
+            motion = state if isinstance(state, Motion) else _motion(q, v)
         complaint = self.complaint(motion)
         return motion if complaint is None else complaint
 
@@ -110,7 +112,8 @@ def _unit_parts(model: pin.Model) -> list[tuple[int, int]]:
 
 
 def _of_floats(values: object) -> bool:
-    return isinstance(values, np.ndarray) and values.dtype is _FLOAT
+    """Whether values are a plain array of floats; one with a mask is not."""
+    return type(values) is np.ndarray and values.dtype is _FLOAT
 
 
 def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
@@ -118,14 +121,6 @@ def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
     made = object.__new__(Motion)
     made.__dict__.update(position=position, velocity=velocity)
     return made
-
-
-def _floats(values: object) -> FloatArray:
-    """Return an array of the values, empty where they are no numbers."""
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        return np.zeros(0)
 
 
 def name_complaint(
@@ -154,7 +149,7 @@ def name_complaint(
     for name, limit in active.items():
         if name not in contacts:
             return Status.BAD_INPUT, unknown_name("contact", str(name), contacts)
-        if not (type(limit) is float or _is_number(limit)) or not limit >= 0.0:
+        if not (type(limit) is float or is_real(limit)) or not limit >= 0.0:
             return Status.BAD_INPUT, (
                 f"the force limit of contact '{name}' must be a number >= 0 N, got {limit!r}."
             )
@@ -173,7 +168,7 @@ def share_complaint(
     for name, value in given.items():
         if name not in names:
             return Status.BAD_INPUT, unknown_name("task", str(name), names)
-        if not _is_number(value) or not 0.0 <= value <= greatest or value == inf:
+        if not is_real(value) or not 0.0 <= value <= greatest or value == inf:
             end = "" if greatest == inf else f" and <= {greatest:g}"
             return Status.BAD_INPUT, (
                 f"{kind} of task '{name}' must be a number >= 0{end}, got {value!r}."
@@ -191,6 +186,10 @@ def force_complaint(
         reference = references.get(task.name)
         if reference is None or reference.position is None:
             continue
+        try:
+            reals(reference.position)
+        except (TypeError, ValueError) as cause:
+            return Status.BAD_INPUT, f"the reference of task '{task.name}': {cause}."
         shape = (3,) if contacts[task.contact].rows <= 3 else (6,)
         if np.shape(reference.position) != shape:
             return Status.BAD_INPUT, (
@@ -204,9 +203,11 @@ def force_complaint(
 
 def step_complaint(dt: object) -> Complaint | None:
     """Return what is wrong with a time step [s], None if nothing is."""
-    if _is_number(dt) and 0.0 < dt < inf:
+    if is_real(dt) and 0.0 < dt < _LONG:
         return None
-    return Status.BAD_INPUT, f"dt must be a number > 0 s, got {dt!r}."
+    return Status.BAD_INPUT, (
+        f"dt must be a number > 0 s and < {_LONG:g} s, got {dt!r:.40}; 1 ms is 0.001."
+    )
 
 
 def size_complaint(references: Mapping[str, Reference]) -> Complaint:
@@ -220,11 +221,3 @@ def size_complaint(references: Mapping[str, Reference]) -> Complaint:
 def all_finite(*vectors: FloatArray) -> bool:
     """Whether the vectors (n,) are finite."""
     return all(bool(np.isfinite(vector).all()) for vector in vectors)
-
-
-def _is_number(value: Any) -> TypeGuard[float]:
-    """Whether a value is a real number; True and False are none."""
-    if type(value) is float:
-        return True
-    real = isinstance(value, (float, int, np.floating, np.integer))
-    return real and not isinstance(value, bool)

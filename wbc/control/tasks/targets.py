@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, reals
 from wbc.compiled import Matrix, Number, compiled
 from wbc.errors import ControlError
 
@@ -21,10 +21,10 @@ def vector_target(target: Any, size: int) -> FloatArray:
     Raises:
         ControlError: another shape, or no numbers.
     """
-    if isinstance(target, np.ndarray) and target.dtype is _FLOAT and target.shape == (size,):
+    if type(target) is np.ndarray and target.dtype is _FLOAT and target.shape == (size,):
         return target.copy()
     try:
-        values = np.array(target, dtype=np.float64)
+        values = reals(target)
     except (TypeError, ValueError) as cause:
         raise ControlError(f"position must be an array ({size},): {cause}") from cause
     if values.shape != (size,):
@@ -41,7 +41,7 @@ def number_target(target: Any) -> float:
     if type(target) is float:
         return target
     try:
-        values = np.asarray(target, dtype=np.float64)
+        values = reals(target)
     except (TypeError, ValueError) as cause:
         raise ControlError(f"position must be a number: {cause}") from cause
     if values.size != 1:
@@ -57,7 +57,7 @@ def rotation_target(target: Any) -> FloatArray:
             passes, so that it is named as such.
     """
     try:
-        matrix = np.array(target, dtype=np.float64)
+        matrix = reals(target)
     except (TypeError, ValueError) as cause:
         raise ControlError(f"position must be a rotation matrix (3, 3): {cause}") from cause
     if matrix.shape != (3, 3):

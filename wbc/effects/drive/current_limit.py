@@ -17,6 +17,8 @@ from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 class CurrentLimit(JointEffect):
     """The delivered torque is clipped although the log shows what was asked for.
 
+    A torque that a log holds as a current is not clipped: a limit lies before the measurement.
+
     Attributes:
         limit: largest torque delivered, at the motor output [N m].
     """
@@ -45,10 +47,16 @@ class CurrentLimit(JointEffect):
         the robot states, so that nothing was reported which a lower one could clip. What a clip
         explains there is what the law leaves out, such as how a target is held and how late it
         comes (on a Go2's targets ten limits of 0.7 to 2 N m, each "certain", of stated 24 and 45).
+
+        None where the drive reports a current either: that is what flowed, within any limit. What
+        a clip explains there is something else (the search for TIAGo's arm took four limits in the
+        place of losses in its gears and of rotors, and did not end in 150 CPU seconds).
         """
         column, row = robot.transmission.index(where), robot.velocity_index(where)
         stated = bool(np.isfinite(robot.transmission.torque_limit[column]))
         if stated and any(_follows_target(motion, column) for motion in evidence.motions):
+            return ()
+        if evidence.currents is not None and evidence.currents[column]:
             return ()
         ratio = float(robot.transmission.gear_ratio[column])
         reported = [torque[:, column] * ratio for torque in evidence.reported]

@@ -16,22 +16,22 @@ from wbc.robot import Motion, Parameter, Robot
 @final
 @dataclass(frozen=True)
 class DirectionalViscousFriction(JointEffect):
-    """A torque -forward * v at a joint for v > 0 and -backward * v for v < 0.
+    """A torque -positive_direction * v at a joint for v > 0 and -negative_direction * v for v < 0.
 
     With both equal it is viscous friction.
 
     Attributes:
-        forward, backward: [N m s/rad], at the joint.
+        positive_direction, negative_direction: [N m s/rad], at the joint.
     """
 
-    forward: float
-    backward: float
+    positive_direction: float
+    negative_direction: float
 
     claims: ClassVar[int] = 2  # friction, and that it differs by direction
     name: ClassVar[str] = "directional_viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("forward", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
-        Parameter("backward", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+        Parameter("positive_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+        Parameter("negative_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
     )
     explanation: ClassVar[str] = (
         "Lip seals, spindles and lubricant that is pumped one way drag more in one direction of "
@@ -50,5 +50,6 @@ class DirectionalViscousFriction(JointEffect):
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""
         v = self.joint_velocity(robot, motion)
-        drag = self.forward * np.maximum(v, 0.0) + self.backward * np.minimum(v, 0.0)
+        drag = self.positive_direction * np.maximum(v, 0.0)
+        drag += self.negative_direction * np.minimum(v, 0.0)
         return self.on_joint(robot, motion, -drag)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 _LOST = 1e3  # [rad, m] error from which a simulation has left the log
 
@@ -17,6 +18,12 @@ def plain(value: float, digits: int = 3) -> str:
     if -4 <= size < 6:
         return f"{value:.{max(0, digits - 1 - size)}f}".replace("-", "−")
     return f"{value:.{digits - 1}e}".replace("-", "−")
+
+
+def efforts(units: Iterable[str]) -> str:
+    """Return the word for what outputs with these units report: torque, force, or both."""
+    words = dict.fromkeys("force" if unit == "N" else "torque" for unit in units)
+    return " or ".join(sorted(words, reverse=True))
 
 
 def with_interval(value: float, low: float, high: float) -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -52,12 +52,12 @@ def data_frame(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def torque_figure(
-    outputs: Sequence[str], models: Sequence[tuple[str, Sequence[Series]]], log: int = 0
+    outputs: Mapping[str, str], models: Sequence[tuple[str, Sequence[Series]]], log: int = 0
 ) -> Figure:
     """Return measured and modelled torque over time, with the residual below, per driven joint.
 
     Args:
-        outputs: names of the driven joints.
+        outputs: names of the driven joints, with the units of what they report.
         models: label and series of each model, of the same logs.
         log: number of the log.
 
@@ -69,7 +69,7 @@ def torque_figure(
     count = len(outputs)
     figure = Figure(figsize=(8.0, 2.6 * count + 0.5), layout="constrained")
     axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.0, 1.0] * count)
-    for k, output in enumerate(outputs):
+    for k, (output, unit) in enumerate(outputs.items()):
         torque, rest = axes[2 * k], axes[2 * k + 1]
         first = models[0][1][log]
         torque.plot(first.time, first.measured[:, k], color="0.15", label="measured")
@@ -77,8 +77,8 @@ def torque_figure(
             one, colour = series[log], f"C{1 - number % 2}"
             torque.plot(one.time, one.modelled[:, k], color=colour, linewidth=1.0, label=label)
             rest.plot(one.time, one.residual[:, k], color=colour, linewidth=1.0)
-        torque.set_ylabel(f"{output} [N m]")
-        rest.set_ylabel("residual")
+        torque.set_ylabel(f"{output} [{unit}]")
+        rest.set_ylabel(f"residual [{unit}]")
         torque.legend(loc="upper right", ncols=3)
     axes[-1].set_xlabel("time [s]")
     axes[0].set_title(models[0][1][log].name.rsplit("/", 1)[-1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -94,12 +95,15 @@ class Fit:
         held = self.residual.copy()
         if self.failed or not self.parameters:
             return held
-        for fold in np.unique(folds):
-            inside = folds == fold
-            moved = self.residual[inside] + self.jacobian[inside] @ self.step(~inside)
-            rough = self.swings and np.sum(moved**2) >= 4.0 * np.sum(held[inside] ** 2)
+        parts = [np.flatnonzero(folds == fold) for fold in np.unique(folds)]
+        sums = [self._sums(rows) for rows in parts]
+        gram, moment = (sum(own[k] for own in sums) for k in (0, 1))
+        for rows, own in zip(parts, sums, strict=True):
+            step = self._solved(gram - own[0], moment - own[1])
+            moved = self.residual[rows] + self.jacobian[rows] @ step
+            rough = self.swings and np.sum(moved**2) >= 4.0 * np.sum(held[rows] ** 2)
             if not rough:
-                held[inside] = moved
+                held[rows] = moved
         return held
 
     def step(self, rows: BoolArray | IntArray) -> FloatArray:
@@ -108,18 +112,31 @@ class Fit:
         Directions about which those rows know next to nothing compared with all rows stay put;
         else a clipping limit that only one block reached would fly away on the others.
         """
-        p = len(self.parameters)
-        norm = np.sqrt(np.sum(self.jacobian**2, axis=0).T @ (1.0 / self.usual.noise))
-        norm = np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
+        return self._solved(*self._sums(rows))
+
+    def _sums(self, rows: BoolArray | IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the normal equations (p, p) and (p,) of a choice of rows."""
         weights = self.usual.weights
-        a = (self.jacobian[rows] * weights[:, None]).reshape(-1, p) / norm
-        gram = a.T @ a + _KNOWS_NOTHING * np.eye(p)
-        moment = a.T @ (self.residual[rows] * weights).ravel()
+        a = (self.jacobian[rows] * weights[:, None]).reshape(-1, len(self.parameters))
+        return a.T @ a, a.T @ (self.residual[rows] * weights).ravel()
+
+    def _solved(self, gram: FloatArray, moment: FloatArray) -> FloatArray:
+        """Return the step (p,) of normal equations, beside what is usual."""
+        norm = self._norm
+        gram = gram / np.outer(norm, norm) + _KNOWS_NOTHING * np.eye(norm.size)
+        moment = moment / norm
         if self.usual.residual.size:
             leaning = self.usual.jacobian / norm
             gram += leaning.T @ leaning
             moment += leaning.T @ self.usual.residual
         return np.asarray(np.linalg.solve(gram, -moment) / norm)
+
+    @cached_property
+    def _norm(self) -> FloatArray:
+        """(p,) size of each column over all rows, infinite for one that says nothing."""
+        squares = np.einsum("rop,rop->op", self.jacobian, self.jacobian)
+        norm = np.sqrt(squares.T @ (1.0 / self.usual.noise))
+        return np.where(norm > 1e-7 * norm.max(initial=0.0), norm, np.inf)
 
 
 def refine(

@@ -14,6 +14,7 @@ from wbc.measurement import (
     feedback_torques,
     joint_position,
     makes_torque,
+    reports_current,
     reports_torque,
     rotor_torques,
     without_position,
@@ -37,6 +38,7 @@ class Channels:
         feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
             None where no torque comes from a target.
         reported: (m,) whether the drive of a joint reports or is told a torque; 0 stands where not.
+        currents: (m,) whether the torque of a drive is the current that it reports.
         sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N].
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
@@ -54,6 +56,7 @@ class Channels:
     torque: FloatArray
     feedback: FloatArray | None
     reported: BoolArray
+    currents: BoolArray
     sensed: FloatArray
     forces: dict[str, FloatArray]
     active: dict[str, BoolArray]
@@ -102,6 +105,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         torque=on_grid(torque),
         feedback=None if feedback is None else on_grid(feedback),
         reported=reported,
+        currents=reports_current(log, robot.transmission) & reported,
         sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
         forces=forces,
         active=active,

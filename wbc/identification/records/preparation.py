@@ -15,6 +15,7 @@ from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity
 from wbc.identification.records.filters.smoothing import (
     gate,
     quantisation_level,
+    steady_level,
     white_level,
 )
 from wbc.identification.records.impacts import away_from_impacts
@@ -74,18 +75,14 @@ def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)
     velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
-    torque = channels.torque * np.abs(robot.transmission.gear_ratio)
     rate = channels.rate
-    level, sensed = white_level(torque, rate), white_level(channels.sensed, rate)
-    unknown = robot.sensed[~channels.reported[robot.sensed]]
-    level[unknown] = sensed[np.isin(robot.sensed, unknown)]
     return NoiseDensity(
         # NaN, where no position was measured, stays NaN.
         position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
         velocity=white_level(velocities, rate),
-        torque=level,
+        torque=white_level(_motor_torque(robot, channels), rate),
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},
-        sensed=sensed,
+        sensed=white_level(channels.sensed, rate),
     )
 
 
@@ -113,6 +110,7 @@ def _record(
 ) -> Record:
     rate, cutoff = channels.rate, band.kinematics
     motion = _smooth_motion(robot, channels, noise, band)
+    noise = _while_turning_one_way(robot, channels, noise, motion)
     torque = low_pass(channels.torque, cutoff, rate)
     every = max(1, int(rate / (_OVERSAMPLING * cutoff)))
     thin = slice(None, None, every)
@@ -135,6 +133,7 @@ def _record(
         motion=thinned,
         torque=frozen(torque[thin]),
         reported=frozen(channels.reported, np.bool_),
+        currents=frozen(channels.currents, np.bool_),
         sensed=frozen(low_pass(channels.sensed, cutoff, rate)[thin]),
         forces=forces,
         active={name: touches[thin] for name, touches in channels.active.items()},
@@ -188,6 +187,36 @@ def _smooth_motion(
         velocity = np.where(noise.measures_speed(band), measured, velocity)
     acceleration = derivative(velocity, rate)
     return Motion(position, _at_rest(robot, velocity, noise, band), acceleration)
+
+
+def _while_turning_one_way(
+    robot: Robot, channels: Channels, noise: NoiseDensity, motion: Motion
+) -> NoiseDensity:
+    """Return the noise with that of the torques read where no joint behind them turns round.
+
+    The band was chosen by what the torques hold at high frequencies, noise or jumps: there is no
+    reason to cut the torque of dry friction off where the sensor is quiet.
+    """
+    way = np.sign(motion.velocity[:, robot.actuated])
+    moved = np.abs(robot.transmission.topology) > 0.0
+    # A gear changes its direction with any joint that it moves: the sum over them does, too.
+    ways = way @ (moved * np.sqrt(np.arange(1.0, len(moved) + 1.0))[:, None])
+    torque, sensed = _motor_torque(robot, channels), channels.sensed
+    behind = ways[:, robot.sensed]
+    level = np.minimum(noise.torque, steady_level(torque, ways, channels.rate))
+    return replace(
+        noise,
+        torque=level,
+        sensed=np.minimum(noise.sensed, steady_level(sensed, behind, channels.rate)),
+    )
+
+
+def _motor_torque(robot: Robot, channels: Channels) -> FloatArray:
+    """Return (N, m) what motors report at their outputs, or what a sensor behind the gear does."""
+    torque = channels.torque * np.abs(robot.transmission.gear_ratio)
+    unknown = robot.sensed[~channels.reported[robot.sensed]]
+    torque[:, unknown] = channels.sensed[:, np.isin(robot.sensed, unknown)]
+    return np.asarray(torque)
 
 
 def _at_rest(

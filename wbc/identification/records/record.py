@@ -40,6 +40,7 @@ class Record:
         motion: smoothed q, v, a (N, ...).
         torque: (N, m) rotor torque that the drives reported [N m].
         reported: (m,) whether a drive reports its torque.
+        currents: (m,) whether that torque is the current that a drive reports.
         sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N], ground on robot.
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
@@ -62,6 +63,7 @@ class Record:
     motion: Motion
     torque: FloatArray
     reported: BoolArray
+    currents: BoolArray
     sensed: FloatArray
     forces: Mapping[str, FloatArray]
     active: Mapping[str, BoolArray]

@@ -155,8 +155,9 @@ def _run(robot: Robot, log: Log) -> ServoRun:
     joint, gain = gears.joints[0], float(gears.duty_gain[0])
     if not np.isfinite(gain):
         raise IdentificationError(
-            f"{log.source.label}: a rollout needs the duty_gain of the drive in this log; give the "
-            f"log's own robot file as LOG@ROBOT, with {state_gear(joint, 'duty_gain')}"
+            f"{log.source.label}: a rollout needs the duty_gain of the drive in this log. Where "
+            "logs have gains of their own, give each its robot file as LOG@ROBOT. To state one, "
+            + state_gear(joint, "duty_gain")
         )
     return ServoRun.from_log(log, joint, gain, _STEP)
 

@@ -81,7 +81,7 @@ class ServoModels:
         ]
         if lacking:
             raise IdentificationError(
-                f"'{robot.name}': a rollout needs the motor's {', '.join(lacking)}; state "
+                f"'{robot.name}': a rollout needs the motor's {', '.join(lacking)}; "
                 + state_gear(gears.joints[0], *lacking)
             )
         return cls(robot, _spans(robot), _axis(robot))

@@ -25,6 +25,8 @@ from wbc.identification.trend.trend import sessions_of
 from wbc.progress import Watch
 from wbc.results import Column, ResultTable, fill_table, read_results
 
+_READ = ("machine", "date", "logs", "verdict", "sentence", "causes", "failure")
+"""Columns that `FleetDiagnosis` holds; the diagnoses, 12 kB each, stay in the file."""
 _LEVELS = ("before", "after", "attainable", "sensors")
 
 
@@ -141,7 +143,7 @@ def diagnose_fleet(
     )
     work = partial(diagnosed_row, names)
     path = fill_table(table, work, sessions, workers=workers, cluster=cluster, watch=watch)
-    return FleetDiagnosis(_stored(read_results(path)), path)
+    return FleetDiagnosis(_stored(read_results(path, _READ)), path)
 
 
 def diagnosed_row(candidates: Sequence[str] | None, session: Session) -> dict[str, Any]:
@@ -192,11 +194,10 @@ def _columns(robot: str) -> dict[str, Column]:
 
 
 def _stored(columns: dict[str, Any]) -> tuple[MachineDiagnosis, ...]:
-    names = ("machine", "date", "logs", "verdict", "sentence", "causes", "failure")
     return tuple(
         MachineDiagnosis(machine, date, _lines(logs), verdict, sentence, _lines(causes), failure)
         for machine, date, logs, verdict, sentence, causes, failure in zip(
-            *(columns[name] for name in names), strict=True
+            *(columns[name] for name in _READ), strict=True
         )
     )
 

@@ -31,6 +31,7 @@ from wbc.identification.trend.stored import (
 )
 from wbc.progress import Watch
 from wbc.results import ResultTable, fill_table, read_results
+from wbc.robot.effect import spoken
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class Drift:
     def name(self) -> str:
         """The quantity in words."""
         effect, where, parameter = self.quantity
-        spoken = f"{parameter} of {effect}" if effect else parameter
-        return f"{spoken.replace('_', ' ')} at {where}"
+        what = f"{parameter} of {effect}" if effect else parameter
+        return f"{spoken(what)} at {where}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,8 @@ class LogFinding:
         way_out: what to do.
         mend: what a column map says so that the log is right; empty where no map can.
         probability: that it is so.
+        guess: what a map would say of the likeliest of several causes that the logs cannot tell
+            apart. `wbc init` writes it, marked as a guess; nothing else applies it.
     """
 
     severity: str
@@ -30,6 +32,12 @@ class LogFinding:
     way_out: str
     mend: Mend = field(default_factory=dict)
     probability: float = 1.0
+    guess: Mend = field(default_factory=dict)
+
+    @property
+    def likeliest(self) -> Mend:
+        """What a map says if the likeliest cause is the true one."""
+        return self.mend or self.guess
 
     def __str__(self) -> str:
         """Return one line for people."""

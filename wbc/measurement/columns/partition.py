@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import chain
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from wbc.measurement.formats.table import Chunk, Table
 from wbc.measurement.gaps import GAP_STEPS
 from wbc.measurement.log import Log
 from wbc.measurement.source import LogSource
+
+_SHOWN = 8  # combinations of values that a message lists
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,22 @@ def find_parts(table: Table, rules: ColumnMap, pattern: str) -> Parts:
     wanted = {p: n for p, n in counts.items() if not pattern or fnmatchcase(p, pattern)}
     if not wanted:
         where = ", ".join(f"{column} = {value}" for column, value in rules.rows.where.items())
+        there = f"There are: {', '.join(counts)}." if counts else _present(table, rules)
         raise LogError(
-            f"{table.path}: no log '{pattern or '*'}'{' where ' + where if where else ''}. "
-            f"There are: {', '.join(counts) or '(none)'}."
+            f"{table.path}: no log '{pattern or '*'}'{' where ' + where if where else ''}. {there}"
         )
     return Parts(wanted, starts)
+
+
+def _present(table: Table, rules: ColumnMap) -> str:
+    """Return which values the columns hold of which a map wants others, for a file with no row."""
+    columns = list(rules.rows.where)
+    chunks = table.chunks([], rules.rows.keys)
+    rows = (zip(*(chunk[c].tolist() for c in columns), strict=True) for chunk in chunks)
+    found = list(dict.fromkeys(chain.from_iterable(rows)))
+    shown = [", ".join(f"{c} = {v}" for c, v in zip(columns, row, strict=True)) for row in found]
+    more = [f"and {len(shown) - _SHOWN} more"] if len(shown) > _SHOWN else []
+    return f"The file holds: {'; '.join([*shown[:_SHOWN], *more]) or 'no rows'}."
 
 
 def _splitting(table: Table, pattern: str) -> str:

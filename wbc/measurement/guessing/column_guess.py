@@ -119,7 +119,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         doubts = [
             finding
             for finding in find_suspicions(logs, robot)[0]
-            if finding.mend and finding.probability >= LIKELY and not _denied(finding, table)
+            if finding.likeliest and finding.probability >= LIKELY and not _denied(finding, table)
         ]
         # What contradicts itself within a log comes before what the torques say.
         doubts = [f for f in doubts if f.kind in _OF_MOTION] or doubts
@@ -133,7 +133,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
             reasons.append("the order of the joints was changed: so the torques follow the motion")
         elif doubts:
             for finding in doubts:
-                table = merged(table, finding.mend)
+                table = merged(table, finding.likeliest)
                 reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
         else:
             break
@@ -143,7 +143,9 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
 
 def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
     """Whether the names say what a finding doubts: angles in rad."""
-    entries = [table.get("columns", {}).get(name, {}) for name in finding.mend.get("columns", {})]
+    entries = [
+        table.get("columns", {}).get(name, {}) for name in finding.likeliest.get("columns", {})
+    ]
     return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,12 @@ from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.apply import mended
 from wbc.measurement.columns.mend import Mend, say_so, together
 from wbc.measurement.log import Log
-from wbc.measurement.suspicions.motion import MotionMistake, motion_mistakes, slow_clock
+from wbc.measurement.suspicions.motion import (
+    MotionMistake,
+    motion_mistakes,
+    slow_clock,
+    together_likely,
+)
 from wbc.measurement.suspicions.readings import listed
 from wbc.measurement.suspicions.torques import CERTAIN, LIKELY, Mistake, torque_mistakes
 from wbc.robot import Robot
@@ -45,7 +51,7 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
         the column map says that the columns are trusted, and of `warning` where it is likely.
     """
     ratios = single_ratios(robot) if robot is not None else {}
-    found: list[list[LogFinding]] = [_of_motion(log, ratios) for log in logs]
+    found = _shared([_of_motion(log, ratios) for log in logs])
     if robot is not None:
         clean = [
             mended(log, together(f.mend for f in own if _certain(f)))
@@ -137,15 +143,7 @@ def _certain(finding: LogFinding) -> bool:
 def _trusted(finding: LogFinding, log: Log) -> LogFinding:
     if not log.source.trusted or finding.severity != "error":
         return finding
-    return LogFinding(
-        "warning",
-        finding.kind,
-        finding.column,
-        finding.text,
-        finding.way_out,
-        finding.mend,
-        finding.probability,
-    )
+    return replace(finding, severity="warning")
 
 
 def _severity(probability: float) -> str:
@@ -164,12 +162,13 @@ def _of_motion(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
         groups.setdefault(mistake.ratio.text, []).append(mistake)
     found = [_of_group(group) for group in groups.values()]
     clocks = [f for f in found if f.kind == "time_unit"]
-    if not clocks and (probability := slow_clock(log)) >= LIKELY:
+    probability, unit = slow_clock(log)
+    if not clocks and probability >= LIKELY:
         text = (
             f"the time stamps are {log.sample_time:g} s apart, too far for the motion of a robot: "
-            "the time is in ms?"
+            f"the time is in {unit}?"
         )
-        mend: Mend = {"time": {"unit": "ms"}}
+        mend: Mend = {"time": {"unit": unit}}
         way = "If so, " + say_so(mend)
         severity = _severity(probability)
         found.append(LogFinding(severity, "time_unit", "time", text, way, mend, probability))
@@ -185,7 +184,7 @@ def _of_group(group: Sequence[MotionMistake]) -> LogFinding:
         f"position: {first.ratio.text}?"
     )
     mend = together(one.mend for one in group)
-    probability = min(one.probability for one in group)
+    probability = together_likely([one.probability for one in group])
     column = next(iter(mend.get("columns", {"time": None})))
     return LogFinding(
         _severity(probability),
@@ -198,14 +197,31 @@ def _of_group(group: Sequence[MotionMistake]) -> LogFinding:
     )
 
 
+def _shared(found: Sequence[Sequence[LogFinding]]) -> list[list[LogFinding]]:
+    """Return the findings, those that several logs show with the probability of all together."""
+    shown: dict[str, list[float]] = {}
+    for finding in (f for own in found for f in own):
+        shown.setdefault(repr(finding.mend), []).append(finding.probability)
+    likely = {mend: together_likely(each) for mend, each in shown.items()}
+    return [
+        [
+            replace(f, severity=_severity(p), probability=p)
+            for f, p in ((f, likely[repr(f.mend)]) for f in own)
+        ]
+        for own in found
+    ]
+
+
 def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
     way = "If so, " + say_so(mistake.mend)
     if mistake.kind == "gear_ratio":
         seen = f"{mistake.text}?"
         way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
     else:
-        if any(mistake.others) or mistake.probability < LIKELY:
-            way = f"{_MORE} If you know that {mistake.text}, " + say_so(mistake.mend)
+        if mistake.others or mistake.probability < LIKELY:
+            rivals = ((mistake.text, mistake.mend), *mistake.others)
+            known = [f"If you know that {text}, {say_so(mend)}" for text, mend in rivals if mend]
+            way = "\n".join((_MORE, *known))
         if len(mistake.logs) < len(logs):
             way = "Read these logs with a map of their own. " + way
         seen = f"{_suspected(mistake)} {_seen(mistake)} {mistake.advice}".rstrip()
@@ -215,15 +231,16 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
         mistake.columns[0] if mistake.columns else "",
         seen,
         way,
-        mistake.mend,
+        {} if mistake.others else mistake.mend,
         mistake.probability,
+        mistake.mend,
     )
 
 
 def _suspected(mistake: Mistake) -> str:
     """Return what may be wrong, and whether the logs can tell it."""
     logs = "one log" if len(mistake.logs) == 1 else "these logs"
-    rivals = ", or ".join([mistake.text, *(text for text in mistake.others if text)])
+    rivals = ", or ".join([mistake.text, *(text for text, _ in mistake.others)])
     if mistake.probability < LIKELY:
         return f"{logs} cannot tell whether the columns are right: perhaps {rivals}."
     cannot = f" {logs[0].upper()}{logs[1:]} cannot tell which." if mistake.others else ""
@@ -234,7 +251,7 @@ def _seen(mistake: Mistake) -> str:
     if mistake.scale != 1.0:
         return f"The reported torque is {mistake.scale:.3g} times what the motion needs."
     then, now = 100.0 * mistake.then, 100.0 * mistake.explained
-    so = "If the first is true" if any(mistake.others) else "So read"
+    so = "If the first is true" if mistake.others else "So read"
     return (
         f"{so}, the robot explains {then:.0f} % of the power of the reported torque, and "
         f"{now:.0f} % as it stands."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import log, pi
 
@@ -14,12 +14,21 @@ from wbc.measurement.columns.mend import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.motion.velocity_fit import fit_velocity
 
-_RATIO_SPREAD = 0.02  # of ln of velocity over d position / d time: filters, delays, calibration
+# Of ln of velocity over d position / d time: (share, standard deviation). Of 136 channels of six
+# recorded machines and the practice leg 82 % are within 0.003 of one; filters and delays make more.
+_RATIO_SPREADS = ((0.8, 0.002), (0.2, 0.03))
 _ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have another cause
 _MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
 _CHECKED_ROWS = 200_000
-_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2  # sample times: a judgement, 0.5 to 50 ms
+# What is usual, as logarithms with standard deviations. Judgements: sample times of 0.5 to 50 ms,
+# logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Seven recorded
+# machines have 0.2 to 10 ms, 5 to 60 s and 0.15 to 11 rad/s.
+_USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2
+_USUAL_LENGTH, _LENGTH_SPREAD = log(30.0), 2.0
+_USUAL_SPEED, _SPEED_SPREAD = log(3.0), 1.5
+_SPEED_ROWS = 200
+_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps, in seconds
 
 
 @dataclass(frozen=True)
@@ -125,12 +134,47 @@ def motion_mistakes(log: Log, ratios: Mapping[str, float]) -> list[MotionMistake
     return found
 
 
-def slow_clock(log: Log) -> float:
-    """Return the probability that the time stamps are milliseconds, from their distance alone."""
-    step = log.sample_time
-    stands = -0.5 * ((np.log(step) - _USUAL_STEP) / _STEP_SPREAD) ** 2
-    other = _MISTAKE - 0.5 * ((np.log(1e-3 * step) - _USUAL_STEP) / _STEP_SPREAD) ** 2
-    return float(np.exp(other - np.logaddexp(stands, other)))
+def together_likely(probabilities: Sequence[float]) -> float:
+    """Return the probability of one mistake that several joints show, each with its own.
+
+    It was made once, so its prior counts once; what the joints show adds up.
+    """
+    shown = np.array([min(p, 1.0 - 1e-15) for p in probabilities])
+    odds = np.sum(np.log(shown / (1.0 - shown)) - _MISTAKE) + _MISTAKE
+    return float(1.0 / (1.0 + np.exp(-odds)))
+
+
+def slow_clock(log: Log) -> tuple[float, str]:
+    """Return the probability that the time stamps are no seconds, and the unit that they have.
+
+    From their distance, the length of the log and the speed of its fastest joint. Each alone leaves
+    it open: a controller may run at 5 kHz, a log may be long, and a joint may creep.
+    """
+    odds = np.array([_usual(log, unit) for unit in (1.0, *_CLOCKS.values())])
+    odds[1:] += _MISTAKE
+    likely = int(odds[1:].argmax())
+    wrong = np.logaddexp.reduce(odds[1:])
+    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), tuple(_CLOCKS)[likely]
+
+
+def _usual(log: Log, unit: float) -> float:
+    """Return how usual a log's clock, length and speed are, if its time is in a unit [s]."""
+    step = (np.log(unit * log.sample_time) - _USUAL_STEP) / _STEP_SPREAD
+    length = (np.log(unit * log.duration) - _USUAL_LENGTH) / _LENGTH_SPREAD
+    speed = _fastest(log)
+    fast = (np.log(speed / unit) - _USUAL_SPEED) / _SPEED_SPREAD if speed > 0.0 else 0.0
+    return float(-0.5 * (step**2 + length**2 + fast**2))
+
+
+def _fastest(log: Log) -> float:
+    """Return the highest speed of any joint between rows far apart: no noise, no resolution."""
+    places = np.unique(np.linspace(0, len(log) - 1, _SPEED_ROWS).astype(int))
+    steps = np.diff(log.time[places])
+    moved = [
+        np.abs(np.diff(log.column(f"{joint}.position")[places])) / steps
+        for joint in log.with_quantity("position")
+    ]
+    return float(np.max(moved)) if moved and steps.size else 0.0
 
 
 def velocity_scale(log: Log, joint: str) -> float | None:
@@ -150,8 +194,9 @@ def _log_odds(scale: float, factor: float) -> float:
     """Return the log density of a ratio if a factor is what makes it, times its prior."""
     if scale * factor <= 0.0:
         return -np.inf
-    away = np.log(scale / factor) / _RATIO_SPREAD
-    return float(_MISTAKE - 0.5 * away**2 - np.log(_RATIO_SPREAD))
+    away = np.log(scale / factor)
+    parts = [np.log(share / s) - 0.5 * (away / s) ** 2 for share, s in _RATIO_SPREADS]
+    return float(_MISTAKE + logsumexp(parts))
 
 
 def _odd(scale: float) -> float:

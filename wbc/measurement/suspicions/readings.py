@@ -15,6 +15,7 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.columns.mend import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.rows import Rows
+from wbc.robot.coordinates import slides
 
 # How often a set of logs has a mistake of a kind: a judgement, nobody counted. A factor 3 moves a
 # decision by one nat; clear cases have ten or more.
@@ -23,6 +24,7 @@ _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
 
 _TORQUE_UNITS = {"N mm": ("mN m", 1e-3), "N cm": ("N cm", 1e-2)}
+_FORCE_UNITS = {"mN": ("mN", 1e-3)}  # of joints that slide
 _CURRENT_UNITS = {"mA": ("mA", 1e-3)}
 _MOVING = ("position", "velocity", "acceleration", "target_position", "target_velocity")
 
@@ -121,11 +123,15 @@ def _signs(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
 
 def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
     """Yield torques and angles in other units."""
-    names = _torque_columns(rows)
+    names, driven = _torque_columns(rows), rows.robot.transmission.joints
     for k in _all_or_one(len(names)):
         chosen = [names[i] for i in k]
         currents = all(name.endswith(".current") for name in chosen)
-        for said, (unit, factor) in (_CURRENT_UNITS if currents else _TORQUE_UNITS).items():
+        sliding = [slides(rows.robot, driven[i]) for i in k]
+        units = _CURRENT_UNITS if currents else _FORCE_UNITS if all(sliding) else _TORQUE_UNITS
+        if any(sliding) and not all(sliding) and not currents:
+            continue  # a torque and a force have no unit in common
+        for said, (unit, factor) in units.items():
             yield replace(
                 as_is,
                 kind="torque_unit",
@@ -134,13 +140,8 @@ def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
                 torque_factor=_put(as_is.torque_factor, k, factor),
                 **_with({name: {"unit": unit} for name in chosen}),
             )
-    model = rows.robot.model
     single = rows.robot.single_joints
-    turning = [
-        i
-        for i, joint in enumerate(single)
-        if not model.joints[model.getJointId(joint)].shortname().startswith("JointModelP")
-    ]
+    turning = [i for i, joint in enumerate(single) if not slides(rows.robot, joint)]
     if turning:
         mend = {
             name: {"unit": "deg" + ("", "/s", "/s^2")[_order_of(name)]}

@@ -21,6 +21,7 @@ _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cu
 _HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
 _MOVES = 5.0  # times the noise of an encoder: white noise itself has one
 _ORDER = 4  # of each pass: what is above the cut-off must not count as motion
+_MOST_RATIO = 300.0  # of gears in robots: a judgement
 _BASE = 6  # coordinates of a free flyer, the first ones
 _EDGE = 0.05  # share of the log at either end, where the filter has not settled
 
@@ -134,7 +135,7 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
     thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
     quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
-    return Rows(
+    rows = Rows(
         label=log.source.label,
         robot=replace(robot, effects=()),
         position=q[thin],
@@ -146,6 +147,25 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
         quantities=quantities,
         samples=np.array([_samples(column) for column in torque[inside].T]),
     )
+    return _behind_unknown_gears(rows)
+
+
+def _behind_unknown_gears(rows: Rows) -> Rows:
+    """Return rows whose torque is scaled to the need where nobody has described the gear.
+
+    A gear ratio of one and no rotor inertia is what `wbc init` writes where it knows neither.
+    Torque on such a rotor is smaller than the need by a factor that nobody has stated; without
+    that, positions in degrees, which need less, explain it better.
+    """
+    gears, single = rows.robot.transmission, len(rows.robot.single_joints)
+    unknown = (np.abs(gears.gear_ratio) == 1.0) & (gears.reflected_inertia == 0.0)
+    unknown &= np.array([quantity != "motor_torque" for quantity in rows.quantities])
+    if not unknown.any():
+        return rows
+    size = np.std(rows.need(np.arange(single), np.ones(single)).links, axis=0)
+    factor = np.clip(size / np.maximum(np.std(rows.torque, axis=0), 1e-300), 1.0, _MOST_RATIO)
+    factor[~unknown] = 1.0
+    return replace(rows, torque=rows.torque * factor, conversion=rows.conversion * factor)
 
 
 def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> FloatArray:

@@ -48,7 +48,8 @@ class Mistake:
         probability: that the logs have this mistake, or one that cannot be told from it.
         explained: share of the reported torque's power that the robot explains as it stands ...
         then: ... and read so, over the joints that it concerns.
-        others: what it cannot be told from.
+        others: what it cannot be told from, with what a column map says about each. Where there
+            is any, the logs say that something is wrong and not what: nothing is mended then.
         logs: numbers of the logs that have it.
         advice: what else may be done about it.
         scale: reported torque over what the motion needs, as it stands; 1 where only signs or
@@ -62,7 +63,7 @@ class Mistake:
     probability: float
     explained: float
     then: float
-    others: tuple[str, ...]
+    others: tuple[tuple[str, Mend], ...]
     logs: tuple[int, ...]
     advice: str = ""
     scale: float = 1.0
@@ -80,8 +81,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
     found: list[Mistake] = []
     current = list(logs)
     while len(found) < _MOST:
-        tables = {k: _judged(robot, log) for k, log in enumerate(current)}
-        judged = {k: table for k, table in tables.items() if table is not None}
+        judged = _tables(robot, current)
         mistakes = _of_all(robot, judged)
         shared = mistakes and mistakes[0].probability >= LIKELY
         if not shared or _better_alone(judged, mistakes[0]):
@@ -89,7 +89,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
         if not mistakes:
             return found
         found += mistakes
-        certain = [m for m in mistakes if m.probability >= CERTAIN and m.mend]
+        certain = [m for m in mistakes if m.probability >= CERTAIN and m.mend and not m.others]
         if not certain:
             return found
         for mistake in certain:
@@ -108,20 +108,23 @@ class _Judged:
 _Table = dict[str, _Judged]
 
 
-def _judged(robot: Robot, log: Log) -> _Table | None:
-    """Return every reading of a log by its text; None without rows."""
-    rows = rows_of(robot, log)
-    if rows is None:
-        return None
-    bench = Bench(rows)
-    first = as_it_stands(rows)
+def _tables(robot: Robot, logs: Sequence[Log]) -> dict[int, _Table]:
+    """Return every reading of each log that can be held against the robot, by its text."""
+    each = {k: rows_of(robot, log) for k, log in enumerate(logs)}
+    known = {k: rows for k, rows in each.items() if rows is not None}
+    benches = {k: Bench(rows) for k, rows in known.items()}
     least = _LOST_OF_FEW if robot.transmission.size <= _PAIRS else _LOST
-    lost = np.array([one.left > least for one in bench.reports(first)])
-    table: _Table = {}
-    for reading in readings(rows, log, lost):
-        reports = bench.reports(reading)
-        table[reading.text] = _Judged(reading, reports, bench.unrelated(reading))
-    return table
+    # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
+    lost = np.zeros(robot.transmission.size, dtype=bool)
+    for k, bench in benches.items():
+        lost |= [one.left > least for one in bench.reports(as_it_stands(known[k]))]
+    return {
+        k: {
+            reading.text: _Judged(reading, bench.reports(reading), bench.unrelated(reading))
+            for reading in readings(known[k], logs[k], lost)
+        }
+        for k, bench in benches.items()
+    }
 
 
 def _of_all(robot: Robot, judged: Mapping[int, _Table]) -> list[Mistake]:
@@ -200,7 +203,8 @@ def _likely(
     best = ranked[0]
     table = next(iter(judged.values()))
     reading = table[texts[best]].reading
-    others = tuple(texts[i] for i in ranked[1:4] if score[best] - score[i] < _TIED)
+    tied = [texts[i] for i in ranked[1:4] if score[best] - score[i] < _TIED]
+    others = tuple((text, table[text].reading.mend) for text in tied)
     before, after = _explained(texts[best], judged)
     return [
         Mistake(

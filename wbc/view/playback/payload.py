@@ -73,7 +73,7 @@ def playback_payload(
         "reach": size.reach,
         "arrow_head": size.arrow_head,
         "metres_per_newton": _arrow_scale(track, size),
-        "camera": _camera(robot, track, size, shapes),
+        "camera": _camera(robot, track, size, shapes, ghost),
         "floating": robot.floating_size > 0,
         "follow": _leaves(robot, track, size),
         "residual_span": _residual_span(ghost),
@@ -170,13 +170,17 @@ def _leaves(robot: Robot, track: Track, size: SceneSize) -> bool:
 
 
 def _camera(
-    robot: Robot, track: Track, size: SceneSize, shapes: Sequence[LinkShape]
+    robot: Robot,
+    track: Track,
+    size: SceneSize,
+    shapes: Sequence[LinkShape],
+    ghost: GhostTrack | None,
 ) -> dict[str, Any]:
     """Return the points that the camera frames and its direction.
 
-    The points are the corners of all bodies along the motion. The camera follows a robot that
-    leaves the picture over the ground: its points are moved back to where it starts. A robot that
-    lives in the x-z plane is seen nearly along y.
+    The points are the corners of all bodies along the motion, and of the ghost's. The camera
+    follows a robot that leaves the picture over the ground: its points are moved back to where it
+    starts. A robot that lives in the x-z plane is seen nearly along y.
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
     leaves = _leaves(robot, track, size)
@@ -184,7 +188,9 @@ def _camera(
     for frame in np.linspace(0, len(track.time) - 1, _FRAMED).astype(int):
         center = track.center_of_mass
         moved = np.append((center[frame] - center[0])[:2] if leaves else (0.0, 0.0), 0.0)
-        seen = [*_corners(track, shapes, int(frame)), *(c.position[frame] for c in track.contacts)]
+        seen = [*_corners(track.poses[frame], shapes), *(c.position[frame] for c in track.contacts)]
+        if ghost is not None and not leaves:
+            seen += _corners(ghost.poses[frame], shapes)
         seen = seen or [*track.poses[frame, :, :3].astype(np.float64)]  # links without bodies
         points += [point - moved for point in seen]
     direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
@@ -194,11 +200,11 @@ def _camera(
     }
 
 
-def _corners(track: Track, shapes: Sequence[LinkShape], frame: int) -> list[FloatArray]:
-    """Return the corners of the boxes of all bodies at a frame, world."""
+def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> list[FloatArray]:
+    """Return the corners of the boxes of all bodies at the poses of the joints, world."""
     corners = []
     for shape in shapes:
-        place = pin.XYZQUATToSE3(track.poses[frame, shape.joint].astype(np.float64))
+        place = pin.XYZQUATToSE3(poses[shape.joint].astype(np.float64))
         box = np.array([shape.low, shape.high])
         corners += [place.act(box[pick, [0, 1, 2]]) for pick in product((0, 1), repeat=3)]
     return corners

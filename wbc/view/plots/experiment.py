@@ -13,7 +13,7 @@ from wbc.view.plots.style import DASHES, drawing, legend_above, new_figure
 
 
 def experiment_figure(
-    joints: Sequence[str],
+    joints: Mapping[str, str],
     time: FloatArray,
     motion: tuple[FloatArray, FloatArray],
     misfits: Mapping[str, FloatArray],
@@ -23,7 +23,7 @@ def experiment_figure(
     """Return the motion on the left; on the right what the wrong cause leaves of the torque.
 
     Args:
-        joints: names of the m driven joints.
+        joints: names of the m driven joints, with the units of their positions.
         time: (N,) [s].
         motion: positions and velocities (N, m) [rad, m; rad/s, m/s].
         misfits: name of a motion -> (N, m) in units of the noise of one row, at most two; the
@@ -34,13 +34,15 @@ def experiment_figure(
         sides = 2 if misfits else 1  # with one cause alone nothing is told apart
         figure, grid = new_figure(2, sides, 9.6, 4.8, share_x=True)
         for row, (values, label) in enumerate(
-            zip(motion, ("position [rad, m]", "velocity [rad/s, m/s]"), strict=True)
+            zip(motion, (("position", ""), ("velocity", "/s")), strict=True)
         ):
-            _lines(grid[row][0], joints, time, values)
-            grid[row][0].set_title(label)
+            name, per = label
+            units = ", ".join(f"{unit}{per}" for unit in dict.fromkeys(joints.values()))
+            _lines(grid[row][0], list(joints), time, values)
+            grid[row][0].set_title(f"{name} [{units}]")
         for row, (name, values) in enumerate(list(misfits.items())[:2]):
             axes = grid[row][1]
-            _lines(axes, joints, time, values)
+            _lines(axes, list(joints), time, values)
             axes.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)  # the noise
             axes.set_title(f"{name}: torque that the wrong cause leaves [noise rms]")
         top = max((abs(values).max() for values in misfits.values()), default=1.0)

@@ -57,7 +57,7 @@ def residual_figure(residuals: LogResiduals, fitted_label: str, theme: Theme = L
         entries = [
             Line2D([], [], color=theme.series[1], marker="o", linestyle="", label="as given"),
             Line2D([], [], color=theme.series[0], marker="o", linestyle="", label=fitted_label),
-            Line2D([], [], color=theme.ink, label="what the effects explain"),
+            Line2D([], [], color=theme.series[2], label="what the effects explain"),
             Patch(color=theme.ink, alpha=0.13, label="two noise floors"),
         ]
         figure.legend(handles=entries, loc="outside upper center", ncols=4)
@@ -172,4 +172,4 @@ def _over(
     ax.scatter(x[few], before[few], color=theme.series[1], alpha=0.45, **dots)
     ax.scatter(x[few], after[few], color=theme.series[0], alpha=0.45, **dots)
     for curve in explained_curves(x, before - after, speed):
-        ax.plot(*curve, color=theme.ink, linewidth=1.6)
+        ax.plot(*curve, color=theme.series[2], linewidth=1.6)

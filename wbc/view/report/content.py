@@ -8,20 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from wbc.identification import Comparison, Diagnosis, Finding, OpenLoop, Ranked
-from wbc.identification.answer.diagnosis.sentence import spoken, verdict_sentence, what_to_do
+from wbc.identification.answer.diagnosis.sentence import (
+    MEANINGS,
+    verdict_sentence,
+    what_to_do,
+)
 from wbc.identification.answer.numbers import plain, sure, told, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.measurement import LogQuality, LogSource
+from wbc.robot.effect import spoken
 
-_MEANINGS = {
-    "named": "these logs tell which effects the model lacks",
-    "ambiguous": "several effects explain these logs equally well",
-    "partial": "some missing effects are certain, and more is missing",
-    "unknown": "something is missing, and no known effect explains it",
-    "none": "the model explains these logs as far as their noise allows",
-    "not_repeatable": "repeated runs disagree, so nothing can be named",
-    "compared": "the model beside the logs, nothing was fitted",
-}
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
 
@@ -32,13 +28,15 @@ def headline(
     """Return the verdict with its meaning, the first sentence, the others, what to do now."""
     if diagnosis is None:
         verdict, text, to_do = "compared", comparison.sentence, ""
+        meaning = "the model beside the logs, nothing was fitted"
     else:
+        meaning = MEANINGS[diagnosis.verdict]
         verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
         to_do = what_to_do(diagnosis, saved)
     first, stop, rest = text.partition(". ")
     return {
         "verdict": verdict,
-        "meaning": _MEANINGS[verdict],
+        "meaning": meaning,
         "sentence": first + ("." if stop else ""),
         "more": rest,
         "to_do": to_do,

@@ -6,6 +6,7 @@ from typing import Any
 
 from wbc.identification.answer.numbers import plain, with_interval
 from wbc.identification.formulas import Discovery
+from wbc.robot.effect import spoken
 
 
 def formula_part(discovery: Discovery | None) -> dict[str, Any] | None:
@@ -17,7 +18,7 @@ def formula_part(discovery: Discovery | None) -> dict[str, Any] | None:
         "summary": discovery.summary,
         "error": f"{plain(error.before)} to {plain(error.after)} noise floors",
         "remainder": discovery.remainder if discovery.proposals else "",
-        "dropped": [f"{name.replace('_', ' ')} at {where}" for name, where in discovery.dropped],
+        "dropped": [f"{spoken(name)} at {where}" for name, where in discovery.dropped],
         "proposals": [
             {
                 "formula": proposal.formula,

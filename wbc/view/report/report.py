@@ -14,6 +14,7 @@ from plotly.offline import get_plotlyjs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop
 from wbc.identification.answer.comparison.compare import compare_problem
+from wbc.identification.answer.numbers import efforts
 from wbc.identification.answer.series import series_of
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -104,6 +105,7 @@ def report_page(
         "quality": quality_rows(check_logs(logs, robot)),
         "floor_source": comparison.floor.source,
         "notes": list(robot.notes),
+        "efforts": efforts(o.unit for o in comparison.outputs),
         "left": left_rows(comparison, diagnosis),
         "open_loop": open_loop_part(simulated),
         "diagnosed": diagnosis is not None,

@@ -136,8 +136,8 @@ class Comparison:
         Raises:
             MissingPackageError: matplotlib is not installed.
         """
-        joints = self.robot.transmission.joints
-        return torque_figure(joints, [("model", self.series)], log)
+        units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
+        return torque_figure(units, [("model", self.series)], log)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""

@@ -53,6 +53,11 @@ _SILENT = (
     "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
     "judged, or its torque constant, unit or column is wrong."
 )
+_SEVERAL_SILENT = (
+    "{}: the torques that their drives report are small, close to their noise, and do not follow "
+    "what the motion needs; these joints are set aside. Either they carried too little in these "
+    "logs to be judged, or a torque constant, unit or column is wrong at each."
+)
 
 
 def diagnose(
@@ -86,7 +91,7 @@ def diagnose(
     nothing_moves = len(still) == robot.transmission.size
     warnings += [
         *problem.warnings,
-        *map(_SILENT.format, problem.silent),
+        *about_silent(problem.silent),
         *map(_STILL.format, still),
     ]
     # A robot at rest shows one torque per joint, which anything explains.
@@ -129,6 +134,12 @@ def diagnose(
         after=series_of(fit.robot, problem.records),
         sources=tuple(log.source for log in logs),
     )
+
+
+def about_silent(joints: Sequence[str]) -> list[str]:
+    """Return one sentence about all the drives that report nothing of their load."""
+    text = _SILENT if len(joints) == 1 else _SEVERAL_SILENT
+    return [text.format(", ".join(joints))] if joints else []
 
 
 def _about_the_search(found: SearchResult) -> list[str]:

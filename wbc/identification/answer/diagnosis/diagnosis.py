@@ -11,7 +11,11 @@ import numpy as np
 
 from wbc.identification.answer.diagnosis.correlation import Correlation
 from wbc.identification.answer.diagnosis.ranking import Ranked
-from wbc.identification.answer.diagnosis.sentence import verdict_sentence, what_to_do
+from wbc.identification.answer.diagnosis.sentence import (
+    MEANINGS,
+    verdict_sentence,
+    what_to_do,
+)
 from wbc.identification.answer.numbers import plain, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.series import Series
@@ -187,7 +191,7 @@ class Diagnosis:
 
     def __str__(self) -> str:
         """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
-        lines = [f"{self.verdict}: {verdict_sentence(self)}"]
+        lines = [f"verdict: {self.verdict} ({MEANINGS[self.verdict]})", verdict_sentence(self)]
         for finding in self.findings:
             numbers = ", ".join(
                 f"{name} {with_interval(e.value, e.low, e.high)[0]} "
@@ -263,9 +267,9 @@ class Diagnosis:
         Raises:
             MissingPackageError: matplotlib is not installed.
         """
-        joints = self.robot.transmission.joints
+        units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
         models = [("as given", self.before), ("with the effects found", self.after)]
-        return torque_figure(joints, models, log)
+        return torque_figure(units, models, log)
 
     @property
     def effects(self) -> tuple[Effect, ...]:

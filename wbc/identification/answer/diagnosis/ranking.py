@@ -14,6 +14,7 @@ from wbc.identification.choice.weighing.odds import TIED, Odds
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.intervals import parameter_covariance
 from wbc.robot import Effect
+from wbc.robot.effect import spoken
 
 _MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could use
 RIVALS = 3
@@ -174,4 +175,4 @@ def _beside(h: Hypothesis, found: Hypothesis, evidence: float) -> Ranked:
 
 
 def _spoken(keys: tuple[Key, ...]) -> str:
-    return " and ".join(f"{name.replace('_', ' ')} at {where}" for name, where in keys)
+    return " and ".join(f"{spoken(name)} at {where}" for name, where in keys)

@@ -6,10 +6,20 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.numbers import plain
+from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, Finding, OutputLevel
 
+MEANINGS = {
+    "named": "these logs tell which effects the model lacks",
+    "ambiguous": "several effects explain these logs equally well",
+    "partial": "some missing effects are certain, and more is missing",
+    "unknown": "something is missing, and no known effect explains it",
+    "none": "the model explains these logs as far as their noise allows",
+    "not_repeatable": "repeated runs disagree, so nothing can be named",
+}
+"""What a verdict means."""
 _MOST = 3
 """Numbers of one effect in a sentence; tables hold all."""
 _MANY = 3
@@ -85,11 +95,6 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
 def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
     """Return the findings that are certain, each alone or with what it cannot be told from."""
     return tuple(f for f in diagnosis.findings if f.support.group_probability >= CERTAIN)
-
-
-def spoken(name: str) -> str:
-    """Return the name of an effect as words."""
-    return name.replace("_", " ")
 
 
 def _progress(diagnosis: Diagnosis) -> str:

@@ -8,13 +8,14 @@ from itertools import permutations
 import numpy as np
 
 from wbc.identification.answer.diagnosis.diagnosis import Finding, Verdict
-from wbc.identification.answer.diagnosis.sentence import CERTAIN, spoken
+from wbc.identification.answer.diagnosis.sentence import CERTAIN
 from wbc.identification.answer.remainder.remainder import Remainder
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.noise.noise_floor import NoiseFloor
 from wbc.robot import Effect
+from wbc.robot.effect import spoken
 
 # Share of the mean square error of one output that is no small part: 0.25 to 0.9 give the same
 # verdicts on 60 generated logs in which something stays unexplained.

@@ -83,6 +83,7 @@ def evidence(robot: Robot, records: Sequence[Record]) -> Evidence:
         motions=tuple(record.motion for record in records),
         unexplained=tuple(unexplained),
         reported=tuple(record.torque for record in records),
+        currents=np.all([record.currents for record in records], axis=0),
     )
 
 

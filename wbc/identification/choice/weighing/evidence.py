@@ -12,6 +12,9 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 
 DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SIMULATED = 0.02  # ... that simulated links distort
+# Share of it (rms) that may look like any one cause. It is the same in every fold: no number of
+# rows averages it away.
+_ALIKE = 0.1
 # ... that links which bounce distort: they soon forget how they began. On the practice leg, fits of
 # the play alone that began near it left 3.8 to 4.8 %, each in a valley of its own.
 _BOUNCING = 0.05
@@ -28,7 +31,8 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
     never below that of the sensors (1), plus what filters and simulations distort. n_fo counts
     the independent samples of the fold. What is left is autocorrelated; at each output the
     hypothesis that leaves least there says how much, for all of them, or else the differences
-    would mean nothing.
+    would mean nothing. What filters distort is the same in all folds: with N samples altogether,
+    n_fo is divided by 1 + N (a d first)^2 / v, a being the share that may look like one cause.
 
     Args:
         problem: the logs.
@@ -50,6 +54,9 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
     whiteness = np.array([h.samples for h in hypotheses])[least, np.arange(least.size)]
     samples = reference.rows[:, None] * whiteness
     distorted = _distorted_share(reference) ** 2 * np.maximum(problem.first - 1.0, 0.0)
+    if not reference.swings:
+        left = np.maximum(np.min([h.outputs for h in hypotheses], axis=0), 1.0) + distorted
+        samples /= 1.0 + samples.sum(axis=0) * _ALIKE**2 * distorted / left
     return np.array([_log_density(h, samples, distorted, reference.swings) for h in hypotheses])
 
 

@@ -12,7 +12,7 @@ function buildReadout() {
   }
   const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
   const ghostNote = data.ghost ? `<br>transparent: ${data.ghost.label}` : "";
-  $("legend").innerHTML = data.gears.length === 0 ? "" : "power through the teeth: " +
+  $("legend").innerHTML = data.gears.length === 0 ? "" : "power through the gear: " +
     entry(data.colours.modes["1"], "motor drives") + entry(data.colours.modes["-1"], "joint drives") +
     entry(data.colours.modes["0"], "stuck or idle") +
     (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
