@@ -150,7 +150,7 @@ class Plant:
             part = flow(PartInput(setup, state, command, left, external, kept))
             if part.landed:
                 landing = ~state.closed & ~kept & (part.gap < -TOUCH)
-                if self._slowly(state, part, landing, left):
+                if self._lands_slowly(state, part, landing, left):
                     kept, slow = kept | landing, slow | landing
                     continue
                 found, jumped = self._until_landing(state, command, part, left, external, kept)
@@ -241,15 +241,16 @@ class Plant:
                 np.broadcast_to(np.asarray(bound, float), torque.shape) for bound in bounds
             )
         given = np.empty(len(torque))
-        if not within(torque, low, high, given):
+        if not clip_torques(torque, low, high, given):
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
         return given
 
-    def _slowly(self, state: SimState, part: Flow, landing: BoolArray, step: float) -> bool:
-        """Whether all that lands are points that close no faster than gravity's share of a step.
+    def _lands_slowly(self, state: SimState, part: Flow, landing: BoolArray, step: float) -> bool:
+        """Return whether only points land, and all of them slowly.
 
-        The speed g h is what any step may change without an instant of its own for it. With the
-        restitution e, all bounces from g h (1 - e) / (2 e) on would be over within the step.
+        Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
+        so such a landing needs no part of its own. With a restitution e, slow is also no more than
+        g h (1 - e) / (2 e), from which on all bounces would be over within the step.
         """
         setup = self._setup
         if not landing[setup.barriers.limits :].any() or landing[: setup.barriers.limits].any():
@@ -281,7 +282,7 @@ class Plant:
         level = np.minimum(gap_early, 0.0)
         gap_early, gap_late = gap_early - level, part.gap[ahead] - level
         if not np.any(gap_late < 0.0):
-            return part, jumped  # What is inside was inside, and is on its way out.
+            return part, jumped  # What overlaps now did so at the start and is moving out.
         for i in range(_TRIES):
             # Every third try halves, lest one end of the interval never move.
             share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
@@ -299,8 +300,8 @@ class Plant:
 
 
 @compiled(Flag, Vector, Vector, Vector, OutVector)
-def within(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
-    """Write torques (m,) within bounds; False where one is no number."""
+def clip_torques(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
+    """Write torques (m,) clipped to their bounds; return False where one is no number."""
     good = True
     for i in range(len(torque)):
         good = good and bool(np.isfinite(torque[i]))
