@@ -120,11 +120,11 @@ class Plant:
         """Return what the plant does in `dt` seconds under a constant command.
 
         A point that lands within the step, or a joint that reaches its limit, splits it: the
-        plant flows to the touchdown, takes the impact there, and flows on. A barrier that is hit
-        again within one step bounces faster than the step can tell: it is hit without restitution
-        and is kept as a row, which may close but not be passed, for what is left of the step. So
-        is a point that lands slowly; its impact comes at the end. So every barrier that closes is
-        kept, in finitely many parts.
+        plant flows to the touchdown, takes the impact there, and flows on. Some barriers are
+        kept as rows instead, which may close but not be passed, for what is left of the step: one
+        that is hit again within the step (it bounces faster than the step can tell, so its second
+        impact has no restitution), one that lands slowly (its impact comes at the end), and one
+        whose gap jumps. So every barrier that closes is kept, in finitely many parts.
 
         Args:
             state: where it starts.
@@ -150,12 +150,12 @@ class Plant:
             part = flow(PartInput(setup, state, command, left, external, kept))
             if part.landed:
                 landing = ~state.closed & ~kept & (part.gap < -TOUCH)
-                if self._slowly(state, part, landing, left):
+                if self._lands_slowly(state, part, landing, left):
                     kept, slow = kept | landing, slow | landing
                     continue
-                found = self._until_landing(state, command, part, left, external, kept)
+                found, jumped = self._until_landing(state, command, part, left, external, kept)
+                kept = kept | jumped
                 if found is None:
-                    kept = kept | landing
                     continue
                 part = found
             parts.append(part)
@@ -164,7 +164,9 @@ class Plant:
             if kept.any():  # A kept row closes at some speed: an impact is to take it.
                 state = state.replace(closed=state.closed & ~kept)
             if not over or kept.any():
-                state, impact, fresh = settle(setup, state, dt if over else left, ~(struck | slow))
+                rows = kept if kept.any() and not over else None
+                next_part = dt if over else left
+                state, impact, fresh = settle(setup, state, next_part, ~(struck | slow), rows)
                 impacts += [impact] if impact is not None else []
                 kept, struck = kept | (struck & fresh), struck | fresh
             if over:
@@ -239,15 +241,16 @@ class Plant:
                 np.broadcast_to(np.asarray(bound, float), torque.shape) for bound in bounds
             )
         given = np.empty(len(torque))
-        if not within(torque, low, high, given):
+        if not clip_torques(torque, low, high, given):
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
         return given
 
-    def _slowly(self, state: SimState, part: Flow, landing: BoolArray, step: float) -> bool:
-        """Whether all that lands are points that close no faster than gravity's share of a step.
+    def _lands_slowly(self, state: SimState, part: Flow, landing: BoolArray, step: float) -> bool:
+        """Return whether only points land, and all of them slowly.
 
-        The speed g h is what any step may change without an instant of its own for it. With the
-        restitution e, all bounces from g h (1 - e) / (2 e) on would be over within the step.
+        Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
+        so such a landing needs no part of its own. With a restitution e, slow is also no more than
+        g h (1 - e) / (2 e), from which on all bounces would be over within the step.
         """
         setup = self._setup
         if not landing[setup.barriers.limits :].any() or landing[: setup.barriers.limits].any():
@@ -265,18 +268,21 @@ class Plant:
         step: float,
         external: FloatArray | None,
         kept: BoolArray,
-    ) -> Flow | None:
+    ) -> tuple[Flow | None, BoolArray]:
         """Return the flow that ends where the first barrier is reached (regula falsi).
 
-        The whole part where none is; None where the gap jumps, so that there is no such place.
+        The whole part where none is. A gap may jump with the length of the part, for example
+        where a contact lets go and is no longer pulled back. There is no place of landing then.
+        The flow ends before the jump, or is None where that is at once. The second value says
+        which barriers (2 j + c,) jump.
         """
         ahead = ~state.closed & ~kept
-        early, late = 0.0, step
+        early, late, before, jumped = 0.0, step, None, np.zeros_like(kept)
         gap_early = self._every_gap(state)[ahead]
         level = np.minimum(gap_early, 0.0)
         gap_early, gap_late = gap_early - level, part.gap[ahead] - level
         if not np.any(gap_late < 0.0):
-            return part  # What is inside was inside, and is on its way out.
+            return part, jumped  # What overlaps now did so at the start and is moving out.
         for i in range(_TRIES):
             # Every third try halves, lest one end of the interval never move.
             share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
@@ -284,17 +290,18 @@ class Plant:
             part = flow(PartInput(self._setup, state, command, trial, external, kept))
             gap = part.gap[ahead] - level
             if abs(gap.min()) <= 0.5 * TOUCH:
-                return part
+                return part, jumped
             if gap.min() > 0.0:
-                early, gap_early = trial, gap
+                early, gap_early, before = trial, gap, part
             else:
                 late, gap_late = trial, gap
-        return None
+        jumped[ahead] = gap_late < 0.0
+        return before, jumped
 
 
 @compiled(Flag, Vector, Vector, Vector, OutVector)
-def within(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
-    """Write torques (m,) within bounds; False where one is no number."""
+def clip_torques(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
+    """Write torques (m,) clipped to their bounds; return False where one is no number."""
     good = True
     for i in range(len(torque)):
         good = good and bool(np.isfinite(torque[i]))

@@ -38,7 +38,11 @@ _FINEST = 1e-3
 
 
 def settle(
-    setup: Setup, state: SimState, left: float, springy: BoolArray | None = None
+    setup: Setup,
+    state: SimState,
+    left: float,
+    springy: BoolArray | None = None,
+    kept: BoolArray | None = None,
 ) -> tuple[SimState, Impact | None, BoolArray]:
     """Take the impact on barriers that have just been reached.
 
@@ -46,11 +50,16 @@ def settle(
     the impact those stay closed that part so slowly that gravity would bring them back within what
     is left of the step: their rows let them open, and spare them an impact and a part of their own.
 
+    A kept barrier is a row of the rest of the step, and the row acts from the middle on. An impact
+    elsewhere must not drive the robot through it before: where it closes faster than 2 gap/left it
+    takes part in the impact, and then closes at that speed.
+
     Args:
         setup: the plant's.
         state: where the robot is.
         left: of the step [s].
         springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
+        kept: (2 j + c,) barriers that are rows of what is left of the step, None for none.
 
     Returns:
         the state after it, the impact if there was any, and which barriers (2 j + c,) were reached.
@@ -62,7 +71,7 @@ def settle(
     barriers, space, inner = setup.barriers, setup.space, setup.inner
     unknown = len(state.closed) != barriers.size
     slow = 0.5 * setup.gravity * left
-    if inner is not None and setup.restitution == 0.0 and not unknown:
+    if inner is not None and setup.restitution == 0.0 and not unknown and kept is None:
         struck = inner.impact(state, slow)
         if struck is not None:
             return _as_struck(setup, state, struck)
@@ -72,19 +81,23 @@ def settle(
     if unknown:
         check_outside(setup, clearance.gap)
     fresh = ~closed & (clearance.gap <= TOUCH)
-    if not fresh.any():
+    ahead = np.zeros_like(fresh) if kept is None else kept & ~(closed | fresh)
+    if not (fresh | ahead).any():
         return (state.replace(closed=closed) if unknown else state), None, fresh
-    together = closed | fresh
+    together = closed | fresh | ahead
     hit = barriers.rows(together, clearance, np.zeros(barriers.size), state.time, state.time)
     approach = hit.approach(state.velocity)
-    if not np.any(fresh[together] & (approach < -_SLOW)):
-        return state.replace(closed=together), None, fresh
+    least = np.where(ahead[together], -2.0 * clearance.gap[together] / left, 0.0)
+    if not np.any((fresh | ahead)[together] & (approach < least - _SLOW)):
+        return state.replace(closed=closed | fresh), None, fresh
     back = np.full(len(approach), setup.restitution)
     if springy is not None:
         back[~springy[together]] = 0.0
-    impact = _collide(setup, state, hit, -back * np.minimum(approach, 0.0))
+    back[ahead[together]] = 0.0
+    impact = _collide(setup, state, hit, least, -back * np.minimum(approach, 0.0))
     closed = together.copy()
     closed[together] = hit.approach(impact.after) <= max(TOUCH, slow)
+    closed &= ~ahead
     return state.replace(velocity=impact.after, closed=closed), impact, fresh
 
 
@@ -146,7 +159,9 @@ def check_outside(setup: Setup, gap: FloatArray) -> None:
     )
 
 
-def _collide(setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray) -> Impact:
+def _collide(
+    setup: Setup, state: SimState, hit: ClosedRows, least: FloatArray, opening: FloatArray
+) -> Impact:
     """Return the impact of the barriers `hit`, for the kinematics held in the workspace.
 
     Newton's restitution with friction may ask for more energy than there was (Kane's paradox), or
@@ -157,24 +172,25 @@ def _collide(setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray
         setup: the plant's.
         state: before.
         hit: the closed barriers.
+        least: (l + c,) speeds to which these are stopped, zero or less.
         opening: (l + c,) speeds at which these should part, by the plant's restitution.
     """
     if not opening.any():
-        return _bounce(setup, state, hit, opening, 0.0)
+        return _bounce(setup, state, hit, least, opening, 0.0)
     scale = kinetic_energy(setup, state.position, state.velocity)
     slack = -_ROUNDING * scale
     try:
-        impact = _bounce(setup, state, hit, opening, 1.0)
+        impact = _bounce(setup, state, hit, least, opening, 1.0)
         if impact.contact_loss >= slack:
             return impact
     except SimulationError:
         pass
     low, high = 0.0, 1.0
-    best = _bounce(setup, state, hit, opening, low)
+    best = _bounce(setup, state, hit, least, opening, low)
     while (high - low) * setup.restitution > _FINEST:
         middle = 0.5 * (low + high)
         try:
-            impact = _bounce(setup, state, hit, opening, middle)
+            impact = _bounce(setup, state, hit, least, opening, middle)
             passive = impact.contact_loss >= slack
         except SimulationError:
             passive = False
@@ -186,11 +202,16 @@ def _collide(setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray
 
 
 def _bounce(
-    setup: Setup, state: SimState, hit: ClosedRows, opening: FloatArray, share: float
+    setup: Setup,
+    state: SimState,
+    hit: ClosedRows,
+    least: FloatArray,
+    opening: FloatArray,
+    share: float,
 ) -> Impact:
-    """Return the impact after which the barriers part at `share` times the speeds `opening`."""
+    """Return the impact after which barriers part at `least` plus `share` times `opening`."""
     drive = setup.drive
-    unilateral = replace(hit.unilateral, target=share * opening)
+    unilateral = replace(hit.unilateral, target=least + share * opening)
     coupling = step_coupling(setup.robot, setup.space, state.position, state.velocity)
     solution = _solve(setup, state, unilateral, coupling)
     after = np.array(solution.velocity)

@@ -37,7 +37,19 @@ _ROUNDS = 200
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PartProgram:
-    """Everything that stays the same while the rows of one part are solved."""
+    """Everything that stays the same while the rows of one part are solved.
+
+    Attributes:
+        setup: the plant's, with inertias at the middle of the part.
+        state: at the start.
+        velocity: v (nv,) in the middle, before forces and rows act.
+        motor: motion of the motor outputs at the start.
+        step: h [s].
+        forces: of the effects.
+        force: (nv,) of effects, gravity, velocity terms and from outside.
+        held: rows of the closed and kept barriers.
+        coupling: inertial coupling of rotors and housings, None for none.
+    """
 
     setup: Setup
     state: SimState
@@ -108,12 +120,12 @@ def problem_of(
 
 
 def solve_gripped(problem: PartProgram) -> Solved:
-    """Solve the step; where gears have springs or play, by Newton's method on their flanks.
+    """Solve the part; where gears have springs or play, by Newton's method on their flanks.
 
-    It takes one round unless a flank is reached or let go. Newton's method may then go round in
-    circles. The law of a flank is a monotone one, as all others: rounds with a slope no smaller
-    than any change per speed that was met come nearer every time, if slowly, and each of them is
-    followed by one of Newton's from where it came to.
+    One round is enough unless a flank is reached or let go within the part. Then Newton's method
+    may repeat the same few guesses. The law of a flank is monotone, as all others are, so rounds
+    that use the steepest slope met so far always come nearer, if slowly. From the ninth round on
+    such rounds alternate with Newton's.
 
     Raises:
         SimulationError: the step has no solution, or the flanks' law is not met.
