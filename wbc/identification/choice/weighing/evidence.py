@@ -12,12 +12,12 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 
 DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SIMULATED = 0.02  # ... that simulated links distort
-# Share of it (rms) that may look like any one cause. It is the same in every fold: no number of
-# rows averages it away.
-_ALIKE = 0.1
 # ... that links which bounce distort: they soon forget how they began. On the practice leg, fits of
 # the play alone that began near it left 3.8 to 4.8 %, each in a valley of its own.
 _BOUNCING = 0.05
+# Share of what filters distort (rms) that may look like any one cause. It is the same in every
+# fold: no number of rows averages it away.
+_ALIKE = 0.1
 
 
 def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
