@@ -19,6 +19,7 @@ from wbc.compiled import (
     Row,
     compiled,
     group,
+    local,
     several,
 )
 from wbc.sim.inner.arrival import arrive
@@ -81,13 +82,13 @@ def middle_of(out: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray, 
     return out[ends[9] : ends[10]], out[ends[10] : ends[11]], out[ends[11] : ends[12]]
 
 
-@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow)
+@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow, counted=False)
 def bias_of(
     tree: Tree, flight: Flight, placed: PlacedTree, v: FloatArray, bias: FloatArray
 ) -> None:
     """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
     bias_at(tree.joints, tree.rows, tree.gravity, placed.columns, placed.bodies, v, bias)
-    bases, weight = flight.bases, np.empty(3)
+    bases, weight = flight.bases, local(3)
     for i in range(len(bases)):
         turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
         for k in range(3):
@@ -96,7 +97,7 @@ def bias_of(
         part_on_joints(placed.inertia, turn, lever, first, planar, weight, bias)
 
 
-@compiled(Nothing, Count, Count, Count, Count, Count, Flags, OutPlaces)
+@compiled(Nothing, Count, Count, Count, Count, Count, Flags, OutPlaces, counted=False)
 def row_places(
     gears: int,
     coordinates: int,
@@ -208,7 +209,7 @@ def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArra
     return -result if left else result
 
 
-@compiled(Nothing, OutPlaces, OutRow, Row, Row, Number, Flags, OutRow)
+@compiled(Nothing, OutPlaces, OutRow, Row, Row, Number, Flags, OutRow, counted=False)
 def first_half(
     whole: IntArray,
     numbers: FloatArray,
@@ -229,7 +230,7 @@ def first_half(
 
 @compiled(
     Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Row, Row, Row, Number, Flag, OutRow,
-    OutFlags,
+    OutFlags, counted=False,
 )  # fmt: skip
 def part_of_step(
     whole: IntArray,

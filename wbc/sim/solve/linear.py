@@ -8,7 +8,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import Dense, Flag, Nothing, OutDense, OutPlaces, OutRow, Places, compiled
 
 
-@compiled(Flag, OutDense, OutPlaces)
+@compiled(Flag, OutDense, OutPlaces, counted=False)
 def factor(matrix: FloatArray, pivots: IntArray) -> bool:
     """Replace a matrix (n, n) by its triangular factors with row pivots; False where singular."""
     size = len(matrix)
@@ -37,7 +37,7 @@ def factor(matrix: FloatArray, pivots: IntArray) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, Places, OutRow)
+@compiled(Nothing, Dense, Places, OutRow, counted=False)
 def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> None:
     """Replace the right side (n,) by the solution, with what `factor` left."""
     size = len(right)
@@ -56,7 +56,7 @@ def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> N
         right[i] = (right[i] - total) / matrix[i, i]
 
 
-@compiled(Flag, Dense, OutDense)
+@compiled(Flag, Dense, OutDense, counted=False)
 def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
     """Write L, lower triangular, with L' L = inertia (n, n); False where that is not positive.
 
@@ -81,7 +81,7 @@ def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, OutDense)
+@compiled(Nothing, Dense, OutDense, counted=False)
 def halfway(lower: FloatArray, columns: FloatArray) -> None:
     """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):
@@ -94,7 +94,7 @@ def halfway(lower: FloatArray, columns: FloatArray) -> None:
                     columns[j, c] -= share * columns[i, c]
 
 
-@compiled(Nothing, Dense, OutRow)
+@compiled(Nothing, Dense, OutRow, counted=False)
 def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
     """Replace the right side (n,) by L^-1 of it."""
     for i in range(len(lower)):
@@ -104,7 +104,7 @@ def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
         right[i] = (right[i] - total) / lower[i, i]
 
 
-@compiled(Nothing, Dense, OutDense)
+@compiled(Nothing, Dense, OutDense, counted=False)
 def products(columns: FloatArray, gram: FloatArray) -> None:
     """Write columns' columns (r, r)."""
     size = columns.shape[1]

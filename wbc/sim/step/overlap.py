@@ -26,7 +26,7 @@ _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to
 _STIFF = 1e6
 
 
-@compiled(Nothing, Dense, Vector, Vector, OutVector)
+@compiled(Nothing, Dense, Vector, Vector, OutVector, counted=False)
 def project(
     delassus: FloatArray, missing: FloatArray, lowest: FloatArray, push: FloatArray
 ) -> None:
