@@ -1,0 +1,177 @@
+"""The course of one step: smooth parts, and the impacts between them, until its time is over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.sim.ground.barriers import TOUCH
+from wbc.sim.setup import Setup
+from wbc.sim.state import SimState
+from wbc.sim.step.collision import settle
+from wbc.sim.step.flow import Flow, PartInput, flow
+from wbc.sim.step.impact import Impact
+
+_TRIES = 40
+
+
+class Course:
+    """What a step has done so far, and what is left of it.
+
+    Attributes:
+        state: at the end of what is done.
+        left: of the step [s].
+        over: whether all of it is done.
+        parts, impacts: what is done.
+        kept: (2 j + c,) barriers that are rows of what is left of the step: they may close within
+            it, but not be passed.
+        keeps: whether there are any.
+        struck: (2 j + c,) barriers that were reached within the step.
+        slow: (2 j + c,) barriers that land too slowly for a part of their own.
+    """
+
+    __slots__ = (
+        "_command", "_external", "_setup", "_step", "impacts", "keeps", "kept", "left", "over",
+        "parts", "slow", "state", "struck",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        setup: Setup,
+        state: SimState,
+        command: FloatArray,
+        step: float,
+        external: FloatArray | None,
+    ) -> None:
+        """Look which barriers are closed at the start, where the state does not know.
+
+        Args:
+            setup: the plant's.
+            state: at the start.
+            command: (m,) [N m] on the rotors.
+            step: h [s].
+            external: generalised force (nv,), None for none.
+
+        Raises:
+            SimulationError: a start inside the ground or beyond a joint limit.
+        """
+        self._setup, self._command, self._external = setup, command, external
+        self._step = self.left = step
+        self.state, self.over, self.keeps = state, False, False
+        self.kept = self.slow = self.struck = setup.none
+        self.parts: list[Flow] = []
+        self.impacts: list[Impact] = []
+        if len(state.closed) != setup.barriers.size:
+            self.state, impact, self.struck = settle(setup, state, step)
+            self.impacts += [impact] if impact is not None else []
+
+    def flow_on(self) -> None:
+        """Flow smoothly to the end of the step, or to the next touchdown."""
+        part = self._flow(self.left)
+        while part.landed:
+            landing = ~self.state.closed & ~self.kept & (part.gap < -TOUCH)
+            if self._lands_slowly(part, landing):
+                self._keep(landing)
+                self.slow = self.slow | landing
+                part = self._flow(self.left)
+                continue
+            found, jumped = self._until_landing(part)
+            self._keep(jumped)
+            if found is not None:
+                part = found
+                break
+            part = self._flow(self.left)
+        self.parts.append(part)
+        self.left -= part.state.time - self.state.time
+        self.state, self.over = part.state, self.left <= 1e-9 * self._step
+
+    def take_impact(self) -> None:
+        """Stop at the barriers that the part before has reached.
+
+        A kept row closes at some speed, which an impact is to take: at the end of the step for
+        all, and before it for those that close faster than what is left of it can stop.
+        """
+        if self.over and not self.keeps:
+            return
+        setup, state, rows = self._setup, self.state, None
+        if self.keeps:
+            state = state.replace(closed=state.closed & ~self.kept)
+            rows = None if self.over else self.kept
+        following = self._step if self.over else self.left
+        springy = ~(self.struck | self.slow)
+        self.state, impact, fresh = settle(setup, state, following, springy, rows)
+        self.impacts += [impact] if impact is not None else []
+        self._keep(self.struck & fresh)
+        self.struck = self.struck | fresh
+
+    def _keep(self, more: BoolArray) -> None:
+        """Keep barriers (2 j + c,) as rows of what is left of the step."""
+        self.kept = self.kept | more
+        self.keeps = bool(self.kept.any())
+
+    def _flow(self, step: float) -> Flow:
+        return flow(
+            PartInput(self._setup, self.state, self._command, step, self._external, self.kept)
+        )
+
+    def _lands_slowly(self, part: Flow, landing: BoolArray) -> bool:
+        """Return whether only points land, and all of them slowly.
+
+        Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
+        so such a landing needs no part of its own. With a restitution e, slow is also no more than
+        g h (1 - e) / (2 e), from which on all bounces would be over within the step.
+        """
+        setup = self._setup
+        if not landing[setup.barriers.limits :].any() or landing[: setup.barriers.limits].any():
+            return False
+        springy = 2.0 * setup.restitution
+        share = min(1.0, (1.0 - setup.restitution) / springy) if springy > 0.0 else 1.0
+        way = gaps_of_all(setup, self.state)[landing] - part.gap[landing]
+        return bool(way.max() <= share * setup.gravity * self.left**2)
+
+    def _until_landing(self, part: Flow) -> tuple[Flow | None, BoolArray]:
+        """Return the flow that ends where the first barrier is reached (regula falsi).
+
+        The whole part where none is. A gap may jump with the length of the part, for example
+        where a contact lets go and is no longer pulled back. There is no place of landing then.
+        The flow ends before the jump, or is None where that is at once. The second value says
+        which barriers (2 j + c,) jump.
+        """
+        ahead = ~self.state.closed & ~self.kept
+        early, late, before, jumped = 0.0, self.left, None, np.zeros_like(self.kept)
+        gap_early = gaps_of_all(self._setup, self.state)[ahead]
+        level = np.minimum(gap_early, 0.0)
+        gap_early, gap_late = gap_early - level, part.gap[ahead] - level
+        if not np.any(gap_late < 0.0):
+            return part, jumped  # What overlaps now did so at the start and is moving out.
+        for i in range(_TRIES):
+            # Every third try halves, lest one end of the interval never move.
+            share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
+            trial = early + share * (late - early)
+            part = self._flow(trial)
+            gap = part.gap[ahead] - level
+            if abs(gap.min()) <= 0.5 * TOUCH:
+                return part, jumped
+            if gap.min() > 0.0:
+                early, gap_early, before = trial, gap, part
+            else:
+                late, gap_late = trial, gap
+        jumped[ahead] = gap_late < 0.0
+        return before, jumped
+
+
+def gaps_of_all(setup: Setup, state: SimState) -> FloatArray:
+    """Return the gaps (2 j + c,) of joint limits and of contact points from every solid."""
+    if setup.inner is not None:
+        return setup.inner.gaps(state.position)
+    pin.forwardKinematics(setup.space.model, setup.space.data, state.position)
+    return setup.barriers.clearance(state.position, state.time).gap
+
+
+def _first_crossing(early: FloatArray, late: FloatArray) -> float:
+    """Return the share of the way at which the first gap closes, linearly between two ends."""
+    crossing = late < 0.0
+    ahead = np.maximum(early[crossing], 0.0)
+    share = float((ahead / (ahead - late[crossing])).min())
+    return min(max(share, 1e-4), 1.0 - 1e-4)
