@@ -129,7 +129,7 @@ def solve_rows(
         own[i] = total
         fastest = max(fastest, abs(total))
     for i in range(len(targets)):
-        fastest = max(fastest, abs(targets[i]))
+        fastest = max(fastest, targets[i])  # below zero: see TOLERANCE
     lines(delassus, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
     limit = 0 if size > n else 12
     tolerance = accuracy * (1.0 + fastest)
