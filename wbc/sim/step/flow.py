@@ -19,7 +19,7 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.energy.flow_energy import Transit, flow_energy
-from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.barriers import TOUCH
 from wbc.sim.ground.contact_rows import world_impulse
 from wbc.sim.inner.inner import Ended, Inner
 from wbc.sim.laws.coupling import step_coupling
@@ -28,18 +28,11 @@ from wbc.sim.setup import Setup
 from wbc.sim.solve.reduced import blown_up, reduce_program
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.state import SimState
-from wbc.sim.step.flight import (
-    Middle,
-    arrived_velocity,
-    from_middle,
-    standing_at,
-    to_middle,
-)
+from wbc.sim.step.arrival import arrive
+from wbc.sim.step.flight import standing_at, to_middle
 from wbc.sim.step.forces import EffectForces, effect_forces
-from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
 from wbc.sim.step.part_program import problem_of, program_of, solve_gripped
 
-_NO_SHIFT = np.zeros(0)
 _MESH_ROUNDS = 40
 _MESH_TOLERANCE = 1e-9  # of the torque that a gear carries; steps are solved to 1e-10
 # Change of what a gear carries per change of what its loss assumes: below it lies a loss of 95 % of
@@ -258,7 +251,7 @@ def _plain(given: PartInput) -> Flow:
         raise blown_up(setup.space.data.M, state.velocity)
     mesh, speed = gears.passed(solution)
     motor_after = motor.after(setup.drive, solution.velocity, speed, step)
-    end = _arrive(setup, middle, solution, closed, held, step, state.time + step)
+    end = arrive(setup, middle, solution, closed, held, step, state.time + step)
     deflection = motor_after.deflection
     if setup.drive.any_loose and len(end.shift):
         deflection = deflection - np.where(setup.drive.loose, setup.drive.rows @ end.shift, 0.0)
@@ -290,55 +283,6 @@ def _plain(given: PartInput) -> Flow:
     push = world_impulse(held.contacts, setup.barriers.points, solution)
     ended = PlainEnd(end.gap, end.overlap, push, mesh)
     return Flow(following, landed, ended, forces, step, lambda: transit)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _End:
-    """Where a part ends: q (nq,), v (nv,), gaps, overlaps left, and the shift (nv,) out of them."""
-
-    position: FloatArray
-    velocity: FloatArray
-    gap: FloatArray
-    overlap: FloatArray
-    shift: FloatArray
-
-
-def _arrive(
-    setup: Setup,
-    middle: Middle,
-    solution: StepSolution,
-    closed: BoolArray,
-    held: ClosedRows,
-    step: float,
-    time: float,
-) -> _End:
-    """Move on to the end of the part, out of what it overran."""
-    space, bases, after = setup.space, setup.bases, solution.velocity
-    inertia = solution.reduced.program.inertia
-    position, carried = from_middle(bases, space, middle, inertia, after, 0.5 * step)
-    gap = _gap_at(setup, position, time)
-    shift, overlap = _NO_SHIFT, _NO_SHIFT
-    drift, pressed = gap[closed], solution.normal_impulse > 0.0
-    if np.any(np.where(pressed, np.abs(drift), -drift) > DRIFT):
-        furthest = setup.return_speed * step
-        metric = inertia_with_rotors(setup.drive, inertia)
-        shift = shift_out(metric, held, drift, furthest, pressed)
-        position = pin.integrate(space.model, position, shift)
-        if drift.min() < -furthest - TOUCH:
-            overlap = np.maximum(-gap - furthest, 0.0) * closed
-        gap = _gap_at(setup, position, time)
-    velocity = arrived_velocity(bases, space, carried, after)
-    return _End(position, velocity, gap, overlap, shift)
-
-
-def _gap_at(setup: Setup, position: FloatArray, time: float) -> FloatArray:
-    """Return all gaps at q (nq,) and a time [s]; the workspace then stands there."""
-    model, data = setup.space.model, setup.space.data
-    if setup.bases:
-        pin.crba(model, data, position, pin.Convention.WORLD)
-    else:
-        pin.forwardKinematics(model, data, position)
-    return setup.barriers.clearance(position, time).gap
 
 
 def _rate_at_start(setup: Setup, state: SimState) -> FloatArray:
