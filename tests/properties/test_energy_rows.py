@@ -53,6 +53,7 @@ def test_no_step_makes_energy_through_its_rows(
         (40, "boxes", 1),
         (7, "stairs", 4),  # friction of a rotor that holds on to a rigid flank, counted twice
         (7, "plane", 5),
+        (118, "field", 2),  # rounds on a flank went on with the slope of a place far off
     ],
 )
 def test_soft_gears_that_were_refused_or_made_energy(seed: int, ground: str, steps: int) -> None:
