@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.sim.ground.barriers import TOUCH
+from wbc.sim.ground.landing import SLOW, first_crossing, landing_of, nearest
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.collision import settle
@@ -70,17 +71,17 @@ class Course:
         """Flow smoothly to the end of the step, or to the next touchdown."""
         part = self._flow(self.left)
         while part.landed:
-            landing = ~self.state.closed & ~self.kept & (part.gap < -TOUCH)
-            if self._lands_slowly(part, landing):
-                self._keep(landing)
+            landing, start = np.empty_like(self.kept), gaps_of_all(self._setup, self.state)
+            if self._lands_slowly(part, start, landing):
                 self.slow = self.slow | landing
-                part = self._flow(self.left)
-                continue
-            found, jumped = self._until_landing(part)
-            self._keep(jumped)
-            if found is not None:
-                part = found
-                break
+                self._keep(landing)
+            else:
+                found, jumped = self._until_landing(part, start)
+                if jumped is not None:
+                    self._keep(jumped)
+                if found is not None:
+                    part = found
+                    break
             part = self._flow(self.left)
         self.parts.append(part)
         self.left -= part.state.time - self.state.time
@@ -95,15 +96,17 @@ class Course:
         if self.over and not self.keeps:
             return
         setup, state, rows = self._setup, self.state, None
+        again = self.struck is not setup.none
         if self.keeps:
             state = state.replace(closed=state.closed & ~self.kept)
             rows = None if self.over else self.kept
+        springy = ~(self.struck | self.slow) if setup.restitution > 0.0 else None
         following = self._step if self.over else self.left
-        springy = ~(self.struck | self.slow)
         self.state, impact, fresh = settle(setup, state, following, springy, rows)
         self.impacts += [impact] if impact is not None else []
-        self._keep(self.struck & fresh)
-        self.struck = self.struck | fresh
+        if again:
+            self._keep(self.struck & fresh)
+        self.struck = self.struck | fresh if again else fresh
 
     def _keep(self, more: BoolArray) -> None:
         """Keep barriers (2 j + c,) as rows of what is left of the step."""
@@ -115,50 +118,49 @@ class Course:
             PartInput(self._setup, self.state, self._command, step, self._external, self.kept)
         )
 
-    def _lands_slowly(self, part: Flow, landing: BoolArray) -> bool:
-        """Return whether only points land, and all of them slowly.
+    def _lands_slowly(self, part: Flow, start: FloatArray, landing: BoolArray) -> bool:
+        """Write which barriers land; return whether only points do, and all of them slowly.
 
         Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
         so such a landing needs no part of its own. With a restitution e, slow is also no more than
         g h (1 - e) / (2 e), from which on all bounces would be over within the step.
         """
         setup = self._setup
-        if not landing[setup.barriers.limits :].any() or landing[: setup.barriers.limits].any():
-            return False
         springy = 2.0 * setup.restitution
         share = min(1.0, (1.0 - setup.restitution) / springy) if springy > 0.0 else 1.0
-        way = gaps_of_all(setup, self.state)[landing] - part.gap[landing]
-        return bool(way.max() <= share * setup.gravity * self.left**2)
+        short, limits = share * setup.gravity * self.left**2, setup.barriers.limits
+        how = landing_of(self.state.closed, self.kept, start, part.gap, limits, short, landing)
+        return how == SLOW
 
-    def _until_landing(self, part: Flow) -> tuple[Flow | None, BoolArray]:
+    def _until_landing(self, part: Flow, start: FloatArray) -> tuple[Flow | None, BoolArray | None]:
         """Return the flow that ends where the first barrier is reached (regula falsi).
 
         The whole part where none is. A gap may jump with the length of the part, for example
         where a contact lets go and is no longer pulled back. There is no place of landing then.
         The flow ends before the jump, or is None where that is at once. The second value says
-        which barriers (2 j + c,) jump.
+        which barriers (2 j + c,) jump; it is None where there is a place of landing.
         """
-        ahead = ~self.state.closed & ~self.kept
-        early, late, before, jumped = 0.0, self.left, None, np.zeros_like(self.kept)
-        gap_early = gaps_of_all(self._setup, self.state)[ahead]
-        level = np.minimum(gap_early, 0.0)
-        gap_early, gap_late = gap_early - level, part.gap[ahead] - level
-        if not np.any(gap_late < 0.0):
-            return part, jumped  # What overlaps now did so at the start and is moving out.
+        closed, kept, before = self.state.closed, self.kept, None
+        ahead, gap_early, gap_late = np.empty((3, len(start)))
+        nearest(closed, kept, start, start, gap_early)
+        if not nearest(closed, kept, start, part.gap, gap_late) < 0.0:
+            return part, None  # What overlaps now did so at the start and is moving out.
+        early, late = 0.0, self.left
         for i in range(_TRIES):
             # Every third try halves, lest one end of the interval never move.
-            share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
+            share = 0.5 if i % 3 == 2 else first_crossing(gap_early, gap_late)
             trial = early + share * (late - early)
             part = self._flow(trial)
-            gap = part.gap[ahead] - level
-            if abs(gap.min()) <= 0.5 * TOUCH:
-                return part, jumped
-            if gap.min() > 0.0:
-                early, gap_early, before = trial, gap, part
+            least = nearest(closed, kept, start, part.gap, ahead)
+            if abs(least) <= 0.5 * TOUCH:
+                return part, None
+            if least > 0.0:
+                early, before = trial, part
+                ahead, gap_early = gap_early, ahead
             else:
-                late, gap_late = trial, gap
-        jumped[ahead] = gap_late < 0.0
-        return before, jumped
+                late = trial
+                ahead, gap_late = gap_late, ahead
+        return before, gap_late < 0.0
 
 
 def gaps_of_all(setup: Setup, state: SimState) -> FloatArray:
@@ -167,11 +169,3 @@ def gaps_of_all(setup: Setup, state: SimState) -> FloatArray:
         return setup.inner.gaps(state.position)
     pin.forwardKinematics(setup.space.model, setup.space.data, state.position)
     return setup.barriers.clearance(state.position, state.time).gap
-
-
-def _first_crossing(early: FloatArray, late: FloatArray) -> float:
-    """Return the share of the way at which the first gap closes, linearly between two ends."""
-    crossing = late < 0.0
-    ahead = np.maximum(early[crossing], 0.0)
-    share = float((ahead / (ahead - late[crossing])).min())
-    return min(max(share, 1e-4), 1.0 - 1e-4)
