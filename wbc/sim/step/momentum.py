@@ -31,21 +31,25 @@ def _to_rows(
 def _solve(inertia: FloatArray, first: int, rows: FloatArray) -> None:
     """Solve H_bb x = rows in place (Cholesky)."""
     size = len(rows)
-    factor = view(local(36), 0, 6, 6)
+    factor, inverse = view(local(36), 0, 6, 6), local(6)  # one division per row: they are slow
     for i in range(size):
-        for j in range(i + 1):
+        for j in range(i):
             value = inertia[first + j, first + i]
             for k in range(j):
                 value -= factor[i, k] * factor[j, k]
-            factor[i, j] = np.sqrt(value) if i == j else value / factor[j, j]
+            factor[i, j] = value * inverse[j]
+        value = inertia[first + i, first + i]
+        for k in range(i):
+            value -= factor[i, k] * factor[i, k]
+        inverse[i] = 1.0 / np.sqrt(value)
     for i in range(size):
         for k in range(i):
             rows[i] -= factor[i, k] * rows[k]
-        rows[i] /= factor[i, i]
+        rows[i] *= inverse[i]
     for i in range(size - 1, -1, -1):
         for k in range(i + 1, size):
             rows[i] -= factor[k, i] * rows[k]
-        rows[i] /= factor[i, i]
+        rows[i] *= inverse[i]
 
 
 @compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
