@@ -64,8 +64,9 @@ class Course:
         self.parts: list[Flow] = []
         self.impacts: list[Impact] = []
         if len(state.closed) != setup.barriers.size:
-            self.state, impact, self.struck = settle(setup, state, step)
-            self.impacts += [impact] if impact is not None else []
+            self.state, impact, fresh = settle(setup, state, step)
+            if impact is not None:
+                self.impacts, self.struck = [impact], fresh
 
     def flow_on(self) -> None:
         """Flow smoothly to the end of the step, or to the next touchdown."""
