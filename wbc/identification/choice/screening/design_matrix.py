@@ -128,6 +128,31 @@ class DesignMatrix:
         single = np.maximum(along[:, None] ** 2, along**2)
         return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
 
+    def least_errors(self, groups: Sequence[Sequence[int]], beside: Sequence[int]) -> FloatArray:
+        """Return (n,) bounds below what each group of columns leaves on folds left out.
+
+        What it leaves where it is fitted, with nothing known before: leaving out a fold multiplies
+        the fold's residual by (1 - H)^-1, H being its part of the hat matrix, which shortens none.
+
+        Args:
+            groups: numbers of columns.
+            beside: numbers of columns that stay free with each.
+        """
+        gram, moment = self.gram.sum(axis=0), self.moment.sum(axis=0)
+        energy = float(self.energy.sum())
+        index = np.asarray(beside, dtype=np.int_)
+        if index.size:
+            right = np.column_stack([gram[index], moment[index]])
+            taken = _solve(gram[np.ix_(index, index)], right.T).T
+            energy -= float(moment[index] @ taken[:, -1])
+            moment = moment - gram[:, index] @ taken[:, -1]
+            gram = gram - gram[:, index] @ taken[:, :-1]
+        gains = np.zeros(len(groups))
+        for k, group in enumerate(groups):
+            own = np.asarray(group, dtype=np.int_)
+            gains[k] = moment[own] @ _solve(gram[np.ix_(own, own)], moment[own])
+        return np.asarray(np.maximum(energy - gains, 0.0) / self.count.sum())
+
     def held_out(self, chosen: Sequence[int]) -> float:
         """Return the mean square of the residual on folds left out of the fit."""
         index = np.asarray(chosen, dtype=np.int_)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Self
 
 import numpy as np
 
 from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
-from wbc.identification.choice.screening.linear_screen import BeamSearch, Subset
+from wbc.identification.choice.screening.linear_screen import LinearScreen, Subset
 from wbc.identification.choice.screening.screening import (
     Nearby,
     Swinging,
@@ -34,6 +35,7 @@ _REPLACED = 0.5  # of what a cause explains, that it may still explain beside wh
 _LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
+_SCREENED = 40  # causes of a screen that are looked at
 _AMONG = 100  # pairs of causes that are screened on held-out data
 
 
@@ -50,7 +52,7 @@ class Proposer:
     candidates: tuple[type[Effect], ...]
     _simulated: dict[Offer, Swinging] = field(default_factory=dict)
     _common: Shelf = field(default_factory=dict)
-    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[BeamSearch, list[Regressor]]] = (
+    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
         field(default_factory=dict)
     )
 
@@ -122,7 +124,7 @@ class Proposer:
             return None
         return self._chosen(rest, moved, regressors, count, h.error, search)
 
-    def _around(self, h: Hypothesis) -> tuple[BeamSearch, list[Regressor]]:
+    def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         key = self.candidates, h.effects
         if key not in self._instead:
@@ -137,39 +139,41 @@ class Proposer:
     def _chosen(
         self,
         h: Hypothesis,
-        search: BeamSearch,
+        search: LinearScreen,
         regressors: list[Regressor],
         count: int,
         enough: float,
-        around: BeamSearch | None = None,
+        around: LinearScreen | None = None,
     ) -> list[Offer]:
         """Return the best of a screen; `around` is that with the causes that give way."""
-        start = Subset((), search.error(()))
-        found = search.grow([start])
-        offers: list[Offer] = []
-        least = found[0].error if found else start.error
-        # The screen is linear: leave room for what the fit may still gain over it.
-        doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
-        worst = max(least, enough) + doubt
+        start = search.error(())
         # What leaves a cause as much to explain as before does not take its place: it was tried as
         # a cause more.
-        replaced = 0.0 if around is None else _REPLACED * (start.error - around.error(()))
-        # Beside the best group of places stands the best single one.
-        single = next((s for s in found if len(s.regressors) == 1), None)
+        replaced = 0.0 if around is None else _REPLACED * (start - around.error(()))
+        offers: list[Offer] = []
         seen: set[tuple[Key, ...]] = set()
-        for subset in found:
+        limits = None
+        single = False  # whether the best single one was seen, which stands beside the best group
+        for subset in islice(search.best_first(), _SCREENED):
+            limits = limits or _limits(start, subset.error, enough)
+            if (
+                len(seen) >= count
+                or subset.error > start
+                or (single and subset.error > max(limits))
+            ):
+                break
+            first_single = not single and len(subset.regressors) == 1
+            single |= first_single
             added = [regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
             # How a link swings is screened roughly: the fit gains much over it.
             swings = any(deflects(regressor.effect) for regressor in added)
-            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
-            rough = max(rough, worst) if enough else rough
-            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
+            enters = subset.error <= limits[swings] or (first_single and not swings)
             if around is not None and search.error(subset.regressors) > replaced + around.error(
                 subset.regressors
             ):
                 continue
-            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
+            if key in seen or not enters:
                 continue
             seen.add(key)
             offers.append((*h.effects, *search.effects(subset)))
@@ -209,7 +213,7 @@ class Proposer:
         offered: Sequence[type[Effect]],
         exclude: Sequence[Key] = (),
         near: Nearby | None = None,
-    ) -> tuple[BeamSearch, list[Regressor]]:
+    ) -> tuple[LinearScreen, list[Regressor]]:
         taken = {*h.keys, *exclude}
         # One gear yields in one way: play before a spring is play with soft flanks.
         yielding = [e.where for e in h.effects if deflects(e)]
@@ -235,7 +239,21 @@ class Proposer:
         return [joints[judged[k]] for k in order[_SIMULATED:]]
 
 
-def _drawn(search: BeamSearch, regressors: Sequence[Regressor]) -> list[Subset]:
+def _limits(start: float, least: float, enough: float) -> tuple[float, float]:
+    """Return up to which errors a cause is offered: one that acts at once, a link that swings.
+
+    Args:
+        start: error without any of them.
+        least: of the best of a screen.
+        enough: error up to which an offer counts as good; 0 where only the best one's counts.
+    """
+    # The screen is linear: leave room for what the fit may still gain over it.
+    worst = max(least, enough) + _SCREEN_ERROR * (start - least) + _SCREEN_NOISE
+    rough = min(_PROMISING * start, _ROUGHLY * (enough or least))
+    return worst, max(rough, worst) if enough else rough
+
+
+def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
     for k, regressor in enumerate(regressors):
