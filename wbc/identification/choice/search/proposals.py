@@ -18,7 +18,7 @@ from wbc.identification.choice.screening.screening import (
     screen_in_shares,
     screen_instead,
 )
-from wbc.identification.choice.weighing.drop_screen import until_null
+from wbc.identification.choice.weighing.drop_screen import exchanged, until_null
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.yielding import deflects
@@ -26,6 +26,9 @@ from wbc.robot import Effect, Robot
 
 Offer = tuple[Effect, ...]
 """Effects with start values, not yet fitted."""
+
+Screened = tuple[Offer, list[Regressor]]
+"""An offer with the causes that are new in it."""
 
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
@@ -36,6 +39,8 @@ _LINEAR = 0.2  # share of what causes explain, by which a screen without them ma
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
 _SCREENED = 40  # causes of a screen that are looked at
+# Evidence [nats] that an exchange may lack by derivatives and still be fitted. MEASURED
+_BEYOND_FITS = 250.0
 _AMONG = 100  # pairs of causes that are screened on held-out data
 
 
@@ -86,7 +91,7 @@ class Proposer:
         if not self.candidates:
             return []
         search, regressors = self._screened(h, self.candidates, exclude, near)
-        return self._chosen(h, search, regressors, count, enough)
+        return [offer for offer, _ in self._chosen(h, search, regressors, count, enough)]
 
     def instead(
         self,
@@ -122,7 +127,19 @@ class Proposer:
         moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
         if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
             return None
-        return self._chosen(rest, moved, regressors, count, h.error, search)
+        offers = self._chosen(rest, moved, regressors, count, h.error, search)
+        return [offer for offer, added in offers if self._may_win(h, own, offer, added)]
+
+    def _may_win(
+        self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
+    ) -> bool:
+        """Whether derivatives do not say that an exchange loses far more than a fit may regain."""
+        if any(regressor.usual.any() for regressor in added):
+            return True
+        trials = self.trials
+        columns = [regressor.columns for regressor in added]
+        gain = exchanged(trials.problem, trials.fit(h), h, own, columns, offer)
+        return gain > -_BEYOND_FITS
 
     def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
         """Return the screen of all causes that act at once, in the place of others or beside."""
@@ -144,13 +161,13 @@ class Proposer:
         count: int,
         enough: float,
         around: LinearScreen | None = None,
-    ) -> list[Offer]:
+    ) -> list[Screened]:
         """Return the best of a screen; `around` is that with the causes that give way."""
         start = search.error(())
         # What leaves a cause as much to explain as before does not take its place: it was tried as
         # a cause more.
         replaced = 0.0 if around is None else _REPLACED * (start - around.error(()))
-        offers: list[Offer] = []
+        offers: list[Screened] = []
         seen: set[tuple[Key, ...]] = set()
         limits = None
         single = False  # whether the best single one was seen, which stands beside the best group
@@ -176,14 +193,15 @@ class Proposer:
             if key in seen or not enters:
                 continue
             seen.add(key)
-            offers.append((*h.effects, *search.effects(subset)))
+            offers.append(((*h.effects, *search.effects(subset)), added))
         # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
         for subset in _drawn(search, regressors) if not enough and not h.swings else ():
-            if tuple(regressors[k].key for k in subset.regressors) not in seen:
-                offers.append((*h.effects, *search.effects(subset)))
+            drawn = [regressors[k] for k in subset.regressors]
+            if tuple(regressor.key for regressor in drawn) not in seen:
+                offers.append(((*h.effects, *search.effects(subset)), drawn))
         if h.swings:
             robot = self.trials.fit(h).robot
-            offers += [(*h.effects, e) for e in _swinging_too(robot, regressors, seen)]
+            offers += [((*h.effects, e), []) for e in _swinging_too(robot, regressors, seen)]
         return offers
 
     def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
