@@ -9,20 +9,20 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.inertial_columns import (
+from wbc.identification.model.columns.inertial_columns import (
     inertial_columns,
     only_inertial,
     parameter_changes,
 )
-from wbc.identification.model.kept_columns import (
+from wbc.identification.model.columns.kept_columns import (
     IMPOSSIBLE,
     STEP,
     KeptColumns,
     keeps_motion,
     lossy_gears,
 )
+from wbc.identification.model.columns.own_gear import outputs_of, own_gear
 from wbc.identification.model.link_friction import rubbing_at_link
-from wbc.identification.model.own_gear import outputs_of, own_gear
 from wbc.identification.model.residual import condensed_residual, noise_sizes, swinging_torque
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record

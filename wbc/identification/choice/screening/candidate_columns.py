@@ -12,12 +12,12 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
-from wbc.identification.model.added_torque import ADDS, added_torque, condensed
-from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
-from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
-from wbc.identification.model.own_gear import outputs_of, own_gear
+from wbc.identification.model.columns.added_torque import ADDS, added_torque, condensed
+from wbc.identification.model.columns.inertial_columns import inertial_columns, only_inertial
+from wbc.identification.model.columns.kept_columns import keeps_motion, lossy_gears
+from wbc.identification.model.columns.own_gear import outputs_of, own_gear
+from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.residual import noise_sizes, raw_residual, swinging_torque
-from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
