@@ -106,20 +106,24 @@ class DesignMatrix:
         gram, moment = self.usual
         return gram + self.gram.sum(axis=0), moment + self.moment.sum(axis=0)
 
-    def gains_of_two(self, beside: Sequence[int]) -> FloatArray:
-        """Return (n, n) what every two of the first n columns explain beside the last ones.
+    def gains_of_two(self, count: int, beside: Sequence[int]) -> FloatArray:
+        """Return (n, n) what every two of the first n columns explain beside others.
 
         Sums of squares of the residual, fitted and judged on all folds.
 
         Args:
-            beside: numbers of the last columns, which stay free.
+            count: n.
+            beside: numbers of the columns that stay free.
         """
-        n = self.moment.shape[1] - len(beside)
         gram, moment = self._whole
-        if beside:
-            taken = _solve(gram[n:, n:], np.column_stack([gram[n:, :n], moment[n:]]).T).T
-            moment = moment[:n] - gram[:n, n:] @ taken[:, n]
-            gram = gram[:n, :n] - gram[:n, n:] @ taken[:, :n]
+        own, others = np.arange(count), np.asarray(beside, dtype=np.int_)
+        across, rest = gram[np.ix_(others, own)], gram[np.ix_(others, others)]
+        gram, left = gram[:count, :count], moment[:count]
+        if others.size:
+            taken = _solve(rest, np.column_stack([across, moment[others]]).T).T
+            left = left - across.T @ taken[:, -1]
+            gram = gram - across.T @ taken[:, :-1]
+        moment = left
         size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         along, shared = moment / size, gram / np.outer(size, size)
         apart = 1.0 - shared**2

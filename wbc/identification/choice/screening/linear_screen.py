@@ -185,7 +185,7 @@ class LinearScreen:
         Alone such causes may explain nothing, or be impossible: damping hides a delay.
         """
         owner = np.repeat(np.arange(len(self.regressors)), [len(own) for own in self._slices])
-        gains = np.triu(self.matrix.gains_of_two(self._nuisance), 1)
+        gains = np.triu(self.matrix.gains_of_two(owner.size, self._nuisance), 1)
         tried: dict[tuple[int, ...], None] = {}
         for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
             one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))

@@ -57,9 +57,17 @@ class Proposer:
     candidates: tuple[type[Effect], ...]
     _simulated: dict[Offer, Swinging] = field(default_factory=dict)
     _common: Shelf = field(default_factory=dict)
+    _near: dict[Offer, Nearby] = field(default_factory=dict)
     _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
         field(default_factory=dict)
     )
+
+    def near(self, h: Hypothesis) -> Nearby:
+        """Return the robot of a hypothesis, with the columns that serve for those close to it."""
+        if h.effects not in self._near:
+            self._near.clear()
+            self._near[h.effects] = (self.trials.fit(h).robot, {})
+        return self._near[h.effects]
 
     @property
     def at_once(self) -> Self:
@@ -117,6 +125,48 @@ class Proposer:
             None where one set of columns does not serve: links swing, or the causes that give way
             do not act linearly.
         """
+        found = self._without(h, own, rest, exclude)
+        if found is None:
+            return None
+        moved, search, regressors = found
+        offers = self._chosen(rest, moved, regressors, count, h.error, search)
+        return [offer for offer, added in offers if self._may_win(h, own, offer, added)]
+
+    def two_instead(
+        self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, count: int
+    ) -> list[Offer]:
+        """Return the most promising pairs of causes in the place of some of a hypothesis.
+
+        Args:
+            h: the hypothesis.
+            own: its causes that give way.
+            rest: the hypothesis without them, fitted.
+            count: how many pairs at most.
+        """
+        if h.swings or any(e.departures.size for e in own) or not self.candidates:
+            return []
+        found = self._without(h, own, rest, ())
+        if found is None:
+            moved, regressors = self._screened(rest, self.candidates, (), self.near(h))
+        else:
+            moved, _, regressors = found
+        gone = {effect.key for effect in own}
+        worst, _ = _limits(moved.error(()), h.error, h.error)
+        offers: list[Offer] = []
+        for subset in moved.pairs(_AMONG):
+            added = [regressors[k] for k in subset.regressors]
+            if len(offers) >= count or subset.error > worst:
+                break
+            offer = (*rest.effects, *moved.effects(subset))
+            same = gone & {regressor.key for regressor in added}
+            if not same and (found is None or self._may_win(h, own, offer, added)):
+                offers.append(offer)
+        return offers
+
+    def _without(
+        self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, exclude: Sequence[Key]
+    ) -> tuple[LinearScreen, LinearScreen, list[Regressor]] | None:
+        """Return the screen beside a hypothesis without some causes, that with them, the causes."""
         some = any(deflects(c) for c in self.candidates) or any(e.departures.size for e in own)
         if some or h.swings or not self.candidates:
             return None
@@ -127,8 +177,7 @@ class Proposer:
         moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
         if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
             return None
-        offers = self._chosen(rest, moved, regressors, count, h.error, search)
-        return [offer for offer, added in offers if self._may_win(h, own, offer, added)]
+        return moved, search, regressors
 
     def _may_win(
         self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
