@@ -72,10 +72,14 @@ def cases() -> dict[str, Case]:
     stance = leg.configuration(**bent, base_z=height)
     flight = leg.configuration(**bent, base_z=50.0)
     above = leg.configuration(**bent, base_z=height + 0.05)
+    high, low = np.array(solo.pose()), np.array(solo.pose())
+    high[2], low[2] = high[2] + 50.0, low[2] + 0.05
     return {
         "planar leg, stance": case(leg, stance, 400.0, 200),
         "planar leg, flight": case(leg, flight, 400.0, 200),
         "planar leg, impact": before_impact(leg, above, 400.0),
         "solo12, stance": case(solo, solo.pose(), 8.0, 120),
+        "solo12, flight": case(solo, high, 8.0, 120),
+        "solo12, impact": before_impact(solo, low, 8.0),
         "talos, stance": case(talos, talos.pose(), 2000.0, 80),
     }

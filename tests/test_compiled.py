@@ -6,11 +6,13 @@ import subprocess
 import sys
 import warnings
 
+import numpy as np
 import pytest
 from numba.core import caching
+from numba.core.errors import NumbaError
 
 from wbc import compiled as compiling
-from wbc.compiled import Number, compiled
+from wbc.compiled import Nothing, Number, OutRow, Row, compiled, local
 
 
 @pytest.fixture
@@ -46,6 +48,23 @@ def test_the_library_alone_does_not_load_the_compiler():
     code = "import sys, wbc; print([m for m in ('numba', 'llvmlite') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_small_arrays_live_in_the_call_that_makes_them():
+    def swapped(given, found):
+        own = local(2)
+        own[0], own[1] = given[1], given[0]
+        for i in range(2):
+            found[i] = own[i]
+
+    found = np.zeros(3)
+    compiled(Nothing, Row, OutRow, counted=False)(swapped)(np.array([1.0, 2.0]), found[:2])
+    assert found.tolist() == [2.0, 1.0, 0.0]
+
+
+def test_a_function_that_makes_arrays_must_count_who_holds_them():
+    with pytest.raises(NumbaError):
+        compiled(Number, Number, counted=False)(lambda x: x + np.zeros(2)[0])
 
 
 CALLER = """

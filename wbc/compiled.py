@@ -16,6 +16,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
+from numba.core.cgutils import alloca_once
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
@@ -93,26 +94,62 @@ def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
 view: Any = intrinsic(_view)
 
 
-def compiled(result: Any, *arguments: Any) -> Callable[[_Function], _Function]:
+def _local(context: Any, size: Any) -> Any:
+    """Return an array (n,) of numbers on the stack, with any content; n is written as a number.
+
+    It lives as long as the call that makes it, and must not be returned. One that is made in a
+    loop is the same every time.
+    """
+    found = types.Array(types.float64, 1, "C")
+
+    def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        number, count = target.get_value_type(types.float64), size.literal_value
+        array = target.make_array(found)(target, builder)
+        length = target.get_constant(types.intp, count)
+        width = target.get_constant(types.intp, 8)
+        data = alloca_once(builder, number, size=length)
+        populate_array(
+            array, data=data, shape=[length], strides=[width], itemsize=width, meminfo=None
+        )
+        return array._getvalue()
+
+    return found(size), build
+
+
+local: Any = intrinsic(prefer_literal=True)(_local)
+
+
+def compiled(
+    result: Any, *arguments: Any, counted: bool = True
+) -> Callable[[_Function], _Function]:
     """Return a decorator that compiles a function for the types of its result and arguments.
 
     Sums may be taken in any order, so that they use the processor's vectors; what is not finite
     stays so. Where no folder can be written the function is compiled anew in every process.
+
+    Args:
+        result: type of what it returns.
+        arguments: types of what it takes.
+        counted: whether it counts who holds the memory of its arrays, as a function that makes
+            arrays must. One that only reads and writes those that it is given need not, and then
+            slices cost nothing; its own small arrays come from `local`.
     """
 
     def decorator(function: _Function) -> _Function:
         try:
-            return _machine_code(function, result(*arguments), kept=True)
+            return _machine_code(function, result(*arguments), kept=True, counted=counted)
         except (RuntimeError, OSError):  # no folder, or one that is full
-            found = _machine_code(function, result(*arguments), kept=False)
+            found = _machine_code(function, result(*arguments), kept=False, counted=counted)
             _warn_of_compiling()
             return found
 
     return decorator
 
 
-def _machine_code(function: _Function, signature: Any, *, kept: bool) -> _Function:
-    compiler = numba.njit(cache=kept, error_model="numpy", fastmath={"reassoc", "contract"})
+def _machine_code(function: _Function, signature: Any, *, kept: bool, counted: bool) -> _Function:
+    compiler = numba.njit(
+        cache=kept, error_model="numpy", fastmath={"reassoc", "contract"}, _nrt=counted
+    )
     found = compiler(function)
     if kept:
         _stamp(found)

@@ -7,28 +7,23 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import BoolArray, FloatArray, checked
+from wbc.arrays import FloatArray, checked
 from wbc.compiled import Flag, OutVector, Vector, compiled
 from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.energy.kinetic_energy import mechanical_energy
-from wbc.sim.ground.barriers import TOUCH
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.terrain import Terrain
 from wbc.sim.laws.motor_motion import MotorMotion, rotor_motion
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
-from wbc.sim.step.collision import settle
-from wbc.sim.step.flow import Flow, PartInput, flow
+from wbc.sim.step.course import Course, gaps_of_all
 from wbc.sim.step.forces import checked_memory
-from wbc.sim.step.impact import Impact
 from wbc.sim.step.overlap import lifted_out
 from wbc.sim.step.step_result import StepResult
 
-_TRIES = 40
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
 
@@ -136,42 +131,14 @@ class Plant:
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
         setup, command = self._setup, self._command(state, rotor_torque, dt)
-        parts: list[Flow] = []
-        impacts: list[Impact] = []
         if state.memory or setup.memory:
             state = state.replace(memory=checked_memory(setup.robot, setup.memory, state.memory))
-        struck = kept = slow = np.zeros(setup.barriers.size, dtype=bool)
-        start, left = state, dt
-        if len(state.closed) != setup.barriers.size:
-            state, impact, fresh = settle(setup, state, dt)
-            if impact is not None:
-                impacts, struck = [impact], fresh
-        while True:
-            part = flow(PartInput(setup, state, command, left, external, kept))
-            if part.landed:
-                landing = ~state.closed & ~kept & (part.gap < -TOUCH)
-                if self._lands_slowly(state, part, landing, left):
-                    kept, slow = kept | landing, slow | landing
-                    continue
-                found, jumped = self._until_landing(state, command, part, left, external, kept)
-                kept = kept | jumped
-                if found is None:
-                    continue
-                part = found
-            parts.append(part)
-            left -= part.state.time - state.time
-            state, over = part.state, left <= 1e-9 * dt
-            if kept.any():  # A kept row closes at some speed: an impact is to take it.
-                state = state.replace(closed=state.closed & ~kept)
-            if not over or kept.any():
-                rows = kept if kept.any() and not over else None
-                next_part = dt if over else left
-                state, impact, fresh = settle(setup, state, next_part, ~(struck | slow), rows)
-                impacts += [impact] if impact is not None else []
-                kept, struck = kept | (struck & fresh), struck | fresh
-            if over:
-                break
-        return StepResult(state, dt, command, tuple(parts), tuple(impacts), start, setup)
+        course = Course(setup, state, command, dt, external)
+        while not course.over:
+            course.flow_on()
+            course.take_impact()
+        parts, impacts = tuple(course.parts), tuple(course.impacts)
+        return StepResult(course.state, dt, command, parts, impacts, state, setup)
 
     def run(
         self,
@@ -211,16 +178,8 @@ class Plant:
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
         barriers = self._setup.barriers
-        gap = self._every_gap(state)[barriers.limits :]
+        gap = gaps_of_all(self._setup, state)[barriers.limits :]
         return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
-
-    def _every_gap(self, state: SimState) -> FloatArray:
-        """Return the gaps (2 j + c,) of joint limits and of contact points from every solid."""
-        setup = self._setup
-        if setup.inner is not None:
-            return setup.inner.gaps(state.position)
-        pin.forwardKinematics(setup.space.model, setup.space.data, state.position)
-        return setup.barriers.clearance(state.position, state.time).gap
 
     def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
         if not dt > 0.0:
@@ -245,59 +204,6 @@ class Plant:
             raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
         return given
 
-    def _lands_slowly(self, state: SimState, part: Flow, landing: BoolArray, step: float) -> bool:
-        """Return whether only points land, and all of them slowly.
-
-        Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
-        so such a landing needs no part of its own. With a restitution e, slow is also no more than
-        g h (1 - e) / (2 e), from which on all bounces would be over within the step.
-        """
-        setup = self._setup
-        if not landing[setup.barriers.limits :].any() or landing[: setup.barriers.limits].any():
-            return False
-        springy = 2.0 * self.restitution
-        share = min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
-        way = self._every_gap(state)[landing] - part.gap[landing]
-        return bool(way.max() <= share * setup.gravity * step**2)
-
-    def _until_landing(
-        self,
-        state: SimState,
-        command: FloatArray,
-        part: Flow,
-        step: float,
-        external: FloatArray | None,
-        kept: BoolArray,
-    ) -> tuple[Flow | None, BoolArray]:
-        """Return the flow that ends where the first barrier is reached (regula falsi).
-
-        The whole part where none is. A gap may jump with the length of the part, for example
-        where a contact lets go and is no longer pulled back. There is no place of landing then.
-        The flow ends before the jump, or is None where that is at once. The second value says
-        which barriers (2 j + c,) jump.
-        """
-        ahead = ~state.closed & ~kept
-        early, late, before, jumped = 0.0, step, None, np.zeros_like(kept)
-        gap_early = self._every_gap(state)[ahead]
-        level = np.minimum(gap_early, 0.0)
-        gap_early, gap_late = gap_early - level, part.gap[ahead] - level
-        if not np.any(gap_late < 0.0):
-            return part, jumped  # What overlaps now did so at the start and is moving out.
-        for i in range(_TRIES):
-            # Every third try halves, lest one end of the interval never move.
-            share = 0.5 if i % 3 == 2 else _first_crossing(gap_early, gap_late)
-            trial = early + share * (late - early)
-            part = flow(PartInput(self._setup, state, command, trial, external, kept))
-            gap = part.gap[ahead] - level
-            if abs(gap.min()) <= 0.5 * TOUCH:
-                return part, jumped
-            if gap.min() > 0.0:
-                early, gap_early, before = trial, gap, part
-            else:
-                late, gap_late = trial, gap
-        jumped[ahead] = gap_late < 0.0
-        return before, jumped
-
 
 @compiled(Flag, Vector, Vector, Vector, OutVector)
 def clip_torques(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
@@ -307,11 +213,3 @@ def clip_torques(torque: FloatArray, low: FloatArray, high: FloatArray, given: F
         good = good and bool(np.isfinite(torque[i]))
         given[i] = min(max(torque[i], low[i]), high[i])
     return good
-
-
-def _first_crossing(early: FloatArray, late: FloatArray) -> float:
-    """Return the share of the way at which the first gap closes, linearly between two ends."""
-    crossing = late < 0.0
-    ahead = np.maximum(early[crossing], 0.0)
-    share = float((ahead / (ahead - late[crossing])).min())
-    return min(max(share, 1e-4), 1.0 - 1e-4)

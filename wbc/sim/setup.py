@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import FloatArray, frozen
+from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
@@ -38,6 +38,7 @@ class Setup:
         layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
         still: (nv,) zeros, the forces of no effects.
+        none: (2 j + c,) no barrier.
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
         gravity: its size [m/s^2].
         inner: compiled loops for the common case; None for robots and grounds that they do not
@@ -57,6 +58,7 @@ class Setup:
     layout: ImpulseLayout
     memory: EffectMemory
     still: FloatArray
+    none: BoolArray
     least: FloatArray
     gravity: float
     inner: Inner | None
@@ -98,6 +100,7 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         layout,
         first_memory(robot),
         frozen(np.zeros(space.model.nv)),
+        frozen(np.zeros(barriers.size), bool),
         -robot.transmission.torque_limit,
         float(np.linalg.norm(space.model.gravity.linear)),
         inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),

@@ -85,7 +85,9 @@ def random_scene(
             q[1 if base == "planar" else 2] -= plant.gaps(plant.state(q)).min()
     elif plant.gaps(plant.state(q)).min() < 0.0:
         plant = Plant(robot, Plane(height=-10.0), restitution)
-    return plant, plant.state(q, 2.0 * rng.normal(size=robot.model.nv))
+    # A height field's gap is not quite the distance: the way down may end inside.
+    velocity = 2.0 * rng.normal(size=robot.model.nv)
+    return plant, plant.state(q, velocity, lifted=base != "fixed")
 
 
 def drawn_scene(

@@ -9,6 +9,7 @@ from wbc.compiled import (
     Dense,
     Flag,
     Flags,
+    Nothing,
     Number,
     OutRow,
     Row,
@@ -27,18 +28,17 @@ from wbc.sim.inner.tables import (
     Opened,
 )
 from wbc.sim.solve.linear import factor_inertia, halfway, products, rest_of_way
-from wbc.sim.step.overlap import least
+from wbc.sim.step.overlap import CORRECTIONS, least
 from wbc.sim.tree.kinematics import moved_along, place
 
 
-@compiled(Flag, Dense, GEARS, Dense, Flags, Row, Number, OutRow)
+@compiled(Flag, Dense, GEARS, Dense, Flags, Row, OutRow)
 def shift_of(
     inertia: FloatArray,
     gears: GearTables,
     matrix: FloatArray,
     pressed: BoolArray,
-    gap: FloatArray,
-    furthest: float,
+    missing: FloatArray,
     shift: FloatArray,
 ) -> bool:
     """Write the least shift (nv,) that takes overlaps back; False where none can be found.
@@ -48,11 +48,10 @@ def shift_of(
         gears: of the rotors.
         matrix: (b, nv) rows of the closed limits and normals.
         pressed: (b,) whether they carry an impulse: their gaps are taken back from either side.
-        gap: (b,) of these; a gap that is left may close.
-        furthest: [m, rad] by which an overlap is taken back at most.
+        missing: (b,) by which their gaps are to open, below zero where they may close.
         shift: to write.
     """
-    n, count = len(shift), len(gap)
+    n, count = len(shift), len(missing)
     metric, lower = np.empty((n, n)), np.empty((n, n))
     for i in range(n):
         for j in range(n):
@@ -66,16 +65,14 @@ def shift_of(
     if not factor_inertia(metric, lower):
         return False
     half, delassus = np.empty((n, count)), np.empty((count, count))
-    missing, lowest, push = np.empty(count), np.empty(count), np.zeros(count)
+    lowest, push = np.empty(count), np.zeros(count)
     for i in range(count):
         for j in range(n):
             half[j, i] = matrix[i, j]
     halfway(lower, half)
     products(half, delassus)
     for i in range(count):
-        missing[i], lowest[i] = min(-gap[i], furthest), 0.0
-        if pressed[i]:
-            missing[i], lowest[i] = max(missing[i], -furthest), -np.inf
+        lowest[i] = -np.inf if pressed[i] else 0.0
     least(delassus, missing, lowest, push)
     for j in range(n):
         shift[j] = 0.0
@@ -83,6 +80,58 @@ def shift_of(
             shift[j] += half[j, i] * push[i]
     rest_of_way(lower, shift)
     return True
+
+
+@compiled(Nothing, OPENED, Flags, Dense, Flags, Row, Number, OutRow, OutRow)
+def take_back(
+    plant: Opened,
+    closed: BoolArray,
+    matrix: FloatArray,
+    pressed: BoolArray,
+    drift: FloatArray,
+    furthest: float,
+    q: FloatArray,
+    gap: FloatArray,
+) -> None:
+    """Move the robot out of overlaps, in a few shifts, see `CORRECTIONS`.
+
+    Args:
+        plant: its memory stands at q, but for `placed.inertia`: that is the middle's.
+        closed: (2 j + c,).
+        matrix: (b, nv) rows of the closed limits and normals in the middle.
+        pressed: (b,) whether they carry an impulse.
+        drift: (b,) their gaps.
+        furthest: [m, rad] by which an overlap is taken back at most.
+        q: (nq,) to change.
+        gap: (2 j + c,) to change.
+    """
+    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
+    count, off = len(drift), np.inf
+    aim, missing, shift = np.empty(count), np.empty(count), np.empty(matrix.shape[1])
+    last, gap_last = np.empty(len(q)), np.empty(len(gap))
+    for i in range(count):
+        nearer = max(-drift[i], -furthest) if pressed[i] else -drift[i]
+        aim[i] = drift[i] + min(nearer, furthest)
+        missing[i] = aim[i] - drift[i]
+    for _ in range(CORRECTIONS):
+        if not shift_of(plant.placed.inertia, plant.gears, matrix, pressed, missing, shift):
+            return
+        last[:], gap_last[:] = q, gap
+        moved_along(joints, last, shift, 1.0, q)
+        place(joints, shapes, q, poses)
+        gaps_at(plant.obstacles, q, poses, gap)
+        before, off, row = off, 0.0, 0
+        for i in range(len(closed)):
+            if closed[i]:
+                missing[row] = aim[row] - gap[i]
+                off = max(off, abs(missing[row]) if pressed[row] else missing[row])
+                row += 1
+        if not off < before:  # A shift that leads astray is undone.
+            q[:], gap[:] = last, gap_last
+            place(joints, shapes, q, poses)
+            return
+        if off <= plant.bounds[DRIFT_FROM]:
+            return
 
 
 @compiled(
@@ -124,24 +173,21 @@ def arrive(
     advance(plant.tree, plant.flight, half, q_end, poses)
     gaps_at(plant.obstacles, q_end, poses, gap)
     pressed, drift = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes))
-    row, worst, deepest, left = 0, 0.0, 0.0, False
+    row, off, deepest, left = 0, 0.0, 0.0, False
     for i in range(len(closed)):
         overlap[i] = 0.0
         if closed[i]:
             pressed[row], drift[row] = pushes[row] > 0.0, gap[i]
-            worst = max(worst, abs(gap[i]) if pressed[row] else -gap[i])
+            off = max(off, abs(gap[i]) if pressed[row] else -gap[i])
             deepest = min(deepest, gap[i])
             row += 1
-    if worst > plant.bounds[DRIFT_FROM]:
-        furthest, shift = plant.bounds[RETURN_SPEED] * step, np.empty(len(after))
+    if off > plant.bounds[DRIFT_FROM]:
+        furthest = plant.bounds[RETURN_SPEED] * step
         if deepest < -furthest - plant.bounds[TOUCH]:
             left = True
             for i in range(len(closed)):
                 overlap[i] = max(-gap[i] - furthest, 0.0) if closed[i] else 0.0
-        if shift_of(plant.placed.inertia, plant.gears, matrix, pressed, drift, furthest, shift):
-            moved_along(joints, q_end.copy(), shift, 1.0, q_end)
-            place(joints, shapes, q_end, poses)
-            gaps_at(plant.obstacles, q_end, poses, gap)
+        take_back(plant, closed, matrix, pressed, drift, furthest, q_end, gap)
     v_end[:] = after
     if len(bases):
         look(plant.tree, plant.flight, base_rows(bases), plant.placed)

@@ -19,6 +19,7 @@ from wbc.compiled import (
     Row,
     Table,
     compiled,
+    local,
 )
 from wbc.sim.inner.tables import (
     OBSTACLES,
@@ -29,7 +30,7 @@ from wbc.sim.inner.tables import (
 )
 
 
-@compiled(Nothing, OBSTACLES, Dense, Count, OutRow)
+@compiled(Nothing, OBSTACLES, Dense, Count, OutRow, counted=False)
 def place_of(obstacles: Obstacles, poses: FloatArray, which: int, point: FloatArray) -> None:
     """Write the place (3,) of a contact point, world."""
     pose, own = poses[obstacles.contact_at[which, 0]], obstacles.contacts[which]
@@ -39,7 +40,7 @@ def place_of(obstacles: Obstacles, poses: FloatArray, which: int, point: FloatAr
         )
 
 
-@compiled(Nothing, OBSTACLES, Row, Dense, OutRow)
+@compiled(Nothing, OBSTACLES, Row, Dense, OutRow, counted=False)
 def gaps_at(obstacles: Obstacles, q: FloatArray, poses: FloatArray, gap: FloatArray) -> None:
     """Write all gaps (2 j + k s,): lower limits, upper limits, contact points solid by solid.
 
@@ -55,7 +56,7 @@ def gaps_at(obstacles: Obstacles, q: FloatArray, poses: FloatArray, gap: FloatAr
     for i in range(j):
         gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
         gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
-    point = np.empty(3)
+    point = local(3)
     for i in range(k):
         place_of(obstacles, poses, i, point)
         for s in range(len(solids)):
@@ -63,7 +64,7 @@ def gaps_at(obstacles: Obstacles, q: FloatArray, poses: FloatArray, gap: FloatAr
             gap[2 * j + s * k + i] = along - solids[s, 3] - contacts[i, 3]
 
 
-@compiled(Nothing, OBSTACLES, Dense, Row, Count, Row, OutRow)
+@compiled(Nothing, OBSTACLES, Dense, Row, Count, Row, OutRow, counted=False)
 def touching_from(
     obstacles: Obstacles,
     poses: FloatArray,
@@ -78,7 +79,7 @@ def touching_from(
         lever[k] -= about[k] + obstacles.contacts[contact, 3] * normal[k]
 
 
-@compiled(Nothing, Flags, Table, Table, OBSTACLES, PLACED, Row, OutRow)
+@compiled(Nothing, Flags, Table, Table, OBSTACLES, PLACED, Row, OutRow, counted=False)
 def rates_at(
     closed: BoolArray,
     rows: IntArray,
@@ -102,7 +103,7 @@ def rates_at(
     limits, columns = 2 * len(obstacles.limit_at), placed.columns
     contact_at, solids = obstacles.contact_at, obstacles.solids
     about = point_of_reference(bases, placed.poses)
-    k, point, motion = len(contact_at), np.empty(3), np.empty(6)
+    k, point, motion = len(contact_at), local(3), local(6)
     for b in range(len(closed)):
         rate[b] = 0.0
         if b < limits or not closed[b]:
@@ -121,7 +122,7 @@ def rates_at(
         rate[b] += normal[2] * (motion[2] + motion[3] * y - motion[4] * x)
 
 
-@compiled(Nothing, Row, Flag, OutDense)
+@compiled(Nothing, Row, Flag, OutDense, counted=False)
 def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
     """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3)."""
     x, y, z = normal[0], normal[1], normal[2]
@@ -140,7 +141,19 @@ def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
     axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
 
 
-@compiled(Nothing, Flags, OBSTACLES, Table, Table, PLACED, Count, OutDense, OutDense, OutPlaces)
+@compiled(
+    Nothing,
+    Flags,
+    OBSTACLES,
+    Table,
+    Table,
+    PLACED,
+    Count,
+    OutDense,
+    OutDense,
+    OutPlaces,
+    counted=False,
+)
 def barrier_rows(
     closed: BoolArray,
     obstacles: Obstacles,
@@ -178,7 +191,7 @@ def barrier_rows(
         if closed[i]:
             which[count] = i - 2 * j
             count += 1
-    size, point = 1 + obstacles.tangents, np.empty(3)
+    size, point = 1 + obstacles.tangents, local(3)
     for c in range(count):
         contact, own = which[c] % k, axes[size * c : size * (c + 1)]
         normal = solids[which[c] // k, :3]
@@ -206,7 +219,7 @@ def barrier_rows(
 
 @compiled(
     Nothing, Flags, Flags, Row, Row, Number, OBSTACLES, Table, Table, PLACED, Row, Count,
-    OutDense, OutDense, OutPlaces, OutRow, OutRow, OutRow,
+    OutDense, OutDense, OutPlaces, OutRow, OutRow, OutRow, counted=False,
 )  # fmt: skip
 def held_rows(
     closed: BoolArray,
@@ -262,7 +275,7 @@ def held_rows(
         frictions[c] = obstacles.contacts[which[c] % len(obstacles.contacts), 4]
 
 
-@compiled(Nothing, Row, Dense, Places, Count, OutDense)
+@compiled(Nothing, Row, Dense, Places, Count, OutDense, counted=False)
 def world_pushes(
     solved: FloatArray, axes: FloatArray, which: IntArray, tangents: int, pushes: FloatArray
 ) -> None:

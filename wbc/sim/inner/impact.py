@@ -33,7 +33,7 @@ MESH, CONTACT, USED, ROWS = range(4)
 _SLOW = 1e-9
 
 
-@compiled(Nothing, Dense, Dense, Row, OutDense)
+@compiled(Nothing, Dense, Dense, Row, OutDense, counted=False)
 def impact_laws(gears: FloatArray, gear_rows: FloatArray, v: FloatArray, laws: FloatArray) -> None:
     """Write the law (m, 9) of every gear in an impact, as `impact_elements` says.
 
@@ -56,7 +56,7 @@ def impact_laws(gears: FloatArray, gear_rows: FloatArray, v: FloatArray, laws: F
         law[7] = np.inf
 
 
-@compiled(several(Number, Number), Dense, Dense, Dense, Row, Row, Row)
+@compiled(several(Number, Number), Dense, Dense, Dense, Row, Row, Row, counted=False)
 def losses_of(
     inertia: FloatArray,
     gears: FloatArray,
@@ -93,7 +93,7 @@ def losses_of(
     return lost, given - lost
 
 
-@compiled(Nothing, OutPlaces, OutRow, Row, OutRow)
+@compiled(Nothing, OutPlaces, OutRow, Row, OutRow, counted=False)
 def gaps_of(whole: IntArray, numbers: FloatArray, q: FloatArray, gap: FloatArray) -> None:
     """Write all gaps (2 j + c,) at q (nq,); the plant as by `packed_plant`."""
     plant = opened(whole, numbers)

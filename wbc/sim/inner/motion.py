@@ -5,8 +5,6 @@ The same steps as `wbc.sim.step.flight`, which says why, on arrays alone.
 
 from __future__ import annotations
 
-import numpy as np
-
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
@@ -18,6 +16,7 @@ from wbc.compiled import (
     Row,
     Table,
     compiled,
+    local,
 )
 from wbc.sim.inner.barriers import rates_at
 from wbc.sim.inner.tables import (
@@ -41,7 +40,7 @@ from wbc.sim.tree.kinematics import columns_at, moved_along, place
 from wbc.sim.tree.tree import Tree
 
 
-@compiled(Nothing, TREE, FLIGHT, Count, PLACED)
+@compiled(Nothing, TREE, FLIGHT, Count, PLACED, counted=False)
 def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
     """Write columns, bodies, the first `upto` rows of H_l and the bases' frames in given poses."""
     poses, bases = placed.poses, flight.bases
@@ -52,12 +51,13 @@ def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
     for i in range(len(bases)):
         pose, frame = poses[bases[i, FRAME]], flight.frames[i]
         all_behind = placed.composite[bases[i, JOINT]]
-        frame[:9] = pose[:9]
+        for k in range(9):
+            frame[k] = pose[k]
         for k in range(3):
             frame[9 + k] = about[k] + all_behind[1 + k] / all_behind[0] - pose[9 + k]
 
 
-@compiled(Count, Table)
+@compiled(Count, Table, counted=False)
 def base_rows(bases: IntArray) -> int:
     """Return how many rows of H_l the momenta of the free bases need: up to the last base's."""
     upto = 0
@@ -66,7 +66,7 @@ def base_rows(bases: IntArray) -> int:
     return upto
 
 
-@compiled(Nothing, FLIGHT, PLACED, Row)
+@compiled(Nothing, FLIGHT, PLACED, Row, counted=False)
 def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
     """Keep the momentum (6) that every tree has at v (nv,)."""
     bases = flight.bases
@@ -76,7 +76,7 @@ def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
         momentum_at(placed.inertia, turn, lever, first, planar, v, flight.carried[i, :6])
 
 
-@compiled(Nothing, FLIGHT, PLACED)
+@compiled(Nothing, FLIGHT, PLACED, counted=False)
 def keep_centers(flight: Flight, placed: PlacedTree) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
     bases, frames, poses = flight.bases, flight.frames, placed.poses
@@ -86,7 +86,7 @@ def keep_centers(flight: Flight, placed: PlacedTree) -> None:
             flight.carried[i, 6 + k] = poses[bases[i, FRAME], 9 + k] + frames[i, 9 + k]
 
 
-@compiled(Nothing, FLIGHT, PLACED, OutRow)
+@compiled(Nothing, FLIGHT, PLACED, OutRow, counted=False)
 def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
     bases = flight.bases
@@ -96,7 +96,7 @@ def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
         velocity_at(placed.inertia, turn, lever, first, planar, flight.carried[i, :6], v)
 
 
-@compiled(Nothing, TREE, FLIGHT, Number, OutRow, OutDense)
+@compiled(Nothing, TREE, FLIGHT, Number, OutRow, OutDense, counted=False)
 def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: FloatArray) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
@@ -109,7 +109,8 @@ def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: Float
     """
     joints, shapes, bases, carried = tree.joints, tree.shapes, flight.bases, flight.carried
     for i in range(len(bases)):
-        joint, missing = bases[i, JOINT], np.zeros(3)
+        joint, missing = bases[i, JOINT], local(3)
+        missing[:] = 0.0
         for body in range(len(joints)):
             if joints[body, 4] == joint:
                 pose, shape = poses[body], shapes[body]
@@ -133,7 +134,21 @@ def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: Float
                     poses[body, 9 + k] += missing[k]
 
 
-@compiled(Nothing, TREE, FLIGHT, OBSTACLES, PLACED, Row, Row, Number, Flags, OutRow, OutRow, OutRow)
+@compiled(
+    Nothing,
+    TREE,
+    FLIGHT,
+    OBSTACLES,
+    PLACED,
+    Row,
+    Row,
+    Number,
+    Flags,
+    OutRow,
+    OutRow,
+    OutRow,
+    counted=False,
+)
 def to_middle(
     tree: Tree,
     flight: Flight,
@@ -162,7 +177,8 @@ def to_middle(
         place(joints, shapes, q, poses)
         look(tree, flight, upto, placed)
         rates_at(closed, tree.rows, bases, obstacles, placed, v, rate)
-    speed[:] = v
+    for i in range(len(v)):
+        speed[i] = v[i]
     if len(bases):
         carry(flight, placed, v)
         keep_centers(flight, placed)
@@ -174,5 +190,6 @@ def to_middle(
     place(joints, shapes, middle, poses)
     advance(tree, flight, half, middle, poses)
     look(tree, flight, len(v), placed)
-    speed[:] = v
+    for i in range(len(v)):
+        speed[i] = v[i]
     set_momentum(flight, placed, speed)

@@ -9,16 +9,20 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
+    Dense,
     Flag,
     Flags,
     Nothing,
     Number,
+    OutDense,
     OutFlags,
     OutPlaces,
     OutRow,
+    Places,
     Row,
     compiled,
     group,
+    local,
     several,
 )
 from wbc.sim.inner.arrival import arrive
@@ -81,13 +85,13 @@ def middle_of(out: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray, 
     return out[ends[9] : ends[10]], out[ends[10] : ends[11]], out[ends[11] : ends[12]]
 
 
-@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow)
+@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow, counted=False)
 def bias_of(
     tree: Tree, flight: Flight, placed: PlacedTree, v: FloatArray, bias: FloatArray
 ) -> None:
     """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
     bias_at(tree.joints, tree.rows, tree.gravity, placed.columns, placed.bodies, v, bias)
-    bases, weight = flight.bases, np.empty(3)
+    bases, weight = flight.bases, local(3)
     for i in range(len(bases)):
         turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
         for k in range(3):
@@ -96,7 +100,7 @@ def bias_of(
         part_on_joints(placed.inertia, turn, lever, first, planar, weight, bias)
 
 
-@compiled(Nothing, Count, Count, Count, Count, Count, Flags, OutPlaces)
+@compiled(Nothing, Count, Count, Count, Count, Count, Flags, OutPlaces, counted=False)
 def row_places(
     gears: int,
     coordinates: int,
@@ -121,6 +125,77 @@ def row_places(
                 row += 1
 
 
+@compiled(several(Count, Count), Flags, Flags, Count, OutFlags, counted=False)
+def count_closed(
+    before: BoolArray, kept: BoolArray, limits: int, closed: BoolArray
+) -> tuple[int, int]:
+    """Write which barriers hold in a part; return how many limits and how many contacts do."""
+    held, touching = 0, 0
+    for i in range(len(closed)):
+        closed[i] = before[i] or kept[i]
+        if closed[i]:
+            held, touching = held + (i < limits), touching + (i >= limits)
+    return held, touching
+
+
+@compiled(Nothing, OPENED, ACTING, OutDense, OutDense, counted=False)
+def gear_rows_of(plant: Opened, acting: Acting, laws: FloatArray, matrix: FloatArray) -> None:
+    """Write the laws (m, 9) of the gears, and their rows as the first m of `matrix` (r, nv)."""
+    gears = plant.gears
+    gear_laws(gears.numbers, gears.rows, acting.v, acting.torque, acting.dry, acting.step, laws)
+    for i in range(len(gears.rows)):
+        for c in range(len(acting.v)):
+            matrix[i, c] = gears.rows[i, c]
+
+
+@compiled(Nothing, Places, Row, Row, Dense, OutRow, OutRow, OutRow, counted=False)
+def write_rows(
+    places: IntArray,
+    solved: FloatArray,
+    moved: FloatArray,
+    laws: FloatArray,
+    impulse: FloatArray,
+    motor: FloatArray,
+    mesh: FloatArray,
+) -> None:
+    """Write what rows with impulses and speeds (r,) leave behind.
+
+    Args:
+        places: (r,) see `row_places`.
+        solved, moved: (r,) impulses and speeds.
+        laws: (m, 9) of the gears.
+        impulse: of all rows that there may be, to write.
+        motor: (m,) speeds of the motor outputs, to write.
+        mesh: (m,) T, to write.
+    """
+    impulse[:] = 0.0
+    for i in range(len(places)):
+        impulse[places[i]] = solved[i]
+    for i in range(len(laws)):
+        motor[i] = moved[i]
+        mesh[i] = solved[i] + np.sign(moved[i]) * laws[i, 5]
+
+
+@compiled(Count, Row, Row, Number, OutFlags, counted=False)
+def hold_or_land(pushes: FloatArray, gap: FloatArray, touch: float, closed: BoolArray) -> int:
+    """Write which barriers stay closed, pressed ones or in touch; return LANDED or SMOOTH.
+
+    Args:
+        pushes: (l + k,) impulses of the closed limits and normals.
+        gap: (2 j + c,) at the end.
+        touch: gap up to which a barrier counts as closed; one that is passed by more has landed.
+        closed: (2 j + c,) to change.
+    """
+    result, row = SMOOTH, 0
+    for i in range(len(gap)):
+        if closed[i]:
+            closed[i] = gap[i] <= touch or pushes[row] > 0.0
+            row += 1
+        elif gap[i] < -touch:
+            result = LANDED
+    return result
+
+
 @compiled(Count, OPENED, ACTING, OutRow, OutFlags)
 def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArray) -> int:
     """Write the end of a smooth part from its middle, where the memory stands.
@@ -134,16 +209,14 @@ def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArra
     Returns:
         FAILED, SMOOTH or LANDED; and minus SMOOTH or LANDED where some overlap is left.
     """
-    before, kept, v, step = acting.before, acting.kept, acting.v, acting.step
-    tree, bases, placed, gears = plant.tree, plant.flight.bases, plant.placed, plant.gears
-    obstacles, ends = plant.obstacles, plant.ends
+    kept, step, obstacles, ends = acting.kept, acting.step, plant.obstacles, plant.ends
+    tree, bases, placed = plant.tree, plant.flight.bases, plant.placed
     q_end, v_end, motor = out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]]
     impulse, gap, after = out[ends[2] : ends[3]], out[ends[3] : ends[4]], out[ends[4] : ends[5]]
     mesh, overlap = out[ends[5] : ends[6]], out[ends[6] : ends[7]]
     contact_impulse = out[ends[7] : ends[8]].reshape(-1, 3)
     middle, speed, rate = middle_of(out, ends)
-    n, m, j = len(v), len(gears.rows), len(obstacles.limit_at)
-    size, d = len(before), obstacles.tangents
+    n, m, j, d = len(acting.v), len(plant.gears.rows), len(obstacles.limit_at), obstacles.tangents
     # Forces.
     bias, free, lower = np.empty(n), np.empty(n), np.empty((n, n))
     bias_of(tree, plant.flight, placed, speed, bias)
@@ -152,11 +225,7 @@ def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArra
     if not free_velocity(placed.inertia, speed, bias, step, free, lower):
         return FAILED
     # Barriers.
-    limits, touching = 0, 0
-    for i in range(size):
-        closed[i] = before[i] or kept[i]
-        if closed[i]:
-            limits, touching = limits + (i < 2 * j), touching + (i >= 2 * j)
+    limits, touching = count_closed(acting.before, kept, 2 * j, closed)
     both = limits + touching
     total = m + both + d * touching
     matrix, axes = np.empty((total, n)), np.empty((touching * (1 + d), 3))
@@ -168,13 +237,10 @@ def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArra
     )  # fmt: skip
     # Gear rows.
     laws = np.empty((m, 9))
-    gear_laws(gears.numbers, gears.rows, v, acting.torque, acting.dry, step, laws)
-    for i in range(m):
-        for c in range(n):
-            matrix[i, c] = gears.rows[i, c]
+    gear_rows_of(plant, acting, laws, matrix)
     # Program and solution.
     places = np.empty(total, dtype=np.int64)
-    row_places(m, n, size, 2 * j, d, closed, places)
+    row_places(m, n, len(closed), 2 * j, d, closed, places)
     start, solved, moved = np.zeros(total), np.zeros(total), np.zeros(total)
     if len(acting.stored) == len(impulse):
         for i in range(total):
@@ -186,29 +252,18 @@ def from_middle(plant: Opened, acting: Acting, out: FloatArray, closed: BoolArra
     if used < 0:
         return FAILED
     out[ends[8]] = used
-    impulse[:] = 0.0
-    for i in range(total):
-        impulse[places[i]] = solved[i]
-    for i in range(m):
-        motor[i] = moved[i]
-        mesh[i] = solved[i] + np.sign(moved[i]) * laws[i, 5]
+    write_rows(places, solved, moved, laws, impulse, motor, mesh)
     world_pushes(solved[m + limits :], axes, which, d, contact_impulse)
     # New state.
     left = arrive(
         plant, closed, matrix[m : m + both], solved[m : m + both], middle, after, step, q_end,
         v_end, gap, overlap,
     )  # fmt: skip
-    result, row = SMOOTH, 0
-    for i in range(size):
-        if closed[i]:
-            closed[i] = gap[i] <= plant.bounds[TOUCH] or solved[m + row] > 0.0
-            row += 1
-        elif gap[i] < -plant.bounds[TOUCH]:
-            result = LANDED
+    result = hold_or_land(solved[m : m + both], gap, plant.bounds[TOUCH], closed)
     return -result if left else result
 
 
-@compiled(Nothing, OutPlaces, OutRow, Row, Row, Number, Flags, OutRow)
+@compiled(Nothing, OutPlaces, OutRow, Row, Row, Number, Flags, OutRow, counted=False)
 def first_half(
     whole: IntArray,
     numbers: FloatArray,
@@ -229,7 +284,7 @@ def first_half(
 
 @compiled(
     Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Row, Row, Row, Number, Flag, OutRow,
-    OutFlags,
+    OutFlags, counted=False,
 )  # fmt: skip
 def part_of_step(
     whole: IntArray,

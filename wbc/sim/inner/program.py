@@ -24,7 +24,7 @@ RATIO, INERTIA, VISCOUS, COULOMB, INVERSE, BACKWARD = range(6)
 """Columns of a table of gears: N, N^2 I_r, N^2 and |N| times the friction, 1/eta_f, eta_b."""
 
 
-@compiled(Nothing, Dense, Dense, Row, Row, Row, Number, OutDense)
+@compiled(Nothing, Dense, Dense, Row, Row, Row, Number, OutDense, counted=False)
 def gear_laws(
     gears: FloatArray,
     gear_rows: FloatArray,
@@ -56,7 +56,7 @@ def gear_laws(
         law[7], law[8] = np.inf, 0.0
 
 
-@compiled(Nothing, Dense, Count, OutRow, OutRow)
+@compiled(Nothing, Dense, Count, OutRow, OutRow, counted=False)
 def lines(delassus: FloatArray, pairs: int, spring: FloatArray, slope: FloatArray) -> None:
     """Write the springs that hold a split left open, and the slopes on which rows meet their laws.
 
@@ -129,7 +129,7 @@ def solve_rows(
         own[i] = total
         fastest = max(fastest, abs(total))
     for i in range(len(targets)):
-        fastest = max(fastest, abs(targets[i]))
+        fastest = max(fastest, targets[i])  # below zero: see TOLERANCE
     lines(delassus, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
     limit = 0 if size > n else 12
     tolerance = accuracy * (1.0 + fastest)
@@ -165,7 +165,7 @@ def solve_rows(
     return used if np.isfinite(good) else -1
 
 
-@compiled(Flag, Dense, Row, Row, Number, OutRow, OutDense)
+@compiled(Flag, Dense, Row, Row, Number, OutRow, OutDense, counted=False)
 def free_velocity(
     inertia: FloatArray,
     v: FloatArray,

@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Flag, Nothing, Number, OutDense, OutRow, Row, compiled
+from wbc.compiled import Count, Dense, Flag, Nothing, Number, OutDense, OutRow, Row, compiled, local
 from wbc.sim.solve.linear import factor, solve_factored
 
 
-@compiled(Nothing, Row, Number, Number, Number, OutRow)
+@compiled(Nothing, Row, Number, Number, Number, OutRow, counted=False)
 def element_piece(
     law: FloatArray, slope: float, impulse: float, speed: float, piece: FloatArray
 ) -> None:
@@ -60,7 +60,7 @@ def element_piece(
     piece[3] = missing / (on_speed + on_impulse * slope)
 
 
-@compiled(Number, Dense, Row, Row, Count, Row, Row, Row, OutDense, OutDense)
+@compiled(Number, Dense, Row, Row, Count, Row, Row, Row, OutDense, OutDense, counted=False)
 def pieces_at(
     laws: FloatArray,
     targets: FloatArray,
@@ -109,7 +109,8 @@ def pieces_at(
         first = m + count + contact * tangents
         if push > 0.0:
             bound = frictions[contact] * push
-        wish = np.zeros(2)
+        wish = local(2)
+        wish[:] = 0.0
         for j in range(tangents):
             wish[j] = impulse[first + j] - slope[first + j] * speed[first + j]
         # Far from a solution Newton's points may be huge: hypot does not overflow before they do.

@@ -32,7 +32,7 @@ _ROUNDS = 3
 as much again. Fewer left stances of 120 rows short of 1e-10, more changed nothing."""
 
 
-@compiled(Flag, Count, Count)
+@compiled(Flag, Count, Count, counted=False)
 def fewer_products(rows: int, freedoms: int) -> bool:
     """Return whether the system in velocities takes fewer products than that in impulses.
 
@@ -43,7 +43,7 @@ def fewer_products(rows: int, freedoms: int) -> bool:
     return freedoms * freedoms * (3 * rows + freedoms) < rows**3
 
 
-@compiled(Nothing, Row, Row, Count, Dense, Dense, OutDense, OutDense)
+@compiled(Nothing, Row, Row, Count, Dense, Dense, OutDense, OutDense, counted=False)
 def row_blocks(
     slope: FloatArray,
     frictions: FloatArray,
@@ -77,7 +77,7 @@ def row_blocks(
                 on_speed[row, 1 + b] += slope[row] * turning * turn
 
 
-@compiled(Nothing, Count, Count, Dense, Row, OutRow)
+@compiled(Nothing, Count, Count, Dense, Row, OutRow, counted=False)
 def times(
     contacts: int, tangents: int, blocks: FloatArray, given: FloatArray, result: FloatArray
 ) -> None:
@@ -93,7 +93,7 @@ def times(
             result[i] += blocks[i, 1 + b] * given[first + contact * tangents + b]
 
 
-@compiled(Nothing, Count, Count, Dense, Dense, Row, OutDense)
+@compiled(Nothing, Count, Count, Dense, Dense, Row, OutDense, counted=False)
 def undo(
     contacts: int,
     tangents: int,
@@ -132,7 +132,7 @@ def undo(
             columns[row + 1, c] = (a * two - d * one) / whole
 
 
-@compiled(Nothing, Dense, Row, OutRow)
+@compiled(Nothing, Dense, Row, OutRow, counted=False)
 def gathered(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
     """Write W x (n,) of W' (r, n) and x (r,)."""
     result[:] = 0.0
@@ -143,7 +143,7 @@ def gathered(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
                 result[j] += share * ways[i, j]
 
 
-@compiled(Nothing, Dense, Row, OutRow)
+@compiled(Nothing, Dense, Row, OutRow, counted=False)
 def spread(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
     """Write W' y (r,) of W' (r, n) and y (n,)."""
     for i in range(len(ways)):
@@ -153,7 +153,9 @@ def spread(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
         result[i] = total
 
 
-@compiled(Flag, Count, Count, Dense, Dense, Dense, Row, OutDense, OutDense, OutPlaces)
+@compiled(
+    Flag, Count, Count, Dense, Dense, Dense, Row, OutDense, OutDense, OutPlaces, counted=False
+)
 def factor_in_velocities(
     contacts: int,
     tangents: int,

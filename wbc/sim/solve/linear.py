@@ -5,39 +5,62 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, Flag, Nothing, OutDense, OutPlaces, OutRow, Places, compiled
+from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutPlaces, OutRow, Places, compiled
 
 
-@compiled(Flag, OutDense, OutPlaces)
-def factor(matrix: FloatArray, pivots: IntArray) -> bool:
-    """Replace a matrix (n, n) by its triangular factors with row pivots; False where singular."""
-    size = len(matrix)
-    for k in range(size):
-        best = k
-        for i in range(k + 1, size):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
-        pivots[k] = best
-        if best != k:
-            for j in range(size):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-        if matrix[k, k] == 0.0:
-            return False
-        for i in range(k + 1, size):
-            matrix[i, k] /= matrix[k, k]
-        # Two rows at a time: the overhead of a loop is as long as its work.
-        for i in range(k + 1, size - 1, 2):
-            one, two = matrix[i, k], matrix[i + 1, k]
-            for j in range(k + 1, size):
-                matrix[i, j] -= one * matrix[k, j]
-                matrix[i + 1, j] -= two * matrix[k, j]
-        if (size - k) % 2 == 0:
-            for j in range(k + 1, size):
-                matrix[size - 1, j] -= matrix[size - 1, k] * matrix[k, j]
+@compiled(Flag, OutDense, Count, Count, OutPlaces, counted=False)
+def take_pivot(matrix: FloatArray, k: int, end: int, pivots: IntArray) -> bool:
+    """Bring the largest entry of column k to row k and eliminate below, up to column `end`.
+
+    Returns:
+        False where the column is zero.
+    """
+    size, best = len(matrix), k
+    for i in range(k + 1, size):
+        if abs(matrix[i, k]) > abs(matrix[best, k]):
+            best = i
+    pivots[k] = best
+    if best != k:
+        for j in range(size):
+            matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+    if matrix[k, k] == 0.0:
+        return False
+    for i in range(k + 1, size):
+        matrix[i, k] /= matrix[k, k]
+        for j in range(k + 1, end):
+            matrix[i, j] -= matrix[i, k] * matrix[k, j]
     return True
 
 
-@compiled(Nothing, Dense, Places, OutRow)
+@compiled(Flag, OutDense, OutPlaces, counted=False)
+def factor(matrix: FloatArray, pivots: IntArray) -> bool:
+    """Replace a matrix (n, n) by its triangular factors with row pivots; False where singular.
+
+    Four pivots at a time change what is right of them: it is read and written once for the four.
+    """
+    size, start = len(matrix), 0
+    while start < size:
+        end = min(start + 4, size)
+        for k in range(start, end):
+            if not take_pivot(matrix, k, end, pivots):
+                return False
+        for k in range(start, end):
+            for i in range(k + 1, end):
+                share = matrix[i, k]
+                for j in range(end, size):
+                    matrix[i, j] -= share * matrix[k, j]
+        for i in range(end, size):  # there are none unless the four are whole
+            one, two = matrix[i, start], matrix[i, start + 1]
+            three, four = matrix[i, start + 2], matrix[i, start + 3]
+            for j in range(end, size):
+                taken = one * matrix[start, j] + two * matrix[start + 1, j]
+                taken += three * matrix[start + 2, j] + four * matrix[start + 3, j]
+                matrix[i, j] -= taken
+        start = end
+    return True
+
+
+@compiled(Nothing, Dense, Places, OutRow, counted=False)
 def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> None:
     """Replace the right side (n,) by the solution, with what `factor` left."""
     size = len(right)
@@ -56,7 +79,7 @@ def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> N
         right[i] = (right[i] - total) / matrix[i, i]
 
 
-@compiled(Flag, Dense, OutDense)
+@compiled(Flag, Dense, OutDense, counted=False)
 def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
     """Write L, lower triangular, with L' L = inertia (n, n); False where that is not positive.
 
@@ -81,7 +104,7 @@ def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, OutDense)
+@compiled(Nothing, Dense, OutDense, counted=False)
 def halfway(lower: FloatArray, columns: FloatArray) -> None:
     """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):
@@ -94,7 +117,7 @@ def halfway(lower: FloatArray, columns: FloatArray) -> None:
                     columns[j, c] -= share * columns[i, c]
 
 
-@compiled(Nothing, Dense, OutRow)
+@compiled(Nothing, Dense, OutRow, counted=False)
 def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
     """Replace the right side (n,) by L^-1 of it."""
     for i in range(len(lower)):
@@ -104,7 +127,7 @@ def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
         right[i] = (right[i] - total) / lower[i, i]
 
 
-@compiled(Nothing, Dense, OutDense)
+@compiled(Nothing, Dense, OutDense, counted=False)
 def products(columns: FloatArray, gram: FloatArray) -> None:
     """Write columns' columns (r, r)."""
     size = columns.shape[1]

@@ -17,7 +17,7 @@ rounds for the others included, all took 46 900, 30 500, 28 300 and 28 400 linea
 _SHORTEST = 1e-2
 
 
-@compiled(Nothing, Dense, Row, Row, OutRow)
+@compiled(Nothing, Dense, Row, Row, OutRow, counted=False)
 def speeds_at(
     delassus: FloatArray, free: FloatArray, impulse: FloatArray, speed: FloatArray
 ) -> None:
@@ -29,7 +29,7 @@ def speeds_at(
         speed[i] = free[i] + total
 
 
-@compiled(Flag, Dense, Dense, Row, Row, Row, Count, Dense, Dense, Row, OutRow)
+@compiled(Flag, Dense, Dense, Row, Row, Row, Count, Dense, Dense, Row, OutRow, counted=False)
 def solve_smaller(
     ways: FloatArray,
     delassus: FloatArray,

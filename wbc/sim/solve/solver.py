@@ -19,7 +19,11 @@ from wbc.sim.solve.sweeps import sweep
 from wbc.sim.step.program import StepProgram
 
 TOLERANCE = 1e-10
-"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1."""
+"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1.
+
+A target below zero does not count: a row reaches it only at speeds that count already, and a
+barrier that is kept in a short part has one that no speed comes near.
+"""
 
 _PROXIMAL_TRIES = 8
 """Quadratic programs whose solutions are worth proximal rounds, which cost as much as they do."""
@@ -41,7 +45,7 @@ def solve_program(
     """
     reduced = reduce_program(program)
     start = np.zeros(len(reduced.free)) if guess is None else guess
-    fastest = max(np.abs(reduced.free).max(initial=0.0), np.abs(reduced.targets).max(initial=0.0))
+    fastest = max(np.abs(reduced.free).max(initial=0.0), reduced.targets.max(initial=0.0))
     tolerance = TOLERANCE * (1.0 + float(fastest))
     if program.elements.backward.min(initial=0.0) < 0.0:
         rows = undecided_rows(reduced)

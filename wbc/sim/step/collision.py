@@ -113,7 +113,11 @@ def _as_struck(
         state.time, state.velocity, struck.after, struck.contact_impulse, struck.mesh_loss,
         struck.contact_loss, 0.0, partial(_rebuilt, setup, state, struck),
     )  # fmt: skip
-    return state.replace(velocity=struck.after, closed=struck.closed), impact, struck.fresh
+    after = SimState(
+        state.position, struck.after, state.time, struck.closed, state.impulse, state.deflection,
+        state.motor_velocity, state.memory,
+    )  # fmt: skip
+    return after, impact, struck.fresh
 
 
 def _rebuilt(setup: Setup, state: SimState, struck: Struck) -> StepSolution:

@@ -19,27 +19,22 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray
 from wbc.sim.energy.energy_flow import EnergyFlow
 from wbc.sim.energy.flow_energy import Transit, flow_energy
-from wbc.sim.ground.barriers import TOUCH, ClosedRows
+from wbc.sim.ground.barriers import TOUCH
 from wbc.sim.ground.contact_rows import world_impulse
 from wbc.sim.inner.inner import Ended, Inner
-from wbc.sim.laws.coupling import step_coupling
+from wbc.sim.laws.coupling import StepCoupling, step_coupling
+from wbc.sim.laws.gear_rows import GearRows
 from wbc.sim.laws.grip import Grip
+from wbc.sim.laws.motor_motion import MotorMotion
 from wbc.sim.setup import Setup
 from wbc.sim.solve.reduced import blown_up, reduce_program
 from wbc.sim.solve.solution import StepSolution
 from wbc.sim.state import SimState
-from wbc.sim.step.flight import (
-    Middle,
-    arrived_velocity,
-    from_middle,
-    standing_at,
-    to_middle,
-)
+from wbc.sim.step.arrival import arrive
+from wbc.sim.step.flight import Middle, standing_at, to_middle
 from wbc.sim.step.forces import EffectForces, effect_forces
-from wbc.sim.step.overlap import DRIFT, inertia_with_rotors, shift_out
-from wbc.sim.step.part_program import problem_of, program_of, solve_gripped
+from wbc.sim.step.part_program import PartProgram, problem_of, program_of, solve_gripped
 
-_NO_SHIFT = np.zeros(0)
 _MESH_ROUNDS = 40
 _MESH_TOLERANCE = 1e-9  # of the torque that a gear carries; steps are solved to 1e-10
 # Change of what a gear carries per change of what its loss assumes: below it lies a loss of 95 % of
@@ -224,121 +219,102 @@ def _rebuilt(given: PartInput, forces: EffectForces, found: Ended) -> Transit:
     )
     mesh, speed = gears.passed(solution)
     after = problem.motor.after(setup.drive, solution.velocity, speed, step)
-    return Transit(
-        setup.robot,
-        setup.drive,
-        velocity,
-        problem.motor,
-        after,
-        mesh,
-        solution,
-        gears,
-        forces,
-        external,
-        step,
-    )
+    return _transit_of(problem, gears, solution, mesh, after, external)
 
 
 def _plain(given: PartInput) -> Flow:
-    """Return the part by arrays and every solver: loose gears, coupled rotors, any ground."""
-    setup, state, command, step, external, kept, mesh = given
-    space, half = setup.space, 0.5 * step
-    rate = _rate_at_start(setup, state)
-    middle = to_middle(setup.bases, space, state.position, state.velocity, half)
-    at = middle.position, middle.velocity, state.time + half
-    forces = effect_forces(setup.robot, at, command, state.memory, step, setup.temperature, mesh)
-    setup = setup.moving(middle.position, middle.velocity)
-    coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
-    if coupling is not None:
-        pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
-    problem = problem_of(setup, state, middle, rate, forces, external, kept, step, coupling)
-    held, motor, closed = problem.held, problem.motor, state.closed | kept
+    """Return the part by arrays and every solver: loose gears, coupled rotors, any ground.
+
+    The steps of docs/method/simulation-method.md in their order; `from_middle` in `wbc.sim.inner`
+    is the same in compiled loops.
+    """
+    state, step, kept = given.state, given.step, given.kept
+    # Forces, in the middle of the part.
+    rate = _rate_at_start(given.setup, state)
+    middle, forces = _forces_in_the_middle(given)
+    setup = given.setup.moving(middle.position, middle.velocity)
+    coupling = _coupling_at(setup, middle)
+    # Barriers.
+    problem = problem_of(setup, state, middle, rate, forces, given.external, kept, step, coupling)
+    # Gear rows, program and solution.
     gears, places, solution = solve_gripped(problem)
     if not isfinite(solution.velocity.sum()):
         raise blown_up(setup.space.data.M, state.velocity)
     mesh, speed = gears.passed(solution)
-    motor_after = motor.after(setup.drive, solution.velocity, speed, step)
-    end = _arrive(setup, middle, solution, closed, held, step, state.time + step)
-    deflection = motor_after.deflection
-    if setup.drive.any_loose and len(end.shift):
-        deflection = deflection - np.where(setup.drive.loose, setup.drive.rows @ end.shift, 0.0)
+    motor = problem.motor.after(setup.drive, solution.velocity, speed, step)
+    # New state.
+    closed, until = state.closed | kept, state.time + step
+    end = arrive(setup, middle, solution, closed, problem.held, step, until)
     following = SimState(
         end.position,
         end.velocity,
-        state.time + step,
+        until,
         _still_closed(closed, end.gap, solution.normal_impulse),
         setup.layout.store(solution.impulse, places),
-        deflection,
-        motor_after.speed,
+        _shifted(setup, motor.deflection, end.shift),
+        motor.speed,
         forces.memory,
     )
-    transit = Transit(
-        setup.robot,
-        setup.drive,
-        middle.velocity,
-        motor,
-        motor_after,
-        mesh,
-        solution,
-        gears,
-        forces,
-        external,
-        step,
-        setup.barriers.ground_speed(held, state.time + half, state.time + half),
-    )
     landed = bool(np.any(~closed & (end.gap < -TOUCH)))
-    push = world_impulse(held.contacts, setup.barriers.points, solution)
+    push = world_impulse(problem.held.contacts, setup.barriers.points, solution)
+    # What the audit reads.
+    transit = _transit_of(problem, gears, solution, mesh, motor, given.external)
     ended = PlainEnd(end.gap, end.overlap, push, mesh)
     return Flow(following, landed, ended, forces, step, lambda: transit)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _End:
-    """Where a part ends: q (nq,), v (nv,), gaps, overlaps left, and the shift (nv,) out of them."""
+def _forces_in_the_middle(given: PartInput) -> tuple[Middle, EffectForces]:
+    """Return the middle of a part, where the workspace then stands, and the effects' forces."""
+    setup, state, half = given.setup, given.state, 0.5 * given.step
+    middle = to_middle(setup.bases, setup.space, state.position, state.velocity, half)
+    at = middle.position, middle.velocity, state.time + half
+    of_motor = setup.temperature, given.mesh
+    forces = effect_forces(setup.robot, at, given.command, state.memory, given.step, *of_motor)
+    return middle, forces
 
-    position: FloatArray
-    velocity: FloatArray
-    gap: FloatArray
-    overlap: FloatArray
-    shift: FloatArray
+
+def _coupling_at(setup: Setup, middle: Middle) -> StepCoupling | None:
+    """Return the inertial coupling of rotors and housings; the workspace stands there again."""
+    space = setup.space
+    coupling = step_coupling(setup.robot, space, middle.position, middle.velocity)
+    if coupling is not None:
+        pin.crba(space.model, space.data, middle.position, pin.Convention.WORLD)
+    return coupling
 
 
-def _arrive(
-    setup: Setup,
-    middle: Middle,
+def _shifted(setup: Setup, deflection: FloatArray, shift: FloatArray) -> FloatArray:
+    """Return deflections (m,) after a shift (nv,) out of overlaps: motors stay where they are."""
+    if not setup.drive.any_loose or not len(shift):
+        return deflection
+    return deflection - np.where(setup.drive.loose, setup.drive.rows @ shift, 0.0)
+
+
+def _transit_of(
+    problem: PartProgram,
+    gears: GearRows,
     solution: StepSolution,
-    closed: BoolArray,
-    held: ClosedRows,
-    step: float,
-    time: float,
-) -> _End:
-    """Move on to the end of the part, out of what it overran."""
-    space, bases, after = setup.space, setup.bases, solution.velocity
-    inertia = solution.reduced.program.inertia
-    position, carried = from_middle(bases, space, middle, inertia, after, 0.5 * step)
-    gap = _gap_at(setup, position, time)
-    shift, overlap = _NO_SHIFT, _NO_SHIFT
-    drift, pressed = gap[closed], solution.normal_impulse > 0.0
-    if np.any(np.where(pressed, np.abs(drift), -drift) > DRIFT):
-        furthest = setup.return_speed * step
-        metric = inertia_with_rotors(setup.drive, inertia)
-        shift = shift_out(metric, held, drift, furthest, pressed)
-        position = pin.integrate(space.model, position, shift)
-        if drift.min() < -furthest - TOUCH:
-            overlap = np.maximum(-gap - furthest, 0.0) * closed
-        gap = _gap_at(setup, position, time)
-    velocity = arrived_velocity(bases, space, carried, after)
-    return _End(position, velocity, gap, overlap, shift)
-
-
-def _gap_at(setup: Setup, position: FloatArray, time: float) -> FloatArray:
-    """Return all gaps at q (nq,) and a time [s]; the workspace then stands there."""
-    model, data = setup.space.model, setup.space.data
-    if setup.bases:
-        pin.crba(model, data, position, pin.Convention.WORLD)
-    else:
-        pin.forwardKinematics(model, data, position)
-    return setup.barriers.clearance(position, time).gap
+    mesh: FloatArray,
+    motor: MotorMotion,
+    external: FloatArray | None,
+) -> Transit:
+    """Return how the gears passed, whose meshes give `mesh` (m,) and whose motors then move."""
+    setup, step = problem.setup, problem.step
+    middle = problem.state.time + 0.5 * step
+    ground = setup.barriers.ground_speed(problem.held, middle, middle)
+    return Transit(
+        setup.robot,
+        setup.drive,
+        problem.velocity,
+        problem.motor,
+        motor,
+        mesh,
+        solution,
+        gears,
+        problem.forces,
+        external,
+        step,
+        ground,
+    )
 
 
 def _rate_at_start(setup: Setup, state: SimState) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class EffectForces:
+class EffectForces(NamedTuple):
     """Forces of all effects over one step.
 
     Attributes:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Flag, Matrix, Nothing, OutVector, Vector, compiled
+from wbc.compiled import Count, Flag, Matrix, Nothing, OutVector, Vector, compiled, local, view
 
 
-@compiled(Nothing, Matrix, Vector, Flag, Vector, OutVector)
+@compiled(Nothing, Matrix, Vector, Flag, Vector, OutVector, counted=False)
 def _to_rows(
     turn: FloatArray, lever: FloatArray, planar: bool, wrench: FloatArray, rows: FloatArray
 ) -> None:
     """Write a wrench (6,) about the centre of mass, world axes, as rows of the base (3 or 6)."""
-    about = np.zeros(3)
+    about = local(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         about[i] = wrench[3 + i] + lever[j] * wrench[k] - lever[k] * wrench[j]
@@ -27,28 +27,32 @@ def _to_rows(
             rows[3 + i] += turn[j, i] * about[j]
 
 
-@compiled(Nothing, Matrix, Count, OutVector)
+@compiled(Nothing, Matrix, Count, OutVector, counted=False)
 def _solve(inertia: FloatArray, first: int, rows: FloatArray) -> None:
     """Solve H_bb x = rows in place (Cholesky)."""
     size = len(rows)
-    factor = np.zeros((size, size))
+    factor, inverse = view(local(36), 0, 6, 6), local(6)  # one division per row: they are slow
     for i in range(size):
-        for j in range(i + 1):
+        for j in range(i):
             value = inertia[first + j, first + i]
             for k in range(j):
                 value -= factor[i, k] * factor[j, k]
-            factor[i, j] = np.sqrt(value) if i == j else value / factor[j, j]
+            factor[i, j] = value * inverse[j]
+        value = inertia[first + i, first + i]
+        for k in range(i):
+            value -= factor[i, k] * factor[i, k]
+        inverse[i] = 1.0 / np.sqrt(value)
     for i in range(size):
         for k in range(i):
             rows[i] -= factor[i, k] * rows[k]
-        rows[i] /= factor[i, i]
+        rows[i] *= inverse[i]
     for i in range(size - 1, -1, -1):
         for k in range(i + 1, size):
             rows[i] -= factor[k, i] * rows[k]
-        rows[i] /= factor[i, i]
+        rows[i] *= inverse[i]
 
 
-@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector)
+@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
 def momentum_at(
     inertia: FloatArray,
     turn: FloatArray,
@@ -69,7 +73,8 @@ def momentum_at(
         velocity: v (nv,).
         momentum: (6,) to write, world axes.
     """
-    rows = np.zeros(6)
+    rows = local(6)
+    rows[:] = 0.0
     for i in range(3 if planar else 6):
         for j in range(len(velocity)):
             rows[i] += inertia[min(first + i, j), max(first + i, j)] * velocity[j]
@@ -88,7 +93,7 @@ def momentum_at(
         momentum[3 + i] -= lever[j] * momentum[k] - lever[k] * momentum[j]
 
 
-@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector)
+@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
 def velocity_at(
     inertia: FloatArray,
     turn: FloatArray,
@@ -103,17 +108,18 @@ def velocity_at(
     The other rows of `velocity` are read. Arguments as in `momentum_at`.
     """
     size = 3 if planar else 6
-    rows = np.zeros(size)
+    rows = local(6)[:size]
     _to_rows(turn, lever, planar, momentum, rows)
     for i in range(size):
         for j in range(len(velocity)):
             if j < first or j >= first + size:
                 rows[i] -= inertia[min(first + i, j), max(first + i, j)] * velocity[j]
     _solve(inertia, first, rows)
-    velocity[first : first + size] = rows
+    for i in range(size):
+        velocity[first + i] = rows[i]
 
 
-@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector)
+@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
 def part_on_joints(
     inertia: FloatArray,
     turn: FloatArray,
@@ -134,13 +140,16 @@ def part_on_joints(
         bias: (nv,), changed.
     """
     size = 3 if planar else 6
-    wrench, held = np.zeros(6), np.zeros(size)
-    wrench[:3] = weight
+    wrench, held, rows = local(6), local(6)[:size], local(6)[:size]
+    for i in range(3):
+        wrench[i], wrench[3 + i] = weight[i], 0.0
     _to_rows(turn, lever, planar, wrench, held)
-    rows = bias[first : first + size] - held
+    for i in range(size):
+        rows[i] = bias[first + i] - held[i]
     _solve(inertia, first, rows)
     for j in range(len(bias)):
         if j < first or j >= first + size:
             for i in range(size):
                 bias[j] -= inertia[min(first + i, j), max(first + i, j)] * rows[i]
-    bias[first : first + size] = held
+    for i in range(size):
+        bias[first + i] = held[i]

@@ -124,8 +124,10 @@ def solve_gripped(problem: PartProgram) -> Solved:
 
     One round is enough unless a flank is reached or let go within the part. Then Newton's method
     may repeat the same few guesses. The law of a flank is monotone, as all others are, so rounds
-    that use the steepest slope met so far always come nearer, if slowly. From the ninth round on
-    such rounds alternate with Newton's.
+    that use the steepest slope on the way always come nearer. From the ninth round on such rounds
+    alternate with Newton's, with the steepest slope met so far. Half of it is forgotten each time,
+    or one steep place far off would make all that follow slow; where the rest is too little, the
+    round goes too far and meets the slope between.
 
     Raises:
         SimulationError: the step has no solution, or the flanks' law is not met.
@@ -148,7 +150,8 @@ def solve_gripped(problem: PartProgram) -> Solved:
         if not (pulling.any() or grip.misses(passed).any()):
             return replace(gears, damped=passed.damped), *solved[1:]
         released |= pulling
-        steepest = np.maximum(steepest, grip.secant(passed))
+        lasting = 0.5 if safely else 1.0
+        steepest = np.maximum(lasting * steepest, grip.secant(passed))
         if safely:
             safe = passed
         start = safe if turn > _NEWTON and not safely else passed

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Nothing, OutDense, OutRow, Row, Table, compiled
+from wbc.compiled import Count, Dense, Nothing, OutDense, OutRow, Row, Table, compiled, local
 
 
-@compiled(Nothing, Row, Row, OutRow)
+@compiled(Nothing, Row, Row, OutRow, counted=False)
 def _momentum(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> None:
     """Write the momentum (6,) of a body (10,) with a spatial velocity (6,)."""
     m, x, y, z = body[0], body[1], body[2], body[3]
@@ -21,7 +21,7 @@ def _momentum(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> Non
     momentum[5] = x * b - y * a + body[6] * p + body[8] * q + body[9] * r
 
 
-@compiled(Nothing, Table, Dense, Dense, Row, OutDense, OutDense)
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense, OutDense, counted=False)
 def bodies_at(
     joints: IntArray,
     shapes: FloatArray,
@@ -39,7 +39,7 @@ def bodies_at(
         bodies: (n, 10) to write: mass, first moment (3), inertia (xx, xy, xz, yy, yz, zz), world.
         composite: (n, 10) to write, the same of the tree behind each joint.
     """
-    part = np.empty(9)
+    part = local(9)
     for i in range(len(joints)):
         pose, shape, body = poses[i], shapes[i], bodies[i]
         m, lx, ly, lz = shape[15], shape[16], shape[17], shape[18]
@@ -58,13 +58,15 @@ def bodies_at(
         body[7] = part[3] * pose[3] + part[4] * pose[4] + part[5] * pose[5] + m * (x * x + z * z)
         body[8] = part[3] * pose[6] + part[4] * pose[7] + part[5] * pose[8] - m * y * z
         body[9] = part[6] * pose[6] + part[7] * pose[7] + part[8] * pose[8] + m * (x * x + y * y)
-        composite[i] = body
+        for k in range(10):
+            composite[i, k] = body[k]
     for i in range(len(joints) - 1, -1, -1):
         if joints[i, 0] >= 0:
-            composite[joints[i, 0]] += composite[i]
+            for k in range(10):
+                composite[joints[i, 0], k] += composite[i, k]
 
 
-@compiled(Nothing, Table, Dense, Dense, Count, OutDense)
+@compiled(Nothing, Table, Dense, Dense, Count, OutDense, counted=False)
 def inertia_at(
     rows: IntArray, composite: FloatArray, columns: FloatArray, upto: int, inertia: FloatArray
 ) -> None:
@@ -77,7 +79,7 @@ def inertia_at(
         upto: rows (and columns) of H that are needed: all that come before this one.
         inertia: (nv, nv) to write.
     """
-    force = np.empty(6)
+    force = local(6)
     inertia[:] = 0.0
     for j in range(len(rows)):
         _momentum(composite[rows[j, 0]], columns[j], force)
@@ -91,7 +93,7 @@ def inertia_at(
             i = rows[i, 1]
 
 
-@compiled(Nothing, Row, Row, OutRow)
+@compiled(Nothing, Row, Row, OutRow, counted=False)
 def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) -> None:
     """Add how fast a spatial velocity (6,) that moves along with `motion` (6,) changes."""
     for k in range(3):
@@ -105,7 +107,7 @@ def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) 
         total[3 + k] += motion[3 + i] * other[3 + j] - motion[3 + j] * other[3 + i]
 
 
-@compiled(Nothing, Row, Row, OutRow)
+@compiled(Nothing, Row, Row, OutRow, counted=False)
 def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray) -> None:
     """Add how fast a momentum (6,) that moves along with `motion` (6,) changes."""
     for k in range(3):
@@ -141,7 +143,7 @@ def bias_at(
     """
     count = len(joints)
     motion, rate, force = np.zeros((count, 6)), np.zeros((count, 6)), np.empty((count, 6))
-    own, part = np.empty(6), np.empty(6)
+    own, part = local(6), local(6)
     for i in range(count):
         parent, first = joints[i, 0], joints[i, 3]
         last = joints[i + 1, 3] if i + 1 < count else len(rows)

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled
+from wbc.compiled import Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled, local
 from wbc.sim.tree.tree import FREE_FLYER, PRISMATIC, REVOLUTE
 
 
-@compiled(Nothing, Row, Number, Number, OutRow)
+@compiled(Nothing, Row, Number, Number, OutRow, counted=False)
 def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> None:
     """Write the rotation (9,) about a unit axis (3,)."""
     x, y, z, rest = axis[0], axis[1], axis[2], 1.0 - cos
@@ -22,7 +22,7 @@ def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> N
     turn[6], turn[7], turn[8] = rest * x * z - sin * y, rest * y * z + sin * x, cos + rest * z * z
 
 
-@compiled(Nothing, Row, OutRow)
+@compiled(Nothing, Row, OutRow, counted=False)
 def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
     """Write the rotation (9,) of a quaternion (x, y, z, w)."""
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -31,7 +31,7 @@ def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
     turn[6], turn[7], turn[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@compiled(Nothing, Row, Row, OutRow)
+@compiled(Nothing, Row, Row, OutRow, counted=False)
 def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
     for i in range(3):
         for j in range(3):
@@ -42,7 +42,7 @@ def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
             )
 
 
-@compiled(Nothing, Table, Dense, Row, OutDense)
+@compiled(Nothing, Table, Dense, Row, OutDense, counted=False)
 def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray) -> None:
     """Write the pose of every joint: rotation (9 by rows) and place (3), world.
 
@@ -51,13 +51,15 @@ def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray
         q: (nq,).
         poses: (n, 12) to write.
     """
-    own, mounted = np.empty(9), np.empty(9)
+    own, mounted = local(9), local(9)
     for i in range(len(joints)):
         parent, kind, at = joints[i, 0], joints[i, 1], joints[i, 2]
         shape, pose = shapes[i], poses[i]
         if parent < 0:
-            mounted[:] = shape[:9]
-            pose[9:] = shape[9:12]
+            for k in range(9):
+                mounted[k] = shape[k]
+            for k in range(9, 12):
+                pose[k] = shape[k]
         else:
             above = poses[parent]
             _product(above[:9], shape[:9], mounted)
@@ -69,7 +71,8 @@ def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray
                     + above[3 * k + 2] * shape[11]
                 )
         if kind == PRISMATIC:
-            pose[:9] = mounted
+            for k in range(9):
+                pose[k] = mounted[k]
             for k in range(3):
                 along = (
                     mounted[3 * k] * shape[12]
@@ -93,7 +96,7 @@ def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray
         _product(mounted, own, pose[:9])
 
 
-@compiled(Nothing, Table, Dense, Dense, Row, OutDense)
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense, counted=False)
 def columns_at(
     joints: IntArray, shapes: FloatArray, poses: FloatArray, about: FloatArray, columns: FloatArray
 ) -> None:
@@ -129,7 +132,7 @@ def columns_at(
             column[3], column[4], column[5] = a, b, c
 
 
-@compiled(Nothing, Row, Row, Number, OutRow)
+@compiled(Nothing, Row, Row, Number, OutRow, counted=False)
 def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
     """Write the pose (7,) after flying with the constant body velocity v (6,): SE(3)'s exponential.
 
@@ -152,7 +155,7 @@ def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
     dx = ux + first * cx + second * (wy * cz - wz * cy)
     dy = uy + first * cy + second * (wz * cx - wx * cz)
     dz = uz + first * cz + second * (wx * cy - wy * cx)
-    turn = np.empty(9)
+    turn = local(9)
     _of_quaternion(q[3:], turn)
     for k in range(3):
         moved[k] = q[k] + turn[3 * k] * dx + turn[3 * k + 1] * dy + turn[3 * k + 2] * dz
@@ -167,7 +170,7 @@ def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
         moved[k] /= size
 
 
-@compiled(Nothing, Table, Row, Row, Number, OutRow)
+@compiled(Nothing, Table, Row, Row, Number, OutRow, counted=False)
 def moved_along(
     joints: IntArray, q: FloatArray, v: FloatArray, time: float, moved: FloatArray
 ) -> None:
