@@ -13,13 +13,16 @@ import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from wbc.cli import main
-from wbc.effects import CoulombFriction
-from wbc.measurement import Log, save_log
+from wbc.design.experiment import Rivals, parse_cause
+from wbc.effects import CoulombFriction, load_robot
+from wbc.errors import DesignError, LogError
+from wbc.measurement import Log, load_log, save_log
 
 ROOT = Path(__file__).resolve().parents[2]
 LEG = "--robot planar_leg_fixed --lossless"
@@ -27,7 +30,7 @@ DIAGNOSE = f"{LEG} --add coulomb_friction --quiet"
 PLAN = "experiment planar_leg_fixed --rounds 1 --duration 2 --speed 3 --span 0.5"
 KNEE = "--between rotor_inertia@knee"
 TWO = "--between coulomb_friction@hip viscous_friction@hip"
-STUDY = "design planar_leg --sweep reduction=10:20:3"
+STUDY = "design planar_leg_fixed --sweep reduction=10:20:3"
 # Words of the message as they stand in the sources; a command that ends with it; the command that
 # the message asks for.
 FIXES: list[tuple[str, str, str]] = [
@@ -94,35 +97,50 @@ FIXES: list[tuple[str, str, str]] = [
         "metrics planar_leg --axes x --figures out",
         "metrics planar_leg --axes xz --figures out",
     ),
+    (
+        "--{} '{}': the name must end in {}.",
+        f"check run.csv {LEG} --fix map.txt",
+        f"check run.csv {LEG} --fix map.toml",
+    ),
+    (
+        "is a folder; name a file in it.",
+        f"check run.csv {LEG} --json folder",
+        f"check run.csv {LEG} --json folder/checked.json",
+    ),
+    (
+        "would overwrite {}; choose another.",
+        f"check run.csv {LEG} --json run.csv",
+        f"check run.csv {LEG} --json checked.json",
+    ),
+    (
+        "lies outside the log, which runs from {} s to {} s.",
+        "play run.csv --robot planar_leg_fixed --html a.html --at 99",
+        "play run.csv --robot planar_leg_fixed --html a.html --at 1",
+    ),
     ("name some of x, y, z, each once.", "metrics planar_leg --axes zz", "metrics planar_leg"),
     (
         "is not JOINT=VALUE [rad, m].",
-        "metrics planar_leg --pose hip",
+        "metrics planar_leg --pose hip=x",
         "metrics planar_leg --pose hip=0.1",
     ),
     ("the name must end in .parquet.", f"{STUDY} --out d.csv", f"{STUDY} --out d.parquet"),
     (
         "--instants must be at least 1.",
-        f"{STUDY} --gait stand.csv --instants 0",
-        f"{STUDY} --gait stand.csv --instants 1",
-    ),
-    (
-        "holds several logs; name one with #NAME.",
-        f"{STUDY} --gait stands.mcap.parquet --instants 1",
-        f"{STUDY} --gait stand.csv --instants 1",
+        f"{STUDY} --gait run.csv --instants 0",
+        f"{STUDY} --gait run.csv --instants 1",
     ),
     (
         "leave --samples out.",
-        f"{STUDY} --gait stand.csv --instants 1 --samples 3",
-        f"{STUDY} --gait stand.csv --instants 1",
+        f"{STUDY} --gait run.csv --instants 1 --samples 3",
+        f"{STUDY} --gait run.csv --instants 1",
     ),
     (
         "give --sweep NAME=LOW:HIGH.",
-        "design planar_leg --out d.parquet",
+        "design planar_leg_fixed --out d.parquet",
         f"{STUDY} --out d.parquet",
     ),
-    ("--sweep '{}': {}.", "design planar_leg --sweep reduction=1:2:3:4", STUDY),
-    ("--sweep '{}': {}; {}.", "design planar_leg --sweep reduction=a:b", STUDY),
+    ("--sweep '{}': {}.", "design planar_leg_fixed --sweep reduction=1:2:3:4", STUDY),
+    ("--sweep '{}': {}; {}.", "design planar_leg_fixed --sweep reduction=a:b", STUDY),
     ("--efficiency '{}' cannot", f"{STUDY} --efficiency no.csv", f"{STUDY} --efficiency good.csv"),
     (
         "needs the columns load [N m], forward_efficiency",
@@ -146,7 +164,7 @@ FIXES: list[tuple[str, str, str]] = [
     ),
     (
         "Choose another --out, or delete it.",
-        f"{STUDY} --seed 1 --samples 3 --out earlier.parquet",
+        f"{STUDY} --out d0.parquet ; {STUDY} --seed 1 --samples 3 --out d0.parquet",
         f"{STUDY} --seed 1 --samples 3 --out d.parquet",
     ),
     (
@@ -170,14 +188,9 @@ FIXES: list[tuple[str, str, str]] = [
         f"check t.csv {LEG} --columns time_right.toml",
     ),
     (
-        "(map them: --columns).",
-        f"diagnose q1.csv {DIAGNOSE}",
-        f"diagnose q1.csv {DIAGNOSE} --columns columns_right.toml",
-    ),
-    (
         "in a column map (--columns MAP.toml).",
-        f"check q1.csv {LEG}",
-        f"check q1.csv {LEG} --columns columns_right.toml",
+        f"compare q1.csv {LEG}",
+        f"compare q1.csv {LEG} --columns columns_right.toml",
     ),
     (
         "one table per driven joint expected",
@@ -194,7 +207,12 @@ FIXES: list[tuple[str, str, str]] = [
         "compare run.csv --robot loose.toml",
         "compare run.csv --robot geared.toml",
     ),
-    ("an experiment is about one cause or more; give --between.", PLAN, f"{PLAN} {KNEE}"),
+    (
+        "Give all of it again",
+        f"diagnose {DIAGNOSE} --fleet two.csv --out f.parquet ; "
+        f"diagnose {DIAGNOSE} --fleet index.csv --out f.parquet",
+        f"diagnose {DIAGNOSE} --fleet two.csv --out f.parquet",
+    ),
 ]
 # Words of a message, and the test that walks its way out.
 ELSEWHERE = {
@@ -215,9 +233,11 @@ ELSEWHERE = {
     "with --save fitted.toml": "the_commands_that_a_newcomer_is_told_lead_to_a_better_robot",
     "(leave out --lossless if": "the_commands_that_a_newcomer_is_told_lead_to_a_better_robot",
     "or give --index FILE.csv": "a_printed_option_lets_the_command_run",
-    "Give all of it again": "a_table_that_would_shrink_is_written_under_another_name",
+    "holds several logs; name one with #NAME.": "a_printed_option_lets_the_command_run",
+    "(map them: --columns).": "a_column_that_was_not_read_is_read_with_a_map",
+    "about one cause or more; give --between.": "an_experiment_without_a_cause_wants_one",
     "--json and --out hold all": "all_rows_of_a_study_are_where_the_table_says",
-    'says base = "fixed"': "a_floating_robot_is_planned_for_and_read_with_its_base_held",
+    'says base = "fixed"': "a_robot_whose_base_moves_is_held_by_one_line",
     "set NUMBA_CACHE_DIR": "without_a_folder_functions_are_compiled_with_one_warning",
     "{} in a column map (--columns MAP.toml):": "every_place_that_prints_a_map_is_tried_here",
     'source = "data sheet" }': "every_place_that_prints_lines_of_a_gear_is_tried_here",
@@ -225,14 +245,13 @@ ELSEWHERE = {
     "give it with --columns": "a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it",
     "Why: the same command without --quiet.": "more_is_printed_where_a_line_says_so",
     "(printed without --quiet).": "more_is_printed_where_a_line_says_so",
-    "and {} more (--verbose)": "more_is_printed_where_a_line_says_so",
-    "(--verbose, --json and --report have all)": "more_is_printed_where_a_line_says_so",
+    "and {} more (--verbose)": "the_answer_comes_first_and_fits_a_screen",
+    "(--verbose, --json and --report have all)": "the_answer_comes_first_and_fits_a_screen",
 }
 # No way out: the name of an option before what is wrong with its value, or what wrote a file.
 NO_WAY_OUT = (
+    "what --{} writes",
     "no Dask scheduler there",
-    "Written by `wbc init`; every line",
-    "they are still guesses of `wbc init`",
     "for --efficiency [rad/s]",
     "gearboxes of the catalogue to try",
     "is no run; at least two ticks",
@@ -240,11 +259,12 @@ NO_WAY_OUT = (
     "its options: wbc COMMAND --help",
     "writes nothing",
     "--figures '{}'",
+    "--{} '{}'",
 )
 _SHOWS = re.compile(
-    r"\bwbc [a-z]+ \S|--[a-z]|\w = [{\"\[]|\block = |\w\.\S+ = |\[gears|\w = false"
+    r"\bwbc [a-z]+ \S|--[a-z{]|\w = [{\"\[]|\block = |\w\.\S+ = |\[gears|\w = false"
 )
-_OPTION = re.compile(r"--[a-z-]+(=\S+)?")
+_OPTION = re.compile(r"--([a-z-]+|{})(=\S+)?")
 _FILES_OF_OTHER_PROGRAMS = ("browser.py", "provenance.py", "isaac.py", "robot_guess.py")
 
 
@@ -358,7 +378,12 @@ def _write_tables() -> None:
         ("high", "0,0.8,1.7\n10,0.9,0.8\n"),
     ):
         Path(f"{name}.csv").write_text(head + rows, encoding="utf-8")
-    ranked = {"added": [], "removed": [], "standing": "not distinguishable", "effects": [_RIVAL]}
+    ranked = {
+        "added": [["viscous_friction", "hip"]],
+        "removed": [["coulomb_friction", "hip"]],
+        "standing": "not distinguishable",
+        "effects": [_RIVAL],
+    }
     for name, content in (
         ("list", []),
         ("lacks", {"effects": [{"effect": "coulomb_friction"}]}),
@@ -376,6 +401,7 @@ def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.Mo
     _write_logs(excited_log((CoulombFriction("hip", 0.7),), duration=2.0))
     _write_robots()
     _write_tables()
+    Path("folder").mkdir()
     return tmp_path
 
 
@@ -383,8 +409,60 @@ def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.Mo
 def test_what_a_message_asks_for_is_accepted(
     words: str, refused: str, asked: str, room: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    *before, refused = refused.split(" ; ")
+    assert [main(shlex.split(command)) for command in before] == [0] * len(before)
     assert main(shlex.split(refused)) == 2
     said = capsys.readouterr().err
     pattern = ".*".join(re.escape(part) for part in words.split("{}"))
     assert re.search(pattern, said, re.DOTALL), said
     assert main(shlex.split(asked)) != 2, capsys.readouterr().err
+
+
+def test_more_is_printed_where_a_line_says_so(
+    room: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(shlex.split(f"check q1.csv {LEG} --quiet")) == 1
+    short = capsys.readouterr().out
+    assert " ".join(short.split()).endswith("Why: the same command without --quiet.")
+    assert main(shlex.split(f"check q1.csv {LEG}")) == 1
+    assert "no position of hip" in " ".join(capsys.readouterr().out.split())
+    Path("extra.csv").write_text(
+        Path("run.csv").read_text().replace("\n", ",1.5\n").replace(",1.5", ",odd", 1)
+    )
+    assert main(shlex.split(f"check extra.csv {LEG} --quiet")) == 0
+    assert "(printed without --quiet)" in " ".join(capsys.readouterr().out.split())
+    assert main(shlex.split(f"check extra.csv {LEG}")) == 0
+    assert "columns that were not read: odd" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_column_that_was_not_read_is_read_with_a_map(room: Path) -> None:
+    with pytest.raises(LogError, match=r"Not read, for want of a known name: q1 \(map them"):
+        load_log("q1.csv").column("hip.position")
+    assert load_log("q1.csv", columns="columns_right.toml").column("hip.position").size
+
+
+def test_an_experiment_without_a_cause_wants_one() -> None:
+    robot = load_robot("planar_leg_fixed")
+    noise = np.full(2, 0.1)
+    with pytest.raises(DesignError, match="give --between"):
+        Rivals(robot, (), noise)
+    assert Rivals(robot, (parse_cause("coulomb_friction@hip", robot),), noise).causes
+
+
+def test_all_rows_of_a_study_are_where_the_table_says(
+    room: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = "design planar_leg_fixed --sweep reduction=10:20:40 --json d.json --out d.parquet"
+    assert main(shlex.split(study)) == 0
+    shown = capsys.readouterr().out
+    found = re.search(r"of (\d+) rows, evenly spread; --json and --out hold all", shown)
+    assert found, shown
+    assert pq.read_table("d.parquet").num_rows >= int(found[1])
+
+
+def test_a_robot_whose_base_moves_is_held_by_one_line(room: Path) -> None:
+    text = Path("loose.toml").read_text(encoding="utf-8")
+    free, held = Path("free.toml"), Path("held.toml")
+    free.write_text(f'base = "free_flyer"\n{text}', encoding="utf-8")
+    held.write_text(f'base = "fixed"\n{text}', encoding="utf-8")
+    assert load_robot(free).model.nv == load_robot(held).model.nv + 6
