@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+DEMO_READY := $(VENV)/.demo_ready
+# Python translates each file when it is first imported; translating all of plotly takes longer.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 
 # One thread per process: small matrices only lose by more, and the tests run in parallel.
 export OMP_NUM_THREADS ?= 1
@@ -10,7 +13,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test lint docs pictures clean
 
-demo: $(READY)
+demo: $(DEMO_READY)
 	$(BIN)/python -m sims.demo
 
 test: $(READY) lint
@@ -22,15 +25,19 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-$(READY): pyproject.toml constraints.txt
+$(DEMO_READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[dev]"
-	@echo "Compiling controller and simulator, once: about a minute."
-	$(BIN)/python -c "import wbc.control.controller" & $(BIN)/python -c "import wbc.sim.plant"; wait
+	$(INSTALL) --editable .
+	@echo "Compiling controller and simulator beside the rest of the installation, once: about a minute."
+	$(BIN)/python -m wbc.compile_all & $(INSTALL) --editable ".[all]" && wait $$!
+	touch $@
+
+$(READY): $(DEMO_READY)
+	$(INSTALL) --editable ".[dev]"
 	touch $@
 
 docs: $(READY)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
+	$(INSTALL) --editable ".[docs]"
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 

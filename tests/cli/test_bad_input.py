@@ -160,3 +160,15 @@ def test_a_disk_that_fails_in_the_middle_is_told_without_a_traceback(
     assert main(["compare", log, *LEG, "--json", target]) == 2
     assert "No space left on device" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_option_shows_the_usage_of_its_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["check", "run.csv", "--robot", "planar_leg", "--fixx", "map.toml"])
+    said = capsys.readouterr().err
+    assert end.value.code == 2
+    assert "usage: wbc check" in said
+    assert "--fix MAP.toml" in said
+    assert "unrecognized arguments: --fixx map.toml" in said

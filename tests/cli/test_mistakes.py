@@ -357,3 +357,17 @@ def test_exchanged_columns_are_certain_on_one_log_of_five_seconds(number: int) -
         back = mended(wrong, finding.mend, RATIOS)
         for name, values in log.columns.items():
             np.testing.assert_array_equal(back.column(name), values, err_msg=name)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_drives_that_report_only_noise_are_not_read_as_degrees(seed: int) -> None:
+    """Degrees need less torque, so that they explained noise best and were called certain."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    rng = np.random.default_rng(seed)
+    noise = [
+        log.with_columns(
+            {name: rng.normal(0.0, 0.3, len(log)) for name in log.names if "torque" in name}
+        )
+        for log in sample_logs()
+    ]
+    assert [f.text for own in find_suspicions(noise, robot) for f in own] == []

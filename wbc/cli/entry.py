@@ -62,7 +62,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: command line without the program's name; the process's own when left out.
     """
-    options = build_parser().parse_args(arguments)
+    options = _parsed(build_parser(), arguments)
     try:
         return int(options.run(options, Console(markup=False)))
     except SuspiciousLogError as error:
@@ -85,6 +85,18 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+def _parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Return the options; what a command does not know ends with the usage of that command.
+
+    argparse alone shows the usage of `wbc`, which names no option of any command.
+    """
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+        commands.choices[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+    return options
 
 
 def _complain(text: str) -> None:

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import wbc
@@ -385,3 +386,13 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         assert tab.evaluate(f"{cut}.map(e => e.closest('section').id)") == []
         assert troubles == []
         browser.close()
+
+
+def test_lines_to_copy_stand_on_lines_of_their_own(robot: Robot, tmp_path: Path) -> None:
+    """A report ran the lines of two column maps into one sentence."""
+    late = swing(robot, 1)
+    slow = {name: np.roll(values, 1) for name, values in late.columns.items() if "vel" in name}
+    report = write_report(tmp_path / "a.html", robot, [late.with_columns(slow)], command="x")
+    page = report.read_text(encoding="utf-8")
+    assert re.search(r'<span class="soft lines">[^<]*\n *time.align_velocity = true\n', page)
+    assert ".lines { white-space: pre-line; }" in page

@@ -155,11 +155,10 @@ def _with_guesses(diagnosis: Diagnosis, robot: str) -> Diagnosis:
         f"Look up {', '.join(guessed)} in {robot}: they are still guesses of `wbc init`, and every "
         "answer rests on them."
     )
-    return replace(
-        diagnosis,
-        next_experiment=f"{first} {diagnosis.next_experiment}",
-        warnings=(first, *diagnosis.warnings),
-    )
+    # What to do now is printed for every verdict, but for these two it is not the next experiment.
+    if diagnosis.verdict in ("named", "none"):
+        return replace(diagnosis, warnings=(first, *diagnosis.warnings))
+    return replace(diagnosis, next_experiment=f"{first} {diagnosis.next_experiment}")
 
 
 def _candidates(choice: str) -> list[type[Effect]] | None:

@@ -15,7 +15,7 @@ _ENDINGS = {
     "png": (".png",),
     "gif": (".gif", ".mp4"),
     "save": (".toml",),
-    "out": (".parquet", ".csv"),
+    "out": (),  # each command says which: a table of results or a path
     "file": (".xml", ".urdf", ".py"),
     "fix": (".toml",),
     "json": (),

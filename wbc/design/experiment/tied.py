@@ -55,7 +55,10 @@ def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Ca
     for effect in own:
         require_predictable(effect, robot)
     if len(causes) < 2:
-        raise DesignError(f"the diagnosis holds no rival of what it found{refused}.")
+        raise DesignError(
+            f"the diagnosis holds no rival of what it found{refused}. Name causes with --between "
+            "EFFECT@PLACE EFFECT@PLACE."
+        )
     return tuple(causes[:_MOST])
 
 

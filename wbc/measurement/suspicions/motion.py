@@ -22,8 +22,8 @@ _MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
 _CHECKED_ROWS = 200_000
 # What is usual, as logarithms with standard deviations. Judgements: sample times of 0.5 to 50 ms,
-# logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Seven recorded
-# machines have 0.2 to 10 ms, 5 to 60 s and 0.15 to 11 rad/s.
+# logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Up to twelve logs of
+# each of ten recorded machines have 0.2 to 10 ms, 0.6 to 51 s and 0.07 to 18 rad/s (m/s).
 _USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2
 _USUAL_LENGTH, _LENGTH_SPREAD = log(30.0), 2.0
 _USUAL_SPEED, _SPEED_SPREAD = log(3.0), 1.5

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+from scipy import stats
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
@@ -23,6 +24,7 @@ _MOVES = 5.0  # times the noise of an encoder: white noise itself has one
 _ORDER = 4  # of each pass: what is above the cut-off must not count as motion
 _MOST_RATIO = 300.0  # of gears in robots: a judgement
 _BASE = 6  # coordinates of a free flyer, the first ones
+_CHANCE = 1e-3  # that a report of white noise is taken for one that follows the motion
 _EDGE = 0.05  # share of the log at either end, where the filter has not settled
 
 
@@ -99,8 +101,9 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     """Return the rows of a log, None where it cannot be held against the robot.
 
     That is so for a log without the positions and torques that the robot has, for one without the
-    forces on a robot that stands on them, for one too short to be filtered, and for one without
-    motion.
+    forces on a robot that stands on them, for one too short to be filtered, for one without motion,
+    and for one whose drives report nothing but noise: then every reading explains next to nothing,
+    and the one that needs least torque, such as degrees, would be called the best.
     """
     robot = robot if log.machine is None else log.machine.of(robot)
     joints = robot.transmission.joints
@@ -133,6 +136,9 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
         for name in forces
     }
     inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
+    pairs = zip(on_grid[inside].T, torque[inside].T, strict=True)
+    if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
+        return None
     thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
     quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
     rows = Rows(
@@ -148,6 +154,24 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
         samples=np.array([_samples(column) for column in torque[inside].T]),
     )
     return _behind_unknown_gears(rows)
+
+
+def _follows(reported: FloatArray, slow: FloatArray, band: float) -> bool:
+    """Whether a report holds more in the band of the motion than white noise would.
+
+    Noise of a drive has the same power at all frequencies, so what lies above the band tells how
+    much of it lies in the band. The two variances then have the ratio of Fisher's F. (Where filters
+    have not settled the ratio is up to 1.5 times as large: the ends of the log are left out.)
+
+    Args:
+        reported: (N,) torque.
+        slow: (N,) its part in the band.
+        band: of the motion, as a share of half the sample rate.
+    """
+    inside, outside = float(np.var(slow)), float(np.var(reported - slow))
+    counts = band * slow.size, (1.0 - band) * slow.size
+    limit = float(stats.f.isf(_CHANCE, *counts))
+    return inside / band > limit * outside / (1.0 - band)
 
 
 def _behind_unknown_gears(rows: Rows) -> Rows:

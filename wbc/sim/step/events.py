@@ -50,8 +50,8 @@ def events_of(
                 "coarse",
                 parts[-1].state.time,
                 gain,
-                f"the step gained {gain:.3g} J of {play:.3g} J in play by its length alone; "
-                "shorten dt",
+                f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from "
+                "nowhere; shorten dt",
             )
         )
     return tuple(found)

@@ -66,7 +66,7 @@ class Ranked:
     def judgement(self) -> str:
         """What to think of it, in words: how it fits and how probable it is are not the same."""
         if self.standing == "found":
-            return "found"
+            return "found" if self.effects else "kept"
         if self.standing == "not distinguishable":
             return "as good"
         if self.standing == "better":

@@ -120,7 +120,7 @@ def _of_what_is_left(left: Sequence[Remainder], floor: NoiseFloor) -> str:
             "shows how much of what is left can be explained at all."
         )
     if not asked:
-        texts.append("Then move one joint at a time slowly and fast through the same positions.")
+        texts.append("Move one joint at a time, slowly and fast, through the same positions.")
     return " ".join(texts)
 
 

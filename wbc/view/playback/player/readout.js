@@ -1,6 +1,8 @@
 const cells = [];
 function buildReadout() {
   const table = $("gears"), withResidual = data.gears.some((g) => g.residual);
+  // A planned motion has no torque: a table without a number would only cover the robot.
+  const told = withResidual || data.gears.some((g) => g.torque.some((x) => !Number.isNaN(x)));
   const units = [...new Set(data.gears.map((g) => g.unit))];
   table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (withResidual ? "<th>residual / floor</th>" : "") + "</tr>";
   for (const g of data.gears) {
@@ -12,15 +14,16 @@ function buildReadout() {
   }
   const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
   const ghostNote = data.ghost ? `<br>transparent: ${data.ghost.label}` : "";
-  $("legend").innerHTML = data.gears.length === 0 ? "" : "power through the gear: " +
+  $("legend").innerHTML = !told ? "" : "power through the gear: " +
     entry(data.colours.modes["1"], "motor drives") + entry(data.colours.modes["-1"], "joint drives") +
     entry(data.colours.modes["0"], "stuck or idle") +
     (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
       entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} floors)` : "") + ghostNote;
   // A length that is easy to compare with the robot, and the force that it stands for.
   const newtons = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((n) => n * data.metres_per_newton > 0.25 * data.reach) || 10000;
-  if (data.contacts.length) $("legend").innerHTML += `${data.gears.length ? "<br>" : ""}force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`;
-  if (data.gears.length === 0) $("details").remove();
+  if (data.contacts.length) $("legend").innerHTML += `${told ? "<br>" : ""}force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`;
+  if (!told) table.hidden = true;
+  if (!told && data.contacts.length === 0) $("details").hidden = true;
   else if (window.innerWidth < 560 || window.innerHeight < 500 || data.gears.length > 8) $("details").open = false;
 }
 const signed = (x, digits) => Number.isNaN(x) ? "–" : (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
