@@ -1,5 +1,6 @@
 """The experiment that decides: a motion that tells rival causes apart, and what to expect of it."""
 
+from wbc.design.experiment.aims import Aim, deciding, informing, shrinking
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
 from wbc.design.experiment.readable import BAND
@@ -15,18 +16,16 @@ from wbc.design.experiment.rivals import (
 )
 from wbc.design.experiment.search import (
     Designed,
-    deciding,
     design_experiment,
     expected,
-    informing,
     random_paths,
-    shrinking,
     torque_misfit,
 )
 from wbc.design.experiment.tied import tied_causes, tied_rivals
 
 __all__ = [
     "BAND",
+    "Aim",
     "Cause",
     "Designed",
     "FourierPath",
