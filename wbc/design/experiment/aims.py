@@ -147,7 +147,7 @@ def _narrowness_slopes(found: Predictions, pairs: Sequence[Pair]) -> tuple[float
         spread = np.linalg.inv(np.eye(slopes.shape[1]) + slopes.T @ slopes)
         shares[number] = slopes @ (spread / np.diag(spread)) @ spread
     count = sum(slope.shape[1] for slope in shares.values())
-    even = {number: slope / count for number, slope in shares.items()}
+    even: dict[int, FloatArray] = {k: np.asarray(slope / count) for k, slope in shares.items()}
     return _narrowness(found, pairs), Pulls({}, even)
 
 

@@ -16,7 +16,7 @@ from wbc.design.experiment.site import ROOM, SEARCH_RATE, Site
 from wbc.design.experiment.slopes import Kinematics, motion_slopes
 
 _HIGHEST = 2.0  # [Hz] of the highest harmonic
-_BARRIERS = (0.3, 0.03, 0.003)  # weights of the barrier, one after another
+_BARRIERS = (0.1, 0.03)  # weights of the barrier, one after another
 _PAIRS = 10  # of steps and changes of slope that L-BFGS keeps
 _LAST, _SMALL = 5, 1e-3  # steps, and their gain together below which a barrier is done with
 _HALVINGS = 8  # of one step, before its direction is given up
@@ -75,7 +75,7 @@ class _Hill:
 
     @property
     def _count(self) -> int:
-        return self.waves[0].shape[1] // 2
+        return int(self.waves[0].shape[1] // 2)
 
     def start(self, path: FourierPath) -> FloatArray:
         """Return the coefficients of a path, made a little smaller until no limit is reached."""
@@ -122,8 +122,7 @@ class _Hill:
         self.spent += 3 * len(path.centre) * self.site.rivals.torque_count
         held = [weight * _barrier(*one)[1] for one in self._bounds(motion)]
         each = [
-            wave.T @ (part + bend)
-            for wave, part, bend in zip(self.waves, parts, held, strict=True)
+            wave.T @ (part + bend) for wave, part, bend in zip(self.waves, parts, held, strict=True)
         ]
         return np.asarray(sum(each)).reshape(2, self._count, -1).transpose(0, 2, 1).ravel()
 
@@ -151,9 +150,7 @@ def _torques(found: Predictions) -> list[FloatArray]:
     return [found.torque(()), *map(found.expected_torque, range(len(found.rivals.causes)))]
 
 
-def _barrier(
-    values: FloatArray, low: FloatArray, high: FloatArray
-) -> tuple[float, FloatArray]:
+def _barrier(values: FloatArray, low: FloatArray, high: FloatArray) -> tuple[float, FloatArray]:
     """Return the mean over rows of log (1 - x/low) (1 - x/high), and its slopes (N, m).
 
     Minus infinity where a bound is reached; low < 0 < high, infinite for none.

@@ -22,7 +22,7 @@ HARMONICS = 5  # of the first one: Swevers' choice for robot identification
 _BASE = 0.1  # [Hz] first harmonic, so that a run of 10 s holds one period
 _DRAWN = 40  # random motions, of which the best are improved
 _KEPT = 4
-_CLIMB = 6  # torques that the climb may evaluate for each that one pass of the rounds does
+_CLIMB = 12  # torques that the climb may evaluate for each that one pass of the rounds does
 _SURE = 3.0  # [nats] beyond which a diagnosis names one cause alone
 _MIMICKED = 1e-5  # of a cause's squared torque: what another one leaves of it when it is the same
 

@@ -41,9 +41,7 @@ def slopes_are_exact(rivals: Rivals, motion: Motion) -> bool:
     )
 
 
-def motion_slopes(
-    found: Predictions, pulls: Pulls, loads: dict[int, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def motion_slopes(found: Predictions, pulls: Pulls, loads: dict[int, FloatArray]) -> Kinematics:
     """Return the slopes of an aim in positions, velocities and accelerations, each (N, m).
 
     Args:
@@ -52,23 +50,22 @@ def motion_slopes(
         loads: more slopes (N, m), in the torques themselves [1/(N m)], of causes by number; -1
             stands for the robot without any.
     """
-    sums = tuple(np.zeros((len(found.motion.position), found.rivals.noise.size)) for _ in range(3))
+    sums: FloatArray = np.zeros((3, len(found.motion.position), found.rivals.noise.size))
     near = _Nearby.of(found)
     for cause, slope in _torque_slopes(found, pulls, loads, sums):
-        for total, part in zip(sums, near.pull(cause, slope), strict=True):
-            total += part
-    return sums
+        sums += near.pull(cause, slope)
+    return sums[0], sums[1], sums[2]
 
 
 def _torque_slopes(
-    found: Predictions, pulls: Pulls, loads: dict[int, FloatArray], sums: tuple[FloatArray, ...]
+    found: Predictions, pulls: Pulls, loads: dict[int, FloatArray], sums: FloatArray
 ) -> list[tuple[Cause, FloatArray]]:
     """Return slopes (N, m) in every torque that is predicted; those of the weights join `sums`."""
     noise, own = found.rivals.noise, dict(loads)
     shape = (len(found.motion.position), noise.size)
     every: list[tuple[Cause, FloatArray]] = []
     for number, flat in pulls.torque.items():
-        slope = flat.reshape(shape)
+        slope: FloatArray = flat.reshape(shape)
         _add_weights(found, found.expected_torque(number), slope, sums)
         own[number] = own.get(number, 0.0) + found.readable.pull(slope) / noise
     for number, flat in pulls.sensitivity.items():
@@ -85,12 +82,12 @@ def _torque_slopes(
 
 
 def _add_weights(
-    found: Predictions, torque: FloatArray, slope: FloatArray, sums: tuple[FloatArray, ...]
+    found: Predictions, torque: FloatArray, slope: FloatArray, sums: FloatArray
 ) -> None:
     noise = found.rivals.noise.reshape(-1, *(1,) * (torque.ndim - 2))
     velocity, acceleration = found.readable.weight_pull(torque / noise, slope)
-    sums[1][...] += velocity
-    sums[2][...] += acceleration
+    sums[1] += velocity
+    sums[2] += acceleration
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +113,8 @@ class _Nearby:
                 moved.append((kind, joint, size * sign, motion.replace(**{name: values})))
         return cls(robot, motion, tuple(moved), _links(robot, motion))
 
-    def pull(self, cause: Cause, slope: FloatArray) -> Kinematics:
-        """Return slopes (N, m) in the motion, given those in the torque with a cause."""
+    def pull(self, cause: Cause, slope: FloatArray) -> FloatArray:
+        """Return slopes (3, N, m) in the motion, given those (N, m) in the torque with a cause."""
         robot = self.robot.with_effects(*cause)
         here = _true(robot, cause, self.motion)
         shared = robot.model is self.robot.model and here is self.motion
@@ -132,7 +129,7 @@ class _Nearby:
                 near = links + _change(robot, here, there, turned)
             change = rotor_torque(robot, there, near)[0] - base
             result[kind, :, joint] = np.sum(slope * change, axis=1) / steps
-        return result[0], result[1], result[2]
+        return result
 
 
 def _links(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -162,4 +159,6 @@ def _change(robot: Robot, here: Motion, there: Motion, turned: FloatArray) -> Fl
         (there.velocity - here.velocity)[:, robot.actuated],
         (np.asarray(there.acceleration) - np.asarray(here.acceleration))[:, robot.actuated],
     )
-    return np.asarray(sum(np.einsum("nij,nj->ni", t, m) for t, m in zip(turned, moves, strict=True)))
+    return np.asarray(
+        sum(np.einsum("nij,nj->ni", t, m) for t, m in zip(turned, moves, strict=True))
+    )
