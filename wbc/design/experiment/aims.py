@@ -130,7 +130,7 @@ def _information_slopes(found: Predictions, pairs: Sequence[Pair]) -> tuple[floa
     known = np.eye(columns.shape[1]) + columns.T @ columns
     slope = 2.0 * np.linalg.solve(known, columns.T).T
     ends = np.cumsum([0, *(part.shape[1] for part in parts)])
-    shares = {k: slope[:, ends[k] : ends[k + 1]] for k in range(len(parts))}
+    shares = {k: np.asarray(slope[:, ends[k] : ends[k + 1]]) for k in range(len(parts))}
     return found.information(), Pulls({}, shares)
 
 

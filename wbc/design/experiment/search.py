@@ -14,7 +14,7 @@ from wbc.design.experiment.climb import climbed_path
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
-from wbc.design.experiment.site import SEARCH_RATE, Site
+from wbc.design.experiment.site import ROOM, SEARCH_RATE, Site
 from wbc.design.experiment.slopes import slopes_are_exact
 from wbc.errors import DesignError
 
@@ -145,10 +145,14 @@ def _higher(
         return path
     torques = _CLIMB * rounds * rivals.torque_count
     reached = site.fitted(climbed_path(site, path, aim, pairs, torques))[0]
-    before, after = (rivals.predictions(site.motion(one, rate)) for one in (path, reached))
-    motion = reached.at(reached.times(rate))
-    within = site.limits.used(motion, after.peak()) <= 1.0 and site.limits.keeps_apart(motion[0])
-    return reached if within and aim(after, pairs) > aim(before, pairs) else path
+    before = rivals.predictions(site.motion(path, rate))
+    after = rivals.predictions(site.motion(reached, rate))
+    # A climb ends at many limits at once, and peaks lie between the rows of the search.
+    while site.limits.used(reached.at(reached.times(rate)), after.peak()) > ROOM:
+        reached = reached.scaled(0.995)
+        after = rivals.predictions(site.motion(reached, rate))
+    apart = site.limits.keeps_apart(reached.at(reached.times(rate))[0])
+    return reached if apart and aim(after, pairs) > aim(before, pairs) else path
 
 
 def _alike(drawn: Sequence[Predictions]) -> tuple[Pair, ...]:
