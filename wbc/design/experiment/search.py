@@ -59,8 +59,12 @@ class Designed:
 def random_paths(
     rivals: Rivals, limits: MotionLimits, duration: float, seed: int, count: int
 ) -> Iterator[FourierPath]:
-    """Yield random paths that use the limits as far as they go."""
-    site = Site(rivals, limits, duration)
+    """Yield random paths that use the limits as far as they go.
+
+    Raises:
+        DesignError: a duration that is not positive, motors that cannot hold the robot still.
+    """
+    site = _site(rivals, limits, duration)
     random = np.random.default_rng(seed)
     for _ in range(count):
         yield site.fitted(_drawn(site, random))[0]
@@ -98,12 +102,17 @@ def design_experiment(
         watch: called with the motions tried and their total; the climb counts as `rounds` more.
 
     Raises:
-        DesignError: a duration or rate that is not positive, causes of which no motion tells one
-            from another.
+        DesignError: a duration that is not positive, a rate below what the diagnosis reads, motors
+            that cannot hold the robot still, causes of which no motion tells one from another.
     """
-    if not (duration > 0.0 and rate > 0.0):
-        raise DesignError("duration and rate of an experiment must be > 0.")
-    site, random = Site(rivals, limits, duration), np.random.default_rng(seed)
+    if np.isfinite(rivals.band) and not rate >= 2.0 * rivals.band:
+        raise DesignError(
+            f"a diagnosis that reads torques up to {rivals.band:g} Hz needs {2.0 * rivals.band:g} "
+            f"rows per second or more; the rate is {rate:g}."
+        )
+    if not 0.0 < rate < np.inf:
+        raise DesignError(f"the rate of an experiment must be > 0 and finite, got {rate:g}.")
+    site, random = _site(rivals, limits, duration), np.random.default_rng(seed)
     total = _DRAWN + rounds
     drawn: list[tuple[FourierPath, Predictions]] = []
     for i in range(_DRAWN):
@@ -134,6 +143,16 @@ def design_experiment(
     if climb and rounds:
         path = _higher(site, path, aim, pairs, rate, rounds)
     return expected(rivals, limits, path, rate)
+
+
+def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:
+    if not 0.0 < duration < np.inf:
+        raise DesignError(
+            f"the duration of an experiment must be > 0 and finite, got {duration:g}."
+        )
+    site = Site(rivals, limits, duration)
+    site.require_stillness()
+    return site
 
 
 def _higher(

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
 from wbc.design.experiment.rivals import Predictions, Rivals
+from wbc.errors import DesignError
 from wbc.robot import Motion
 
 ROOM = 0.8
@@ -42,6 +43,24 @@ class Site:
         velocity, acceleration = np.zeros((2, len(q), robot.model.nv))
         velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
         return Motion(position, velocity, acceleration, time)
+
+    def require_stillness(self) -> None:
+        """Check that the motors hold the robot where motions start and end, whatever is true.
+
+        Raises:
+            DesignError: they do not, so that no motion, however small, is within the limits.
+        """
+        nothing = np.zeros((len(self.limits.centre), 1))
+        still = FourierPath(self.limits.centre, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
+        peak = self.rivals.predictions(self.motion(still, SEARCH_RATE)).peak()
+        share = peak.max(axis=0) / self.limits.torque
+        if share.max() >= ROOM:
+            joint = self.rivals.robot.transmission.joints[int(share.argmax())]
+            raise DesignError(
+                f"in the pose where motions start, holding still takes {100.0 * share.max():.0f} % "
+                f"of the torque limit of '{joint}'; a planned motion may use {100.0 * ROOM:.0f} %. "
+                "Name another pose first in robot.toml, or check torque_limit and gear_ratio."
+            )
 
     def each_within(self, path: FourierPath) -> FourierPath:
         """Return the path with every joint that breaks a limit of its own made smaller, alone.
