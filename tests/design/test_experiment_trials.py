@@ -82,6 +82,13 @@ def test_motors_that_cannot_hold_the_robot_still_are_named(tmp_path: Path) -> No
         design_experiment(chosen, limits, 2.0, rounds=2)
 
 
+def test_a_short_motion_keeps_its_limits_at_the_rate_of_the_log() -> None:
+    """Half a second has 26 rows of the search, between which its peaks lie."""
+    chosen = rivals(LEG, "payload_mass@shin", "rotor_inertia@knee")
+    limits = MotionLimits.of(LEG, span=1.0, speed=6.0, acceleration=100.0)
+    assert design_experiment(chosen, limits, 0.5, rounds=3, climb=False).used <= 0.8
+
+
 @pytest.mark.parametrize("value", [np.nan, 0.0, -1.0])
 @pytest.mark.parametrize("name", ["span", "speed", "acceleration"])
 def test_a_limit_that_is_no_limit_is_named(name: str, value: float) -> None:

@@ -21,25 +21,42 @@ from wbc.design.experiment.search import (
     random_paths,
     torque_misfit,
 )
-from wbc.design.experiment.tied import tied_causes, tied_rivals
+from wbc.design.experiment.task import (
+    CLASSIC,
+    DESIGNED,
+    RANDOM,
+    ExperimentTask,
+    compare_motions,
+    plan_experiments,
+    read_path,
+)
+from wbc.design.experiment.tied import read_diagnosis, tied_causes, tied_rivals
 
 __all__ = [
     "BAND",
+    "CLASSIC",
+    "DESIGNED",
+    "RANDOM",
     "Aim",
     "Cause",
     "Designed",
+    "ExperimentTask",
     "FourierPath",
     "MotionLimits",
     "Pair",
     "Predictions",
     "Rivals",
+    "compare_motions",
     "deciding",
     "design_experiment",
     "expected",
     "informing",
     "parameter_names",
     "parse_cause",
+    "plan_experiments",
     "random_paths",
+    "read_diagnosis",
+    "read_path",
     "require_predictable",
     "shrinking",
     "tied_causes",
