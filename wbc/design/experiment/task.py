@@ -120,7 +120,11 @@ class ExperimentTask:
 def compare_motions(
     task: ExperimentTask, rivals: Rivals, limits: MotionLimits, watch: Watch | None = None
 ) -> dict[str, Designed]:
-    """Return the designed motion beside the median of random ones and a D-optimal one."""
+    """Return the designed motion beside the median of random ones and a D-optimal one.
+
+    The D-optimal one is found by changes at random alone, as in the field, and the designed one
+    starts from it too.
+    """
     drawn = random_paths(rivals, limits, task.duration, task.seed + 1, _RANDOM)
     chance = sorted((expected(rivals, limits, path, task.rate) for path in drawn), key=_said)
     plan = partial(
@@ -133,7 +137,7 @@ def compare_motions(
         seed=task.seed,
         watch=watch,
     )
-    classic = plan(aim=informing)
+    classic = plan(aim=informing, climb=False)
     return {
         RANDOM: chance[_RANDOM // 2],
         CLASSIC: classic,
