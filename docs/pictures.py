@@ -130,6 +130,8 @@ EXPERIMENTS = {
     "payload_mass@shin",
     "solo12": "--speed 6 --span 0.6 --rounds 20 --between rotor_inertia@FL_KFE "
     "payload_mass@FL_LOWER_LEG",
+    "staubli_tx40": "--speed 3 --span 1 --rounds 60 --noise 0.2 --between rotor_inertia@joint_3 "
+    "payload_mass@link_3",
 }
 
 
@@ -169,8 +171,8 @@ def experiments() -> None:
             wbc(["experiment", robot, "--lossless", *options.split(), "--theme", theme,
                  "--figures", str(folder)])  # fmt: skip
             picture = folder / f"{robot}_experiment.png"
-            quadruped = "experiment_quadruped"
-            keep(picture, ("experiment" if robot == "planar_leg_fixed" else quadruped) + ending)
+            names = {"planar_leg_fixed": "", "solo12": "_quadruped", "staubli_tx40": "_arm"}
+            keep(picture, "experiment" + names[robot] + ending)
 
 
 def fleet() -> None:

@@ -114,6 +114,15 @@ def test_a_time_or_rate_that_is_none_is_named(settings: dict[str, float], messag
         design_experiment(chosen, MotionLimits.of(LEG, speed=6.0), rounds=1, **given)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("option", ["load", "joint-speed"])
+def test_a_sweep_at_no_load_or_speed_is_refused(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = f"design planar_leg --sweep reduction=20,40 --{option} nan --out {tmp_path}/x.parquet"
+    assert main(command.split()) == 2
+    assert f"the {option.replace('-', ' ')} must be finite, got nan" in capsys.readouterr().err
+
+
 def test_a_front_without_designs_says_why(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -224,8 +224,8 @@ def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
     ]
     if doubted:
         console.print(
-            f"less than 99 % sure to decide: {', '.join(doubted)}. Odds as low as these promise too "
-            "much: on logs with known truth, fewer runs decided than such odds say"
+            f"less than 99 % sure to decide: {', '.join(doubted)}. Odds as low as these promise "
+            "too much: on logs with known truth, fewer runs decided than such odds say"
         )
 
 
