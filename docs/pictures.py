@@ -125,6 +125,10 @@ ARM_DESIGN = [
 ]
 
 
+SOLO_DESIGN = (
+    "design solo12 --sweep reduction=4:40:20:log --sweep forward_efficiency=0.55:0.98:20 "
+    "--out solo12.parquet"
+).split()
 EXPERIMENTS = {
     "planar_leg_fixed": "--speed 6 --span 1 --rounds 40 --between rotor_inertia@knee "
     "payload_mass@shin",
@@ -146,6 +150,8 @@ def designs() -> None:
         keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
         wbc([*ARM_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
         keep(OUT / theme / "staubli_tx40_design_map.png", "design_arm" + ending)
+        wbc([*SOLO_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
+        keep(OUT / theme / "solo12_design_map.png", "design_solo12" + ending)
     slid = tilting_table.main()
     plots(
         lambda theme: {"tilting_table": tilting_table.figure(slid, theme)},
