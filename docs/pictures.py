@@ -177,8 +177,12 @@ def experiments() -> None:
             wbc(["experiment", robot, "--lossless", *options.split(), "--theme", theme,
                  "--figures", str(folder)])  # fmt: skip
             picture = folder / f"{robot}_experiment.png"
-            names = {"planar_leg_fixed": "", "solo12": "_quadruped", "staubli_tx40": "_arm"}
-            keep(picture, "experiment" + names[robot] + ending)
+            names = {
+                "planar_leg_fixed": "experiment",
+                "solo12": "experiment_quadruped",
+                "staubli_tx40": "experiment_arm",
+            }
+            keep(picture, names[robot] + ending)
 
 
 def fleet() -> None:
