@@ -125,10 +125,10 @@ ARM_DESIGN = [
 ]
 
 
-SOLO_DESIGN = (
-    "design solo12 --sweep reduction=4:40:20:log --sweep forward_efficiency=0.55:0.98:20 "
-    "--out solo12.parquet"
-).split()
+SOLO_DESIGN = [
+    *("design", "solo12", "--out", "solo12.parquet", "--sweep", "reduction=4:40:20:log"),
+    *("--sweep", "forward_efficiency=0.55:0.98:20"),
+]
 EXPERIMENTS = {
     "planar_leg_fixed": "--speed 6 --span 1 --rounds 40 --between rotor_inertia@knee "
     "payload_mass@shin",
