@@ -125,11 +125,17 @@ ARM_DESIGN = [
 ]
 
 
+SOLO_DESIGN = [
+    *("design", "solo12", "--out", "solo12.parquet", "--sweep", "reduction=4:40:20:log"),
+    *("--sweep", "forward_efficiency=0.55:0.98:20"),
+]
 EXPERIMENTS = {
     "planar_leg_fixed": "--speed 6 --span 1 --rounds 40 --between rotor_inertia@knee "
     "payload_mass@shin",
     "solo12": "--speed 6 --span 0.6 --rounds 20 --between rotor_inertia@FL_KFE "
     "payload_mass@FL_LOWER_LEG",
+    "staubli_tx40": "--speed 3 --span 1 --rounds 60 --noise 0.2 --between rotor_inertia@joint_3 "
+    "payload_mass@link_3",
 }
 
 
@@ -144,6 +150,8 @@ def designs() -> None:
         keep(OUT / theme / "planar_leg_design_front.png", "design_front" + ending)
         wbc([*ARM_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
         keep(OUT / theme / "staubli_tx40_design_map.png", "design_arm" + ending)
+        wbc([*SOLO_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
+        keep(OUT / theme / "solo12_design_map.png", "design_solo12" + ending)
     slid = tilting_table.main()
     plots(
         lambda theme: {"tilting_table": tilting_table.figure(slid, theme)},
@@ -169,8 +177,12 @@ def experiments() -> None:
             wbc(["experiment", robot, "--lossless", *options.split(), "--theme", theme,
                  "--figures", str(folder)])  # fmt: skip
             picture = folder / f"{robot}_experiment.png"
-            quadruped = "experiment_quadruped"
-            keep(picture, ("experiment" if robot == "planar_leg_fixed" else quadruped) + ending)
+            names = {
+                "planar_leg_fixed": "experiment",
+                "solo12": "experiment_quadruped",
+                "staubli_tx40": "experiment_arm",
+            }
+            keep(picture, names[robot] + ending)
 
 
 def fleet() -> None:

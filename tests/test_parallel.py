@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
+import os
+import signal
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from wbc.errors import ParallelError
 from wbc.parallel import run_jobs
+from wbc.results import Column, ResultTable, fill_table, read_results
 
 
 def squared(number: int) -> int:
@@ -60,3 +66,71 @@ def test_an_error_of_a_job_ends_the_work_and_the_processes_work_on() -> None:
     with pytest.raises(ValueError, match="job 3"):
         list(run_jobs(failing, range(20), workers=2))
     assert sorted(run_jobs(squared, range(4), workers=2)) == [0, 1, 4, 9]
+
+
+def deadly(job: tuple[int, str]) -> tuple[int, int]:
+    """Square a number and note that the job ran; job 7 ends its process each time."""
+    number, folder = job
+    with open(os.path.join(folder, f"{number}.txt"), "a") as file:
+        file.write("x")
+    if number == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number, number * number
+
+
+def assert_named_and_nothing_lost(folder: Path, **place: int | str) -> None:
+    """The error names the job and comes last; all others have given one result each."""
+    results: list[tuple[int, int]] = []
+    jobs = run_jobs(deadly, ((k, str(folder)) for k in range(20)), **place)  # type: ignore[arg-type]
+    with pytest.raises(ParallelError, match=r"1 job ends .* \(7, .*All other jobs are done"):
+        results.extend(jobs)
+    assert sorted(results) == [(k, k * k) for k in range(20) if k != 7]
+
+
+def test_a_job_that_ends_its_process_is_named_and_nothing_else_is_lost(tmp_path: Path) -> None:
+    assert_named_and_nothing_lost(tmp_path, workers=2)
+    runs = {k: len((tmp_path / f"{k}.txt").read_text()) for k in range(20)}
+    assert runs[7] == 2
+    assert sum(runs.values()) <= 20 + 1 + 4  # only what was open with it runs again
+    assert sorted(run_jobs(squared, range(4), workers=2)) == [0, 1, 4, 9]
+
+
+def test_a_job_that_ends_its_worker_is_named_and_nothing_else_is_lost(tmp_path: Path) -> None:
+    distributed = pytest.importorskip(
+        "distributed", reason="needs Dask: pip install 'wbc[cluster]'"
+    )
+    # Dask blames a job for the first worker that it ends, and what waited there with it.
+    strict = {"distributed.scheduler.allowed-failures": 0}
+    with (
+        importlib.import_module("dask").config.set(strict),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+    ):
+        assert_named_and_nothing_lost(tmp_path, cluster=cluster.scheduler_address)
+
+
+def test_a_table_keeps_what_is_done_beside_a_job_that_ends_its_process(tmp_path: Path) -> None:
+    def table() -> ResultTable:
+        columns = {"number": Column(kind="count"), "square": Column(kind="count")}
+        return ResultTable(tmp_path / "squares.parquet", {}, columns, 20)
+
+    jobs = [(k, str(tmp_path)) for k in range(20)]
+    with pytest.raises(ParallelError, match=r"\(7, "):
+        fill_table(table(), rows, jobs, workers=2)
+    assert table().begin() == set(range(20)) - {7}
+    assert not table().path.exists()
+    cured = fill_table(table(), cured_rows, jobs)
+    assert list(read_results(cured)["square"]) == [k * k for k in range(20)]
+
+
+def rows(job: tuple[int, str]) -> dict[str, list[int]]:
+    """Return the row of a job, where it does not end its process."""
+    number, square = deadly(job)
+    return {"number": [number], "square": [square]}
+
+
+def cured_rows(job: tuple[int, str]) -> dict[str, list[int]]:
+    """Return the row of the one job that is left, after its cause was mended."""
+    assert job[0] == 7
+    return {"number": [7], "square": [49]}

@@ -13,12 +13,12 @@ from benchmarks.corpus.excitation import Excitation, PlannedExcitation
 from benchmarks.corpus.experiments import following_runs
 from wbc.arrays import FloatArray
 from wbc.design.experiment import (
+    Aim,
     Cause,
     Designed,
     MotionLimits,
-    Pair,
-    Predictions,
     Rivals,
+    deciding,
     design_experiment,
     expected,
     informing,
@@ -110,16 +110,33 @@ def owed(
     """
     rivals = Rivals(robot, tuple(causes), noise_of(case))
     limits, settings = _task(case, robot)
-    against = [(0, k) for k in range(1, len(causes))]
-
-    def first_true(found: Predictions, pairs: Sequence[Pair]) -> float:
-        return min(found.near_distance(pair) for pair in against)
-
-    starts = [one.path for one in said.values()]
-    best = design_experiment(rivals, limits, DURATION, aim=first_true, starts=starts, **settings)
     told = {
         name: expected(rivals, limits, one.path, settings["rate"]) for name, one in said.items()
     }
-    return {
-        name: min(one.odds[pair] for pair in against) for name, one in {**told, BEST: best}.items()
-    }
+    told[BEST] = _best(case, rivals, said)
+    against = [(0, k) for k in range(1, len(causes))]
+    return {name: min(one.odds[pair] for pair in against) for name, one in told.items()}
+
+
+def attainable(
+    case: Case, robot: Robot, true: Cause, rival: Cause, said: Mapping[str, Designed]
+) -> float:
+    """Return the nats that the best motion for two causes alone is expected to bring the true one.
+
+    Designed for the true values, from all planned motions: no plan can know these.
+    """
+    rivals = Rivals(robot, (true, rival), noise_of(case))
+    return float(_best(case, rivals, said).odds[0, 1])
+
+
+def _best(case: Case, rivals: Rivals, said: Mapping[str, Designed]) -> Designed:
+    """Return the motion for the first cause, as it truly is, over the others."""
+    limits, settings = _task(case, rivals.robot)
+    against = [(0, k) for k in range(1, len(rivals.causes))]
+    climbed = deciding.climbed
+    aim = Aim(
+        lambda found, pairs: deciding.value(found, against),
+        climbed and (lambda found, pairs: climbed(found, against)),
+    )
+    starts = [one.path for one in said.values()]
+    return design_experiment(rivals, limits, DURATION, aim=aim, starts=starts, **settings)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
 from benchmarks.corpus.verdicts import judge_result, named_set
+from wbc.identification.choice.weighing.odds import TIED
 
 Result = dict[str, Any]
 
@@ -27,6 +28,30 @@ def resolved(result: Result) -> bool:
 def single(result: Result) -> bool:
     """Whether a right diagnosis names one effect for every cause, without an alternative."""
     return resolved(result) and not any(entry["alternatives"] for entry in result["found"])
+
+
+def kept(nats: Sequence[float]) -> tuple[bool, tuple[int, ...]]:
+    """Return whether a diagnosis keeps the true cause, and the rivals that it keeps.
+
+    It keeps what lies within `TIED` nats of the best.
+
+    Args:
+        nats: evidence of the true cause beyond that of each rival.
+    """
+    best = max(0.0, *(-n for n in nats))
+    rivals = tuple(k for k, n in enumerate(nats) if -n > best - TIED)
+    return best < TIED, rivals
+
+
+def settled(nats: Sequence[float], attainable: Mapping[str, float]) -> bool:
+    """Whether the names kept hold the truth, and no motion speaks against the others kept.
+
+    Args:
+        nats: evidence of the true cause beyond that of each rival.
+        attainable: number of a rival -> nats that the best motion for the two is expected to bring.
+    """
+    true, rivals = kept(nats)
+    return true and all(attainable[str(k)] < TIED for k in rivals)
 
 
 def share(hits: Sequence[bool]) -> str:

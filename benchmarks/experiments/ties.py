@@ -11,7 +11,9 @@ the seed. The run is recorded, and the rivals within 3 nats of the true cause ti
 follow-ups as in `benchmarks.experiments` are recorded, with the sensors' noise and rounding, and
 every tied cause is fitted to both runs. The evidence of the true one minus that of its best rival
 is what counts. *Decided*: more than 3 nats, so that a diagnosis names the true cause alone;
-*misled*: less than -3.
+*misled*: less than -3. *Resolved*: the names kept, all within 3 nats of the best, hold the truth,
+and for every other name kept the best motion of 10 s for the two alone, designed for the true
+values, is expected to bring less than 3 nats.
 
 Where a cause can do all that the true one does, no motion speaks against it; `wbc experiment` says
 so, and these ties are counted apart. Results are kept in the folder, one file per machine: a run
@@ -25,7 +27,7 @@ import json
 import platform
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -48,15 +50,16 @@ from benchmarks.experiments.follow_up import (
     DURATION,
     RANDOM,
     WORDS,
+    attainable,
     noise_of,
     owed,
     planned_runs,
     promise_at_fit,
 )
-from benchmarks.experiments.judge import paired, share
+from benchmarks.experiments.judge import kept, paired, settled, share
 from benchmarks.experiments.making import Candidate, candidates, names
 from wbc.arrays import FloatArray
-from wbc.design.experiment import Cause, Rivals
+from wbc.design.experiment import Cause, Designed, Rivals
 from wbc.errors import DesignError, WbcError
 from wbc.files import write_text
 from wbc.identification.choice.weighing.evidence import weigh
@@ -103,7 +106,7 @@ def judged(case: Case, seed: int) -> Result:
     cases = [_holding(case, one) for one in made]
     first = record_cases([(c, (one.run,)) for c, one in zip(cases, made, strict=True)])
     ties: list[Result] = []
-    open_ends = []
+    open_ends: list[_Open] = []
     for one, hidden, tables in zip(made, cases, first, strict=True):
         logs = logs_of(tables)
         causes, covariances = tied((one.truth, *one.rivals), robot, logs)
@@ -129,14 +132,37 @@ def judged(case: Case, seed: int) -> Result:
         tie["owed"] = owed(hidden, robot, true, said)
         arms: dict[str, tuple[Excitation, ...]] = {WORDS: _words(case, causes), **runs}
         tie["runs"] = len(arms[WORDS])
-        open_ends.append((tie, hidden, logs, causes, arms))
-    jobs = [(hidden, runs) for _, hidden, _, _, arms in open_ends for runs in arms.values()]
-    recorded = iter(record_cases(jobs))
-    for tie, _, logs, causes, arms in open_ends:
-        tie["nats"] = {
-            name: margins(robot, [*logs, *logs_of(next(recorded))], causes) for name in arms
+        open_ends.append(_Open(tie, hidden, logs, causes, true, said, arms))
+    recorded = iter(record_cases([(o.case, runs) for o in open_ends for runs in o.arms.values()]))
+    for one in open_ends:
+        more = {name: logs_of(next(recorded)) for name in one.arms}
+        one.tie["nats"] = {
+            name: margins(robot, [*one.logs, *logs], one.causes) for name, logs in more.items()
         }
+        one.tie["attainable"] = _attainable(one, robot)
     return {"made": len(made), "ties": ties}
+
+
+@dataclass(frozen=True, eq=False)
+class _Open:
+    """A tie whose follow-ups are still to be recorded; the true cause comes first."""
+
+    tie: Result
+    case: Case
+    logs: list[Log]
+    causes: tuple[Cause, ...]  # as fitted
+    true: list[Cause]
+    said: dict[str, Designed]
+    arms: dict[str, tuple[Excitation, ...]]
+
+
+def _attainable(one: _Open, robot: Robot) -> dict[str, float]:
+    """Return what the best motion brings against each rival that some follow-up leaves."""
+    left = {k for nats in one.tie["nats"].values() for k in kept(nats)[1]}
+    return {
+        str(k): attainable(one.case, robot, one.true[0], one.true[k + 1], one.said)
+        for k in sorted(left)
+    }
 
 
 def _holding(case: Case, one: Candidate) -> Case:
@@ -199,6 +225,14 @@ def report(results: Sequence[Result]) -> str:
         f"{sum(r['made'] for r in results)} small causes; for {len(ties) - len(planned)} the "
         "command says that no motion tells the causes apart"
     ]
+    lines += ["", f"resolved, of the {len(planned)} for which a motion is planned"]
+    solved = {
+        name: [settled(tie["nats"][name], tie["attainable"]) for tie in planned] for name in ARMS
+    }
+    for name in ARMS if planned else ():
+        lost = sum(not kept(tie["nats"][name])[0] for tie in planned)
+        beside = "" if name == DESIGNED else paired(solved[DESIGNED], solved[name])
+        lines.append(f"  {name:16s} {share(solved[name])}, truth lost {lost}   {beside}")
     can = [tie for tie in planned if _best(tie) > _SURE]
     cannot = [tie for tie in planned if _best(tie) <= _SURE]
     for title, group in (

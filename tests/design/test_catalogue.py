@@ -79,6 +79,7 @@ def test_what_a_gearbox_leaves_out_may_be_swept() -> None:
     [
         ("name,kind\na,b", "needs the columns"),
         ("{head}\na,b,x,,,,c", "not a number"),
+        ("{head}\na,b,nan,,,,c", "line 2: reduction: 'nan' is no finite number"),
         ("{head}\na,b,9,,,,", "the source"),
         ("{head}\na,b,9,,,,c\na,b,9,,,,c", "twice"),
     ],

@@ -65,7 +65,7 @@ def test_the_closed_form_is_the_mean_over_the_open_values() -> None:
             ),
             covariances=(None, other),
         )
-        drawn.append(Predictions(at, found.motion, found._links).near_distance((0, 1)))
+        drawn.append(Predictions(at, found.motion, found.links).near_distance((0, 1)))
     assert found.near_distance((0, 1)) == pytest.approx(softened(np.array(drawn)), rel=0.05)
     assert softened(found.distances((0, 1))) == pytest.approx(found.near_distance((0, 1)), rel=0.25)
 

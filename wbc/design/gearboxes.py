@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 from wbc.errors import DesignError, unknown_name
@@ -89,6 +90,8 @@ def _row(row: Mapping[str, str], place: str) -> Gearbox:
             numbers[name] = float(text) if text else None
         except ValueError as cause:
             raise DesignError(f"{place}: {name}: '{text}' is not a number.") from cause
+        if not isfinite(numbers[name] or 0.0):
+            raise DesignError(f"{place}: {name}: '{text}' is no finite number; leave it empty.")
     if not (row["name"] or "").strip() or not (row["source"] or "").strip():
         raise DesignError(f"{place}: a gearbox needs a name and the source of its numbers.")
     return Gearbox(

@@ -88,6 +88,9 @@ class Study:
                 raise DesignError(unknown_name("simulation", name, SIMULATIONS))
         if self.samples < 0:
             raise DesignError(f"samples must be >= 0, got {self.samples}.")
+        for name, value in (("load", self.load), ("joint speed", self.speed)):
+            if not np.isfinite(value or 0.0):
+                raise DesignError(f"the {name} must be finite, got {value}.")
         if self.gait and self.samples:
             raise DesignError("poses of a gait need a grid of designs; leave --samples out.")
         if self.efficiency and any("efficiency" in column for column in columns):

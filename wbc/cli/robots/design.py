@@ -203,6 +203,12 @@ def _print(
     for row in chosen:
         shown.add_row(*(_cell(study, name, front[name][row]) for name in columns))
     console.print(shown)
+    if not count:
+        console.print(
+            "No design can be judged: each has a goal that is infinite or undefined. In a singular "
+            "pose, straight links for example, no torque moves the contact one way. Choose another "
+            "--pose, or other goals with --objective."
+        )
     for box in study.gearboxes:
         if box.unknown:
             console.print(f"{box.name}: no source gives {', '.join(box.unknown)}")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,32 +13,33 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from wbc.arrays import FloatArray
 from wbc.cli.shared.inputs import table_console, watching, write_json
 from wbc.cli.shared.outputs import require_outputs
 from wbc.design.experiment import (
     BAND,
+    CLASSIC,
+    DESIGNED,
+    RANDOM,
     Designed,
+    ExperimentTask,
     FourierPath,
     MotionLimits,
     Rivals,
-    design_experiment,
-    expected,
-    informing,
+    compare_motions,
     parameter_names,
-    parse_cause,
-    random_paths,
-    tied_rivals,
+    plan_experiments,
+    read_diagnosis,
+    read_path,
     torque_misfit,
 )
-from wbc.effects import load_robot
-from wbc.errors import DesignError, WbcError
+from wbc.errors import WbcError
 from wbc.files import write_text
+from wbc.results import read_results
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 
-_RANDOM = 21  # random motions of which the median one is shown
-_SHARE = 0.01  # of the motor's torque limit: the noise of a torque sensor, where none is given
+_ODDS = "log10 of the expected odds (3: one thousand to one)"
+_SURE = 0.99  # chance below which promises were kept less often than made, on 87 ties
 
 _EPILOG = """\
 A cause is EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE,...; `wbc list effects`
@@ -77,7 +80,13 @@ def add_to(commands: Any) -> None:
     add("--acceleration", type=float, default=np.inf, metavar="X", help="limit [rad/s^2]")
     add("--rounds", type=int, default=300, metavar="N", help="changes tried (default 300)")
     add("--seed", type=int, default=0, help="seed of the search (default 0)")
-    add("--out", default="trajectory.csv", metavar="FILE.csv", help="the motion as set points")
+    add("--each", action="store_true",
+        help="a motion for every found.json, or for every two causes, into one table")  # fmt: skip
+    add(
+        "--workers", type=int, default=1, metavar="N", help="of --each: processes; -1 for all cores"
+    )
+    add("--cluster", metavar="ADDRESS", help="of --each: Dask scheduler to work on instead")
+    add("--out", metavar="FILE", help="set points, default trajectory.csv; plans.parquet of --each")
     add("--figures", nargs="?", const="out", metavar="DIR", help="write motion and torques (PNG)")
     add("--theme", choices=("light", "dark"), default="light", help="colours of the figure")
     add("--json", metavar="FILE", help="the odds for machines ('-' prints it)")
@@ -86,20 +95,22 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Design the motion, say what to expect, write the set points."""
+    options.out = options.out or ("plans.parquet" if options.each else "trajectory.csv")
     require_outputs(options)
-    if Path(options.out).suffix.lower() != ".csv":
-        raise WbcError(f"--out '{options.out}': the name must end in .csv.")
     if options.rounds < 1:
         raise WbcError("--rounds must be at least 1.")
-    robot = load_robot(options.robot)
-    robot = robot.lossless() if options.lossless else robot
-    rivals = _rivals(options, robot)
-    limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
-    _require_room(limits)
+    if options.each:
+        return _run_each(options, table_console(options, console), console)
+    if Path(options.out).suffix.lower() != ".csv":
+        raise WbcError(f"--out '{options.out}': the name must end in .csv.")
+    task = _task(options, options.between)
+    robot = task.loaded()
+    rivals, limits = task.rivals(robot), task.limits(robot)
     shown = table_console(options, console)
-    found = _compare(options, rivals, limits, shown)
+    with watching("motions", shown) as watch:
+        found = compare_motions(task, rivals, limits, watch)
     print_experiment(rivals, found, shown)
-    path = write_set_points(options.out, robot, found["designed"].path, options.rate)
+    path = write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
     shown.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
     if options.figures:
         shown.print(f"wrote {_draw(options, rivals, limits, found)}")
@@ -107,52 +118,65 @@ def run(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _rivals(options: argparse.Namespace, robot: Robot) -> Rivals:
-    texts, noise = options.between, _noise(options, robot)
-    if len(texts) == 1 and texts[0].lower().endswith(".json"):
-        return tied_rivals(texts[0], robot, noise, options.band)
-    return Rivals(robot, tuple(parse_cause(text, robot) for text in texts), noise, options.band)
-
-
-def _noise(options: argparse.Namespace, robot: Robot) -> FloatArray:
-    gears = robot.transmission
-    if options.noise is not None:
-        return np.full(gears.size, options.noise)
-    if not np.isfinite(gears.torque_limit).all():
-        raise DesignError("--noise: the motors have no torque_limit to take 1 % of; give it.")
-    return np.asarray(_SHARE * gears.torque_limit)
-
-
-def _require_room(limits: MotionLimits) -> None:
-    bounded = np.isfinite(limits.speed) | np.isfinite(limits.acceleration)
-    if not np.all(bounded | np.isfinite(limits.torque)):
-        raise DesignError(
-            "nothing limits how fast the robot moves; give --speed, --acceleration, or motors "
-            "with a torque_limit."
+def _task(options: argparse.Namespace, between: Sequence[str]) -> ExperimentTask:
+    """Return what is asked for: named causes, or the one file of a diagnosis."""
+    found, files = "", [text for text in between if text.lower().endswith(".json")]
+    if files and len(between) > 1:
+        raise WbcError(
+            f"--between: '{files[0]}' stands beside other causes. Give one diagnosis alone, or "
+            "--each to plan one motion for every one of them."
         )
+    if files:
+        found = json.dumps(read_diagnosis(files[0]))
+    names = ("robot", "lossless", "duration", "rate", "noise", "band", "span", "speed")
+    given = {name: getattr(options, name) for name in (*names, "acceleration", "rounds", "seed")}
+    return ExperimentTask(between=() if files else tuple(between), found=found, **given)
 
 
-def _compare(
-    options: argparse.Namespace, rivals: Rivals, limits: MotionLimits, console: Console
-) -> dict[str, Designed]:
-    """Return the designed motion beside a random and a D-optimal one."""
-    drawn = random_paths(rivals, limits, options.duration, options.seed + 1, _RANDOM)
-    chance = sorted((expected(rivals, limits, path, options.rate) for path in drawn), key=_said)
-    settings = {"rate": options.rate, "rounds": options.rounds, "seed": options.seed}
-    with watching("motions", console) as watch:
-        classic = design_experiment(
-            rivals, limits, options.duration, aim=informing, watch=watch, **settings
+def _run_each(options: argparse.Namespace, shown: Console, console: Console) -> int:
+    """Plan a motion for every diagnosis, or for every two of the causes."""
+    out = Path(options.out)
+    if out.suffix.lower() != ".parquet":
+        raise WbcError(f"--out '{out}': with --each the name must end in .parquet.")
+    tasks = [_task(options, group) for group in _groups(options.between)]
+    with watching("experiments", shown) as watch:
+        path = plan_experiments(
+            tasks, out, workers=options.workers, cluster=options.cluster, watch=watch
         )
-        ours = design_experiment(
-            rivals, limits, options.duration, starts=[classic.path], watch=watch, **settings
-        )
-    return {"random, median": chance[_RANDOM // 2], "D-optimal": classic, "designed": ours}
+    rows = read_results(path)
+    written, robot = [path], tasks[0].loaded()
+    for k, text in enumerate(rows["path"], 1):
+        if text:
+            place = out.with_name(f"{out.stem}_{k}.csv")
+            written.append(write_set_points(place, robot, read_path(text), options.rate))
+    _print_rows(rows, shown)
+    shown.print(f"wrote {', '.join(map(str, written))}")
+    plain = {name: np.asarray(values).tolist() for name, values in rows.items()}
+    write_json(options.json, {**plain, "table": str(path)}, console)
+    return 0
 
 
-def _said(one: Designed) -> float:
-    """Return by what random motions are put in order: the least odds, or narrow intervals."""
-    narrow = -float(np.mean(np.log(np.concatenate(one.widths))))
-    return one.worst if one.odds else narrow
+def _groups(texts: Sequence[str]) -> list[list[str]]:
+    """Return the causes of each experiment: those of one diagnosis, or two that are named."""
+    files = [text for text in texts if text.lower().endswith(".json")]
+    named = [text for text in texts if text not in files]
+    if len(named) == 1:
+        raise WbcError(f"--each: '{named[0]}' needs another cause to be told from.")
+    return [[file] for file in files] + [list(pair) for pair in combinations(named, 2)]
+
+
+def _print_rows(rows: Mapping[str, Any], console: Console) -> None:
+    table = Table(title=f"least {_ODDS}", box=None)
+    for name in ("", "causes", RANDOM, CLASSIC, DESIGNED):
+        table.add_column(name, justify="left" if name == "causes" else "right")
+    for k, text in enumerate(rows["path"]):
+        odds = [rows[f"log10_odds_{name}"][k] for name in ("random", "d_optimal", "designed")]
+        cells = [f"{value:.4g}" for value in odds] if text else ["", "", "none"]
+        table.add_row(str(k + 1), rows["causes"][k], *cells)
+    console.print(table)
+    for k, failure in enumerate(rows["failure"], 1):
+        if failure:
+            console.print(f"no motion for {k}: {failure}")
 
 
 def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
@@ -163,7 +187,7 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
             values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.values.items())
             texts.append(f"{effect.name} at {effect.where}, {values}")
         console.print(f"cause {number}: {'; '.join(texts)}")
-    designed = found["designed"]
+    designed = found[DESIGNED]
     if rivals.pairs:
         _print_odds(found, console)
     if not rivals.pairs:
@@ -183,16 +207,26 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
 
 
 def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
-    table = Table(title="expected odds, as a power of ten", box=None)
+    table = Table(title=_ODDS, box=None)
     table.add_column("if this cause is true")
     table.add_column("over")
     for name in found:
         table.add_column(name, justify="right")
-    for pair in found["designed"].odds:
-        told = pair not in found["designed"].alike
+    for pair in found[DESIGNED].odds:
+        told = pair not in found[DESIGNED].alike
         cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
         table.add_row(str(pair[0] + 1), str(pair[1] + 1), *cells)
     console.print(table)
+    doubted = [
+        f"{i + 1} over {j + 1}"
+        for (i, j), chance in found[DESIGNED].chance.items()
+        if chance < _SURE and (i, j) not in found[DESIGNED].alike
+    ]
+    if doubted:
+        console.print(
+            f"less than 99 % sure to decide: {', '.join(doubted)}. Odds as low as these promise "
+            "too much: on logs with known truth, fewer runs decided than such odds say"
+        )
 
 
 def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
@@ -216,7 +250,7 @@ def _draw(
     from wbc.view.plots.experiment import experiment_figure
 
     theme = DARK if options.theme == "dark" else LIGHT
-    designed, robot = found["designed"], rivals.robot
+    designed, robot = found[DESIGNED], rivals.robot
     time = designed.path.times(options.rate)
     position, velocity, _ = designed.path.at(time)
     told = {pair: d for pair, d in designed.odds.items() if pair not in designed.alike}
@@ -225,7 +259,7 @@ def _draw(
         pair = min(told, key=lambda key: told[key])
         misfits = {
             name: torque_misfit(rivals, limits, found[key].path, pair, options.rate)
-            for name, key in (("designed", "designed"), ("random", "random, median"))
+            for name, key in (("designed", DESIGNED), ("random", RANDOM))
         }
     joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
     figure = experiment_figure(joints, time, (position, velocity), misfits, theme=theme)
@@ -256,7 +290,7 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
         "half_widths": {
             name: [widths.tolist() for widths in one.widths] for name, one in found.items()
         },
-        "alike": [{"true": i, "over": j} for i, j in found["designed"].alike],
+        "alike": [{"true": i, "over": j} for i, j in found[DESIGNED].alike],
         "log10_odds": {
             name: [
                 {"true": i, "over": j, "value": value / float(np.log(10.0))}
@@ -268,6 +302,6 @@ def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, A
             name: [{"true": i, "over": j, "value": p} for (i, j), p in one.chance.items()]
             for name, one in found.items()
         },
-        "used": found["designed"].used,
+        "used": found[DESIGNED].used,
         "trajectory": str(path),
     }

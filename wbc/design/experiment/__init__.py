@@ -1,5 +1,6 @@
 """The experiment that decides: a motion that tells rival causes apart, and what to expect of it."""
 
+from wbc.design.experiment.aims import Aim, deciding, informing, shrinking
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
 from wbc.design.experiment.readable import BAND
@@ -15,32 +16,47 @@ from wbc.design.experiment.rivals import (
 )
 from wbc.design.experiment.search import (
     Designed,
-    deciding,
     design_experiment,
     expected,
-    informing,
     random_paths,
-    shrinking,
     torque_misfit,
 )
-from wbc.design.experiment.tied import tied_causes, tied_rivals
+from wbc.design.experiment.task import (
+    CLASSIC,
+    DESIGNED,
+    RANDOM,
+    ExperimentTask,
+    compare_motions,
+    plan_experiments,
+    read_path,
+)
+from wbc.design.experiment.tied import read_diagnosis, tied_causes, tied_rivals
 
 __all__ = [
     "BAND",
+    "CLASSIC",
+    "DESIGNED",
+    "RANDOM",
+    "Aim",
     "Cause",
     "Designed",
+    "ExperimentTask",
     "FourierPath",
     "MotionLimits",
     "Pair",
     "Predictions",
     "Rivals",
+    "compare_motions",
     "deciding",
     "design_experiment",
     "expected",
     "informing",
     "parameter_names",
     "parse_cause",
+    "plan_experiments",
     "random_paths",
+    "read_diagnosis",
+    "read_path",
     "require_predictable",
     "shrinking",
     "tied_causes",

@@ -53,8 +53,12 @@ class MotionLimits:
                 its range where that pose lies at a limit.
 
         Raises:
-            DesignError: position limits that leave no room.
+            DesignError: a limit that is not positive, position limits that leave no room.
         """
+        given = {"span": span, "speed": speed, "acceleration": acceleration}
+        for name, value in given.items():
+            if not value > 0.0:
+                raise DesignError(f"the limit of {name} must be > 0, got {value:g}.")
         gears, rows = robot.transmission, robot.actuated
         pose = robot.pose() if robot.poses else robot.neutral()
         middle = pose[robot.actuated_position] if centre is None else centre

@@ -162,6 +162,11 @@ class Rivals:
         """All ordered pairs of causes."""
         return tuple(permutations(range(len(self.causes)), 2))
 
+    @property
+    def torque_count(self) -> int:
+        """Torques that the predictions take: without any cause, with each, and its parameters."""
+        return 1 + sum(1 + len(_parameters(cause)) for cause in self.causes)
+
     def open_part(self, number: int) -> FloatArray | None:
         """Return (p, p) a square root of what is open of a cause, in typical sizes; None if fixed.
 
@@ -175,6 +180,20 @@ class Rivals:
         size = np.maximum(size, 0.0)
         return np.asarray(axes * np.sqrt(size / (1.0 + size)))
 
+    def neighbours(self, number: int) -> list[tuple[Cause, float]]:
+        """Return a cause with each of its parameters moved a little, and one over the move.
+
+        The move is in typical sizes: a difference of torques times it is a column of
+        `Predictions.sensitivity`.
+        """
+        cause, found = self.causes[number], []
+        for row, (owner, parameter) in enumerate(_parameters(cause)):
+            values, step = _values(cause), _STEP * parameter.scale
+            inside = cause[owner].values[parameter.name] + step <= parameter.high
+            values[row] += step if inside else -step
+            found.append((_moved(cause, values), 1.0 / (_STEP if inside else -_STEP)))
+        return found
+
     def predictions(self, motion: Motion) -> Predictions:
         """Return what the rivals predict along one motion of the encoders, with its times."""
         return Predictions(self, motion, link_torque(self.robot, motion))
@@ -185,11 +204,11 @@ class Predictions:
 
     def __init__(self, rivals: Rivals, motion: Motion, links: FloatArray) -> None:
         """Keep the motion and `link_torque` of the robot without any rival along it."""
-        self.rivals, self.motion, self._links = rivals, motion, links
+        self.rivals, self.motion, self.links = rivals, motion, links
         self._torques: dict[int, FloatArray] = {}
         self._slopes: dict[int, FloatArray] = {}
         self._drawn: dict[int, FloatArray] = {}
-        self._readable = ReadableRows(rivals.robot, motion, rivals.band)
+        self.readable = ReadableRows(rivals.robot, motion, rivals.band)
 
     def torque(self, cause: Cause) -> FloatArray:
         """Return the rotor torque (N, m) [N m] that the drives report with a cause."""
@@ -198,13 +217,13 @@ class Predictions:
         for effect in reversed(cause):
             motion = effect.true(robot, motion)
         shared = robot.model is base.model and motion is self.motion
-        links = self._links if shared else link_torque(robot, motion)
+        links = self.links if shared else link_torque(robot, motion)
         return rotor_torque(robot, motion, links)[0]
 
-    def _in_noise(self, torque: FloatArray) -> FloatArray:
+    def in_noise(self, torque: FloatArray) -> FloatArray:
         """Return what is read of torques (N, m, ...), in units of the noise."""
         noise = self.rivals.noise.reshape(-1, *(1,) * (torque.ndim - 2))
-        return self._readable.of(torque / noise)
+        return self.readable.of(torque / noise)
 
     def expected_torque(self, number: int) -> FloatArray:
         """Return the torque (N, m) of a rival with its expected values."""
@@ -221,16 +240,10 @@ class Predictions:
         """Return d torque / d parameter over noise, per typical size, (N m, p)."""
         if number in self._slopes:
             return self._slopes[number]
-        cause, here = self.rivals.causes[number], self.expected_torque(number)
-        columns = []
-        for row, (owner, parameter) in enumerate(_parameters(cause)):
-            value = cause[owner].values[parameter.name]
-            step = _STEP * parameter.scale
-            step = step if value + step <= parameter.high else -step
-            values = _values(cause)
-            values[row] += step
-            columns.append((self.torque(_moved(cause, values)) - here) / step * parameter.scale)
-        read = self._in_noise(np.stack(columns, axis=2))
+        here = self.expected_torque(number)
+        near = self.rivals.neighbours(number)
+        columns = [lever * (self.torque(cause) - here) for cause, lever in near]
+        read = self.in_noise(np.stack(columns, axis=2))
         self._slopes[number] = read.reshape(-1, len(columns))
         return self._slopes[number]
 
@@ -251,7 +264,7 @@ class Predictions:
                 torque = self.torque(_moved(cause, values * scales))
             except EffectError:  # a step to what no robot can have, a negative mass for one
                 return np.full(target.size, _IMPOSSIBLE)
-            return self._in_noise(torque - target).ravel()
+            return self.in_noise(torque - target).ravel()
 
         inside = np.clip(_values(cause) / scales, low + 1e-9, high - 1e-9)
         found = least_squares(misfit, inside, bounds=(low, high), max_nfev=12)
@@ -269,22 +282,22 @@ class Predictions:
         of the true cause. exp(-d / 4) / 2 bounds the chance that noise names the wrong cause
         (Bhattacharyya), so that this is the distance with the same bound at values that are known.
         """
-        left = self._unfitted(pair[1], self._apart(pair)[:, None])[:, 0]
+        left = self.unfitted(pair[1], self.apart(pair)[:, None])[:, 0]
         spread = self.rivals.open_part(pair[0])
         if spread is None:
             return float(0.5 * left @ left)
-        moved = self._unfitted(pair[1], self.sensitivity(pair[0]) @ spread)
+        moved = self.unfitted(pair[1], self.sensitivity(pair[0]) @ spread)
         gram, lever = moved.T @ moved, moved.T @ left
         least = left @ left - lever @ np.linalg.solve(4.0 * np.eye(len(gram)) + gram, lever)
         grown = np.linalg.slogdet(np.eye(len(gram)) + 0.25 * gram)[1]
         return float(0.5 * least + 2.0 * grown)
 
-    def _apart(self, pair: Pair) -> FloatArray:
+    def apart(self, pair: Pair) -> FloatArray:
         """Return the difference (N m,) of two rivals at their expected values, over noise."""
         true, other = pair
-        return self._in_noise(self.expected_torque(true) - self.expected_torque(other)).ravel()
+        return self.in_noise(self.expected_torque(true) - self.expected_torque(other)).ravel()
 
-    def _unfitted(self, number: int, torques: FloatArray) -> FloatArray:
+    def unfitted(self, number: int, torques: FloatArray) -> FloatArray:
         """Return what a cause, refitted, leaves of torques (N m, k) over noise.
 
         Where earlier logs know its values, there are p rows more: what it costs to leave these.
@@ -302,8 +315,8 @@ class Predictions:
 
         The other one is taken as linear in its parameters.
         """
-        apart = self._apart(pair)
-        left = self._unfitted(pair[1], apart[:, None])[: len(apart), 0]
+        apart = self.apart(pair)
+        left = self.unfitted(pair[1], apart[:, None])[: len(apart), 0]
         return np.asarray(left.reshape(self.expected_torque(pair[0]).shape))
 
     def distances(self, pair: Pair) -> FloatArray:
@@ -315,7 +328,7 @@ class Predictions:
         if self.rivals.open_part(true) is None:
             return np.array([self.distance(pair)])
         drawn = self._drawn_torques(true) - self.expected_torque(other)[..., None]
-        left = self._unfitted(other, self._in_noise(drawn).reshape(-1, drawn.shape[2]))
+        left = self.unfitted(other, self.in_noise(drawn).reshape(-1, drawn.shape[2]))
         return np.asarray(0.5 * np.sum(left**2, axis=0))
 
     def _drawn_torques(self, number: int) -> FloatArray:
@@ -340,7 +353,7 @@ class Predictions:
 
     def signal(self, number: int) -> float:
         """Return half the squared torque that a cause adds, each row in units of its noise."""
-        added = self._in_noise(self.expected_torque(number) - self.torque(()))
+        added = self.in_noise(self.expected_torque(number) - self.torque(()))
         return float(0.5 * np.sum(added**2))
 
     def information(self) -> float:

@@ -34,7 +34,7 @@ def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Ca
             no rival that a planned motion could tell from what was found.
         EffectError: an effect or place that this robot does not have.
     """
-    table = found if isinstance(found, Mapping) else _read(Path(found))
+    table = found if isinstance(found, Mapping) else read_diagnosis(found)
     own = tuple(_effect(e, robot) for e in _list(table, "effects"))
     if not own:
         raise DesignError(
@@ -77,7 +77,7 @@ def tied_rivals(
         DesignError: as `tied_causes`, and covariances that do not fit their causes.
         EffectError: an effect or place that this robot does not have.
     """
-    table = found if isinstance(found, Mapping) else _read(Path(found))
+    table = found if isinstance(found, Mapping) else read_diagnosis(found)
     causes = tied_causes(table, robot)
     covariances = tuple(_covariance(table, cause) for cause in causes)
     return Rivals(robot, causes, noise, band, covariances)
@@ -138,9 +138,14 @@ def _list(table: Mapping[str, Any], key: str) -> Sequence[Mapping[str, Any]]:
     return entries
 
 
-def _read(path: Path) -> Mapping[str, Any]:
+def read_diagnosis(path: str | Path) -> Mapping[str, Any]:
+    """Return what `wbc diagnose --json` wrote.
+
+    Raises:
+        DesignError: a file that cannot be read, or is no table.
+    """
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        table = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as cause:
         raise DesignError(f"--between '{path}' cannot be read as JSON: {cause}.") from cause
     if not isinstance(table, Mapping):

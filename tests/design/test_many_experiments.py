@@ -1,0 +1,105 @@
+"""Many experiments at once: processes, a kill in the middle, failures, and the command."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.cli import main
+from wbc.design.experiment import (
+    ExperimentTask,
+    MotionLimits,
+    design_experiment,
+    informing,
+    plan_experiments,
+    read_path,
+)
+from wbc.results import read_results
+
+CAUSES = ("viscous_friction@knee", "coulomb_friction@knee", "payload_mass@shin")
+SETTINGS = {"lossless": True, "duration": 1.0, "rounds": 1, "speed": 6.0, "span": 1.0}
+
+
+def tasks() -> list[ExperimentTask]:
+    """Two pairs on the leg, of which no motion tells the second apart, and another robot."""
+    leg = [
+        ExperimentTask("planar_leg_fixed", pair, **SETTINGS)  # type: ignore[arg-type]
+        for pair in (CAUSES[:2], ("position_offset@hip", "gravity_direction@robot"))
+    ]
+    slide = ("viscous_friction@slide", "coulomb_friction@slide")
+    return [*leg, ExperimentTask("emps", slide, noise=1.0, duration=1.0, rounds=1, span=0.1)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The table of two processes."""
+    return plan_experiments(tasks(), tmp_path_factory.mktemp("plans") / "x.parquet", workers=2)
+
+
+def test_each_row_is_what_one_plan_gives_and_a_failure_stays_alone(whole: Path) -> None:
+    rows = read_results(whole)
+    assert [bool(text) for text in rows["failure"]] == [False, True, False]
+    assert np.isnan(rows["log10_odds_designed"][1])
+    assert rows["robot"] == ["planar_leg_fixed"] * 2 + ["emps"]
+    task = tasks()[0]
+    robot = task.loaded()
+    rivals, limits = task.rivals(robot), MotionLimits.of(robot, 1.0, 6.0)
+    classic = design_experiment(rivals, limits, 1.0, rounds=1, aim=informing, climb=False)
+    alone = design_experiment(rivals, limits, 1.0, rounds=1, starts=[classic.path])
+    np.testing.assert_array_equal(read_path(rows["path"][0]).sine, alone.path.sine)
+    assert rows["log10_odds_designed"][0] == pytest.approx(alone.worst / np.log(10.0))
+
+
+SCRIPT = """
+from tests.design.test_many_experiments import tasks
+from wbc.design.experiment import plan_experiments
+plan_experiments(tasks(), {out!r})
+"""
+
+
+def test_a_killed_plan_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, whole: Path) -> None:
+    killed = tmp_path / "killed.parquet"
+    text = SCRIPT.format(out=str(killed))
+    process = subprocess.Popen([sys.executable, "-c", text], start_new_session=True)
+    parts = killed.with_name(killed.name + ".parts")
+    limit = time.monotonic() + 120.0
+    while len(list(parts.glob("*.parquet"))) < 1 and time.monotonic() < limit:
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    done = {part.name: part.stat().st_mtime_ns for part in parts.glob("*.parquet")}
+    assert 1 <= len(done) < 3
+    counts: list[int] = []
+    plan_experiments(tasks(), killed, watch=lambda count, total: counts.append(count))
+    assert counts[0] == len(done)  # nothing is done twice
+    assert killed.read_bytes() == whole.read_bytes()
+
+
+def test_the_command_plans_every_pair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wbc.design.experiment.task._RANDOM", 3)  # quicker
+    command = "experiment planar_leg_fixed --lossless --each --duration 1 --speed 6 --rounds 1"
+    options = ["--out", "plans.parquet", "--json", "plans.json", "--between", *CAUSES]
+    assert main([*command.split(), *options]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("friction@knee") == 4
+    files = [f"plans_{k}.csv" for k in (1, 2, 3)]
+    for file in files:
+        assert file in shown.replace("\n", "")
+        assert len(np.genfromtxt(file, delimiter=",", names=True)) == 101
+    assert len(json.loads(Path("plans.json").read_text())["causes"]) == 3
+    assert main([*command.split(), "--between", CAUSES[0]]) == 2
+    assert "another cause" in capsys.readouterr().err
+    assert main([*command.split(), "--out", "x.csv", "--between", *CAUSES]) == 2
+    assert "end in .parquet" in capsys.readouterr().err
