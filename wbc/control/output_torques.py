@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 
@@ -84,11 +86,15 @@ class OutputTorques:
             scale: [N] per unit of force variable.
         """
         output, share = np.empty(len(self.rotor_bias)), np.empty(len(self.rotor_bias))
-        place_output(
-            *(self.mass, self.bias, jacobian, scale, x, self._driven_rows, self._topology),
-            *(self.rotor, self.rotor_bias, self._joint_torque, output, share),
-        )
+        place_output(*self.terms(x, jacobian, scale), output, share)
         return output, share
+
+    def terms(self, x: FloatArray, jacobian: FloatArray, scale: float) -> tuple[Any, ...]:
+        """Return what `place_output` reads, arguments as for `torques`."""
+        return (
+            *(self.mass, self.bias, jacobian, scale, x, self._driven_rows, self._topology),
+            *(self.rotor, self.rotor_bias, self._joint_torque),
+        )
 
     def remember(self, acceleration: FloatArray, output: FloatArray) -> None:
         """Take qdd (nv,) and T (m,) of a solution; what T does beyond them is load."""

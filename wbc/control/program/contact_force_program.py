@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -275,6 +276,10 @@ class ContactForceProgram:
     def torques(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return T and what the rotors take themselves (m,) [N m] at a solution."""
         return self.plant.torques(x, self.contacts.jacobian, self.force_scale)
+
+    def terms(self, x: FloatArray) -> tuple[Any, ...]:
+        """Return what the torques of a solution are made of, as `OutputTorques.terms`."""
+        return self.plant.terms(x, self.contacts.jacobian, self.force_scale)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""
