@@ -9,7 +9,14 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.solvers.dual_steps import CONTRADICTION, SOLVED, climb
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
-from wbc.control.solvers.row_system import meet_rows, place_blocks, settle
+from wbc.control.solvers.row_system import (
+    SYSTEM,
+    meet_rows,
+    place_blocks,
+    settle,
+    settle_fixed,
+)
+from wbc.fixed_arrays import FixedArrays
 
 _ROUNDS = 4
 _SYSTEM = 4  # steps that a system takes as long as: 19 us beside 5 to 9 us on Talos
@@ -67,6 +74,8 @@ class DualActiveSet:
         self._memory_of_rows = *self._rows, *self._diagonal
         taking: tuple[Any, ...] = self._force, self._values, self._active, self._taken
         self._memory_of_settling = taking + self._memory
+        self._last: BlockProblem | None = None  # a second time it is worth describing
+        self._fixed: FixedArrays | None = None
         self._reached = np.full(n, np.nan)
         self.steps, self.blocking = 0, -1
 
@@ -139,13 +148,23 @@ class DualActiveSet:
         """Correct the binding rows a few times; return the solution where that ends."""
         x = np.empty(len(problem.pull))
         diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
-        size, rounds = settle(
-            *(rows, right, softness, diagonal, pull, C, lower, upper),
-            *(self._tolerance, self._allowed, _ROUNDS),
-            *self._memory_of_rows,
-            x,
-            *self._memory_of_settling,
-        )
+        if problem is self._last:
+            if self._fixed is None:
+                program = rows, right, softness, diagonal, pull, C, lower, upper
+                own = self._memory_of_rows + self._memory_of_settling
+                self._fixed = FixedArrays(SYSTEM, program + own)
+            size, rounds = settle_fixed(
+                self._fixed.table, self._tolerance, self._allowed, _ROUNDS, x
+            )
+        else:
+            self._last, self._fixed = problem, None
+            size, rounds = settle(
+                *(rows, right, softness, diagonal, pull, C, lower, upper),
+                *(self._tolerance, self._allowed, _ROUNDS),
+                *self._memory_of_rows,
+                x,
+                *self._memory_of_settling,
+            )
         self.steps += _SYSTEM * rounds
         if size >= 0:
             return self._solution(problem, x, size, skipped)

@@ -90,8 +90,7 @@ class RotorTorqueStage:
         """
         torques = np.empty((5, len(sigma)))
         exact = place_realised(*terms, sigma, *self._law.blended, *limits, torques)
-        output, share, mesh, torque, _ = torques
-        return output, share, Realised(torque, mesh, True) if exact else None
+        return torques[0], torques[1], Realised(torques[3], torques[2], True) if exact else None
 
     def _coupled(
         self,
