@@ -151,7 +151,22 @@ def place_joint_motion(
         com_drift[0], com_drift[1], com_drift[2] = ax / total, ay / total, az / total
 
 
-TREE = (Matrix, Dense, Places, Places, Places, Vector, Dense, Dense, Vector, OutDense, OutDense, OutVector, OutDense, OutVector)
+TREE = (
+    Matrix,
+    Dense,
+    Places,
+    Places,
+    Places,
+    Vector,
+    Dense,
+    Dense,
+    Vector,
+    OutDense,
+    OutDense,
+    OutVector,
+    OutDense,
+    OutVector,
+)
 """Kinds of the arrays of `place_joint_motion` but the velocity, in its order."""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
@@ -19,6 +19,7 @@ from wbc.control.program.inequality_rows import InequalityRows
 from wbc.control.program.placing import place_tasks
 from wbc.control.program.row_basis import RowBasis
 from wbc.control.program.task_stack import TaskStack
+from wbc.control.program.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
 
@@ -92,7 +93,6 @@ class ContactForceProgram:
         self.n = self.nv + self.forces
         self.undriven = robot.floating_size
         self.gears = np.flatnonzero(limited)
-        self._all_gears = len(self.gears) == robot.transmission.size
         self.weights = weights
         weight = plant.weight
         self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
@@ -132,7 +132,8 @@ class ContactForceProgram:
         self._write_normal_bounds(None)
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
-        self._scaled_map = np.zeros_like(self.torque_map)
+        more = len(self.rows.lower) + len(self.gears)
+        self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
 
     def assemble_constraints(
         self,
@@ -243,18 +244,41 @@ class ContactForceProgram:
             slopes: e (m,) in the predicted directions.
             lower, upper: least and greatest N tau_phi (m,) [N m].
         """
-        plant, rows = self.plant, self.rows
-        where, nv = rows.torque, self.nv
-        offset = slopes * plant.output_bias
-        offset += plant.rotor_bias
-        scaled = rows.C[where] if self._all_gears else self._scaled_map
-        np.multiply(self.torque_map, slopes[:, None], out=scaled)
-        scaled[:, :nv] += plant.rotor
-        if self._all_gears:
-            rows.write_torques(lower - offset, upper - offset)
-        else:
-            rows.C[where] = scaled[self.gears]
-            rows.write_torques((lower - offset)[self.gears], (upper - offset)[self.gears])
+        rows = self.rows
+        place_torque_rows(*self._gear_terms(), slopes, lower, upper, rows.slack, *rows.of_torque)
+
+    def directed(
+        self,
+        slopes: tuple[FloatArray, FloatArray],
+        limits: tuple[FloatArray, FloatArray],
+        choice: FloatArray,
+    ) -> BlockProblem:
+        """Return the program with the convex rows of all gears and one half-space of some.
+
+        Overwritten by the next call, as are the torque rows of `blocks`.
+
+        Args:
+            slopes: e (m,) where T > 0, and where T < 0.
+            limits: least and greatest N tau_phi (m,) [N m].
+            choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
+                there is none.
+        """
+        C, lower, upper = self._directed
+        rows = self.rows
+        size, torque = len(rows.lower), rows.torque
+        np.copyto(C[:size], rows.C)
+        np.copyto(lower[:size], rows.lower)
+        np.copyto(upper[:size], rows.upper)
+        place_directed_rows(
+            *(*self._gear_terms(), *slopes, *limits, choice, rows.slack),
+            *(C[torque], lower[torque], upper[torque], C[size:], lower[size:], upper[size:]),
+        )
+        return self.blocks._replace(C=C, lower=lower, upper=upper)
+
+    def _gear_terms(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+        """Return what torque rows are made of: T and rotors, their constant parts, the gears."""
+        plant = self.plant
+        return self.torque_map, plant.rotor, plant.output_bias, plant.rotor_bias, self.gears
 
     def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
         set_ = self.contacts

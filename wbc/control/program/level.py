@@ -163,9 +163,7 @@ class Level:
         program.assemble_efforts(slope, gears.speed, gears.last_output)
         return program.blocks.dense().copied()
 
-    def _guessed(
-        self, guess: DualActiveSet, gears: GearState, first: FloatArray
-    ) -> Answer | None:
+    def _guessed(self, guess: DualActiveSet, gears: GearState, first: FloatArray) -> Answer | None:
         """Return the answer if no torque limit binds, None where the guess fails."""
         if self.program.efforts:
             return self._guessed_with_efforts(guess, gears, first)

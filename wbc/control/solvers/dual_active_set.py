@@ -93,6 +93,10 @@ class DualActiveSet:
         Its multipliers begin with `skipped` zeros, of rows that the problem leaves out.
         """
         self.steps, self.blocking = 0, -1
+        if problem is not self._last:
+            self._last, self._fixed = problem, None
+        elif self._fixed is None:
+            self._fixed = self._described(problem)
         found = self._settled(problem, skipped)
         if found is None and self._climbed(problem, _SHORT) is QPStatus.SOLVED:
             found = self._settled(problem, skipped)
@@ -148,16 +152,11 @@ class DualActiveSet:
         """Correct the binding rows a few times; return the solution where that ends."""
         x = np.empty(len(problem.pull))
         diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
-        if problem is self._last:
-            if self._fixed is None:
-                program = rows, right, softness, diagonal, pull, C, lower, upper
-                own = self._memory_of_rows + self._memory_of_settling
-                self._fixed = FixedArrays(SYSTEM, program + own)
+        if self._fixed is not None and problem is self._last:
             size, rounds = settle_fixed(
                 self._fixed.table, self._tolerance, self._allowed, _ROUNDS, x
             )
         else:
-            self._last, self._fixed = problem, None
             size, rounds = settle(
                 *(rows, right, softness, diagonal, pull, C, lower, upper),
                 *(self._tolerance, self._allowed, _ROUNDS),
@@ -170,6 +169,12 @@ class DualActiveSet:
             return self._solution(problem, x, size, skipped)
         self.forget()
         return None
+
+    def _described(self, problem: BlockProblem) -> FixedArrays:
+        """Return the memory of a program that comes again in every tick, and the own one."""
+        diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
+        program = rows, right, softness, diagonal, pull, C, lower, upper
+        return FixedArrays(SYSTEM, program + self._memory_of_rows + self._memory_of_settling)
 
     def _climbed(self, problem: BlockProblem, most: int) -> QPStatus:
         """Find the binding rows one by one; return how that ended."""
