@@ -23,6 +23,9 @@ from wbc.control.program.torque_rows import place_directed_rows, place_torque_ro
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
 
+_NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
+_NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
+
 
 class ContactForceProgram:
     """Assembles, for one set of contacts, the quadratic program in x = [qdd, f / force_scale].
@@ -129,11 +132,12 @@ class ContactForceProgram:
             *(gears, contacts, joint_limit, self.nv, scale, slack),
             () if collision is None else collision.labels,
         )
+        more = len(self.rows.lower) + len(self.gears)
+        self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
+        self._seen = _NOTHING_SEEN
         self._write_normal_bounds(None)
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
-        more = len(self.rows.lower) + len(self.gears)
-        self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
 
     def assemble_constraints(
         self,
@@ -150,6 +154,7 @@ class ContactForceProgram:
             ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
         """
         plant, set_ = self.plant, self.contacts
+        self._seen = _NOTHING_SEEN
         place_balance(
             *(plant.mass, plant.bias, set_.jacobian, self.force_scale),
             *(plant.robot.unactuated, self._balance, self._balance_right),
@@ -231,6 +236,8 @@ class ContactForceProgram:
             hardens=self._hardens,
         )
         free = slice(rows.torque.stop, None)
+        C, lower, upper = self._directed
+        self._directed_blocks = self.blocks._replace(C=C, lower=lower, upper=upper)
         self.unbound = self.blocks._replace(
             C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free]
         )
@@ -273,7 +280,7 @@ class ContactForceProgram:
             *(*self._gear_terms(), *slopes, *limits, choice, rows.slack),
             *(C[torque], lower[torque], upper[torque], C[size:], lower[size:], upper[size:]),
         )
-        return self.blocks._replace(C=C, lower=lower, upper=upper)
+        return self._directed_blocks
 
     def _gear_terms(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
         """Return what torque rows are made of: T and rotors, their constant parts, the gears."""
@@ -298,8 +305,10 @@ class ContactForceProgram:
         return self.torques(x)[0]
 
     def torques(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return T and what the rotors take themselves (m,) [N m] at a solution."""
-        return self.plant.torques(x, self.contacts.jacobian, self.force_scale)
+        """Return T and what the rotors take themselves (m,) [N m] at a solution of this tick."""
+        if x is not self._seen[0]:
+            self._seen = x, self.plant.torques(x, self.contacts.jacobian, self.force_scale)
+        return self._seen[1]
 
     def terms(self, x: FloatArray) -> tuple[Any, ...]:
         """Return what the torques of a solution are made of, as `OutputTorques.terms`."""
