@@ -54,7 +54,7 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
     tolerance: float = 1e-7
-    max_iterations: int = 128
+    max_iterations: int = 160
     max_rounds: int = 16
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
