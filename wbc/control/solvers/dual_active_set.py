@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.solvers.budget import UNIT, system_work, units
+from wbc.control.solvers.budget import ROUNDS, UNIT, system_work, units
 from wbc.control.solvers.dual_steps import (
     CLIMB,
     CONTRADICTION,
@@ -25,7 +25,6 @@ from wbc.control.solvers.row_system import (
 )
 from wbc.fixed_arrays import FixedArrays
 
-_ROUNDS = 4
 # Units of a guess: with one foot of Solo12 in the air and noise in the state one tick in a hundred
 # takes more than 274 us without, 269 us with 4, 129 us with 8, 147 us with 16, 129 us with 32.
 _SHORT = 8
@@ -125,9 +124,9 @@ class DualActiveSet:
         """Return the solution of a program of the size given on construction.
 
         The rows that bound the last solution are tried first, unless it `starts_over`. At most
-        `most` units of the budget are spent, `max_iterations` where it is left out. INFEASIBLE where
-        rows contradict one another, ITERATION_LIMIT after too many steps, both with the x reached;
-        FAILED, with an x of NaN, where rounding leaves the rows unmet.
+        `most` units of the budget are spent, `max_iterations` where it is left out. INFEASIBLE
+        where rows contradict one another, ITERATION_LIMIT after too many steps, both with the x
+        reached; FAILED, with an x of NaN, where rounding leaves the rows unmet.
         """
         self.steps, self.blocking = 0, -1
         self._recognise(problem)
@@ -170,12 +169,12 @@ class DualActiveSet:
         diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
         if self._fixed is not None and problem is self._last:
             size, rounds = settle_fixed(
-                self._fixed.table, self._tolerance, self._allowed, _ROUNDS, x
+                self._fixed.table, self._tolerance, self._allowed, ROUNDS, x
             )
         else:
             size, rounds = settle(
                 *(rows, right, softness, diagonal, pull, C, lower, upper),
-                *(self._tolerance, self._allowed, _ROUNDS),
+                *(self._tolerance, self._allowed, ROUNDS),
                 *self._memory_of_rows,
                 x,
                 *self._memory_of_settling,

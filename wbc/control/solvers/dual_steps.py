@@ -237,7 +237,7 @@ def climb(
         basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (10, n + size or r).
 
     Returns:
-        SOLVED, CONTRADICTION or UNFINISHED; multiplications; the row that failed, -1 where none did.
+        SOLVED, CONTRADICTION or UNFINISHED; multiplications; the row that failed, -1 where none.
     """
     n, room, count = len(x), len(push), 0
     along, fall, w, left = memory[0], memory[1], memory[2], memory[3]
@@ -331,8 +331,11 @@ CLIMB = (
     *(OutRow, OutDense, OutDense, OutRow, OutPlaces, OutPlaces),
     *(OutRow, OutDense, OutDense, OutDense, OutDense),
 )
-"""Kinds of what `climb_fixed` needs: C, lower, upper; the rows G, right, softness, inverse, free as
-`place_blocks` leaves them; force, scaled, system, left, active, taken; and the memory of `climb`."""
+"""Kinds of what `climb_fixed` needs.
+
+C, lower, upper; the rows G, right, softness, inverse, free as `place_blocks` leaves them; force,
+scaled, system, left, active, taken; and the memory of `climb`.
+"""
 
 
 @compiled(types.UniTuple(Count, 3), FixedTable, Count, Number, Number, Count, OutRow)
