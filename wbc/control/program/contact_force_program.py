@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
-from wbc.control.output_torques import OutputTorques
+from wbc.control.output_torques import OutputTorques, TorqueTerms
 from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
@@ -310,7 +309,7 @@ class ContactForceProgram:
             self._seen = x, self.plant.torques(x, self.contacts.jacobian, self.force_scale)
         return self._seen[1]
 
-    def terms(self, x: FloatArray) -> tuple[Any, ...]:
+    def terms(self, x: FloatArray) -> TorqueTerms:
         """Return what the torques of a solution are made of, as `OutputTorques.terms`."""
         return self.plant.terms(x, self.contacts.jacobian, self.force_scale)
 

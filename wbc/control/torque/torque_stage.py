@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.output_torques import TorqueTerms
 from wbc.control.solvers import QPProblem, make_solver
 from wbc.control.torque.blending import place_realised, place_torques
 from wbc.control.torque.gears import GearLaw
@@ -80,7 +81,7 @@ class RotorTorqueStage:
         return Realised(*self._coupled(output, wanted, share, sigma, limits), False)
 
     def realised(
-        self, terms: tuple[Any, ...], sigma: FloatArray, limits: tuple[FloatArray, FloatArray]
+        self, terms: TorqueTerms, sigma: FloatArray, limits: tuple[FloatArray, FloatArray]
     ) -> tuple[FloatArray, FloatArray, Realised | None]:
         """Return T, what the rotors take, and the rotor torques where no limit bends them.
 
