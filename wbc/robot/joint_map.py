@@ -69,7 +69,8 @@ class JointMap:
             if joint not in names:
                 raise RobotError(
                     f"joint '{joint}' of '{robot.name}' is missing among the names: "
-                    f"{', '.join(names) or '(none)'}. Weld it with `lock` in robot.toml if nothing moves it."
+                    f"{', '.join(names) or '(none)'}. Weld it with `lock` in robot.toml if "
+                    "nothing moves it."
                 )
             if names.count(joint) > 1:
                 raise RobotError(f"joint '{joint}' stands {names.count(joint)} times in the names.")
