@@ -15,12 +15,13 @@ from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
 from wbc.control.program.inequality_rows import InequalityRows
-from wbc.control.program.placing import place_tasks
+from wbc.control.program.placing import TASKS, place_tasks, place_tasks_fixed
 from wbc.control.program.row_basis import RowBasis
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.program.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
+from wbc.fixed_arrays import FixedArrays
 
 _NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
 _NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
@@ -134,6 +135,7 @@ class ContactForceProgram:
         more = len(self.rows.lower) + len(self.gears)
         self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
         self._seen = _NOTHING_SEEN
+        self._tasks: TaskStack | None = None
         self._write_normal_bounds(None)
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
@@ -181,11 +183,14 @@ class ContactForceProgram:
         Returns:
             the sum of the sizes of all that tasks and equalities want, not finite if one is not.
         """
-        return place_tasks(
-            *(tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b),
-            *(self.weights[0], self._stacked, self._right, self._softness),
-            *(self.diagonal, self.pull),
-        )
+        locked = len(self.b) > self.unlocked  # then b is another view in every tick
+        if not locked and tasks is self._tasks:
+            return place_tasks_fixed(self._fixed.table, self.weights[0])
+        asked = tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b
+        results = self._stacked, self._right, self._softness, self.diagonal, self.pull
+        if not locked:
+            self._tasks, self._fixed = tasks, FixedArrays(TASKS, asked + results)
+        return place_tasks(*asked, self.weights[0], *results)
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
         """Take what the force tasks ask, where there are any."""
