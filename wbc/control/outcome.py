@@ -94,7 +94,7 @@ class Outcome:
             status=status,
             message=message,
             solve_time=found.solve_time,
-            tick_time=perf_counter() - start,
+            tick_time=elapsed,
             rounds=found.rounds,
             iterations=found.iterations,
             solution=found.solution,

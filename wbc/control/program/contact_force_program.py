@@ -136,6 +136,7 @@ class ContactForceProgram:
         self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
         self._seen = _NOTHING_SEEN
         self._tasks: TaskStack | None = None
+        self._fixed: FixedArrays
         self._write_normal_bounds(None)
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))

@@ -232,12 +232,11 @@ class TaskStack:
         task = entry.task
         target = self._target(entry, kinematics, reference)
         self._pending[entry.name] = target
-        if reference.velocity is not None:
-            entry.velocity[:] = rates(reference.velocity, "velocity", entry.size, task.name)
-        if reference.acceleration is not None:
-            entry.acceleration[:] = rates(
-                reference.acceleration, "acceleration", entry.size, task.name
-            )
+        velocity, acceleration = reference.velocity, reference.acceleration
+        if velocity is not None:
+            entry.velocity[:] = rates(velocity, "velocity", entry.size, task.name)
+        if acceleration is not None:
+            entry.acceleration[:] = rates(acceleration, "acceleration", entry.size, task.name)
         if entry.goals is not None:
             entry.goals[:] = target
         elif entry.place is not None:

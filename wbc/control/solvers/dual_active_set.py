@@ -71,7 +71,8 @@ class DualActiveSet:
             max_iterations: budget of a solve, see `UNIT`.
         """
         self._tolerance, self._most = tolerance, max_iterations
-        self._system = system_work(n, rows)
+        system = system_work(n, rows)
+        self._systems = [units(count * system) for count in range(ROUNDS + 1)]
         self._allowed = (_ROUNDING * tolerance) ** 2
         room, size = n, rows + n
         self._rows = np.zeros((size, n)), np.zeros(size), np.zeros(size)
@@ -179,7 +180,7 @@ class DualActiveSet:
                 x,
                 *self._memory_of_settling,
             )
-        self.steps += units(rounds * self._system)
+        self.steps += self._systems[rounds]
         if size >= 0:
             return self._solution(problem, x, size, skipped)
         self.forget()
