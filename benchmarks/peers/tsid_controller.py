@@ -95,7 +95,7 @@ class Formulation:
         task.setKd(2.0 * stiffness**0.5 * np.ones(size))
 
     def swing(self, frame):
-        """Add and return the task that holds a swinging foot: its pose, or its place for a point."""
+        """Add and return the task that holds a swinging foot: its pose, or the place of a point."""
         scene, robot = self.scene, self.robot
         task = tsid.TaskSE3Equality(f"swing {frame}", robot, frame)
         self.gains(task, 6, scene["swing_stiffness"])

@@ -141,3 +141,23 @@ def test_no_other_solver_for_numbers_beyond_its_reach(monkeypatch, size, asked):
     )
     cascade.solve(program)
     assert len(made) == asked
+
+
+def test_the_same_budget_is_the_same_work_and_fewer_steps_on_a_larger_program():
+    """x = 10 is wanted, x <= 1 allowed: every variable takes one step."""
+
+    def ended(n):
+        problem = BlockProblem(
+            *(np.ones(n), np.full(n, 10.0), np.zeros((0, n)), np.zeros(0), np.zeros(0), 0),
+            *(np.eye(n), np.full(n, -1.0), np.ones(n)),
+        )
+        solver = DualActiveSet(n, 0, n, tolerance=1e-9, max_iterations=8)
+        return solver.solve(problem, starts_over=True), solver.steps
+
+    small, _ = ended(20)
+    large, spent = ended(80)
+    assert small.status is QPStatus.SOLVED
+    np.testing.assert_allclose(small.x, 1.0)
+    assert large.status is QPStatus.ITERATION_LIMIT
+    assert 8 <= spent <= 9
+    assert np.count_nonzero(np.isclose(large.x, 1.0)) < 20
