@@ -55,7 +55,7 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
     tolerance: float = 1e-7
-    max_iterations: int = 160
+    max_iterations: int = 144
     max_rounds: int = 16
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4

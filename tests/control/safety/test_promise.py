@@ -55,7 +55,7 @@ def test_hostile_ticks_are_bounded_and_safe(name, ticks):
     assert ours.step(quiet(robot, generator)).status is Status.SOLVED
 
 
-@pytest.mark.parametrize(("name", "units"), [("solo12", 90), ("talos", 160)])
+@pytest.mark.parametrize(("name", "units"), [("solo12", 90), ("talos", 144)])
 def test_a_motion_is_found_where_there_is_one(name, units):
     """Where the best one takes too many steps, one that keeps all constraints is commanded."""
     robot, generator = load_robot(name), np.random.default_rng(0)
