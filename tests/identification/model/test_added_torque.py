@@ -10,7 +10,7 @@ import pytest
 from benchmarks.unexplained_costs import arm, quadruped
 from wbc.effects import EFFECTS, CurrentLimit, TorqueConstant, TransmissionEfficiency
 from wbc.identification.choice.screening.candidate_columns import evidence, make_regressors
-from wbc.identification.model.added_torque import ADDS, added_column
+from wbc.identification.model.columns.added_torque import ADDS, added_column
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.measurement import Log

@@ -116,7 +116,7 @@ def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
     columns[..., 1] = columns[..., 0] + 1e-2 * columns[..., 1]  # of which the difference counts
     residual = random.standard_normal((60, 2)) + 50.0 * (columns[..., 0] - columns[..., 1])
     matrix = DesignMatrix.from_rows(columns, residual, np.repeat([0, 1, 2], 20))
-    gains, r = matrix.gains_of_two([3, 4]), residual.ravel()
+    gains, r = matrix.gains_of_two(3, [3, 4]), residual.ravel()
 
     def left(chosen: list[int]) -> float:
         a = columns[..., chosen].reshape(-1, len(chosen))

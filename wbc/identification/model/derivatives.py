@@ -7,20 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.inertial_columns import (
+from wbc.identification.model.columns.inertial_columns import (
     inertial_columns,
     only_inertial,
     parameter_changes,
 )
-from wbc.identification.model.kept_columns import (
+from wbc.identification.model.columns.kept_columns import (
     IMPOSSIBLE,
     STEP,
     KeptColumns,
     keeps_motion,
     lossy_gears,
 )
+from wbc.identification.model.columns.own_gear import outputs_of, own_gear
 from wbc.identification.model.link_friction import rubbing_at_link
 from wbc.identification.model.residual import condensed_residual, noise_sizes, swinging_torque
 from wbc.identification.model.yielding import deflects
@@ -97,22 +98,39 @@ def derivatives(
             swing are taken from it, so that nothing is simulated.
         kept: columns of this robot on these logs; new ones are put there.
     """
-    columns = []
+    if not slots:
+        return np.zeros((*at.residual.shape, 0))
+    jacobian = np.zeros((*at.residual.shape, len(slots)))
     inertial = _inertial(robot, at, slots, records)  # by number of the column
+    felt: dict[int, IntArray] = {}  # outputs that alone feel a parameter, by number of the column
+    single = []  # numbers of the other columns
+    lossy = np.flatnonzero(lossy_gears(at.robot))
     for row, (k, parameter) in enumerate(slots):
         if row in inertial:
-            columns.append(inertial[row] @ whitening)
+            jacobian[:, :, row] = inertial[row] @ whitening
             continue
         if known is not None and _swings(robot, at, k, records[0].motion):
-            columns.append(known[:, :, row])
+            jacobian[:, :, row] = known[:, :, row]
             continue
-        column = None if kept is None else _kept(at, k, parameter, kept)
-        if column is None:
-            column = _derivative(robot, at, k, parameter, records)
-        columns.append(column @ whitening)
-    if not columns:
-        return np.zeros((*at.residual.shape, 0))
-    jacobian = np.stack(columns, axis=-1)
+        column = None if kept is None else _kept_column(at, k, parameter, kept)
+        if column is not None and not np.any(column[:, lossy]):
+            jacobian[:, :, row] = (column / at.sizes) @ whitening
+            continue
+        outputs = _felt(robot, at, k, column, records)
+        if outputs is None:
+            single.append(row)
+        else:
+            felt[row] = outputs
+    for group in _disjoint(felt):
+        found = _together(robot, at, [slots[row] for row in group], records)
+        if found is None:
+            single += group
+            continue
+        for row in group:
+            jacobian[:, :, row] = found[:, felt[row]] @ whitening[felt[row]]
+    for row in single:
+        k, parameter = slots[row]
+        jacobian[:, :, row] = _derivative(robot, at, k, parameter, records) @ whitening
     size = np.sqrt(np.mean(jacobian**2, axis=(0, 1)))
     for row, (k, _) in enumerate(slots):
         beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
@@ -139,17 +157,72 @@ def _inertial(
     return {row: columns[:, :, place] for place, row in enumerate(found)}
 
 
-def _kept(at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns) -> FloatArray | None:
-    """Return a column (rows, m + b) that does not depend on the other effects, or None."""
-    if not keeps_motion(at.robot):
+def _kept_column(
+    at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns
+) -> FloatArray | None:
+    """Return a column (rows, m + b) beside perfect gears and drives, None where it has none."""
+    return kept.column(at.effects, k, parameter) if keeps_motion(at.robot) else None
+
+
+def _felt(
+    robot: Robot, at: Evaluation, k: int, column: FloatArray | None, records: Sequence[Record]
+) -> IntArray | None:
+    """Return the outputs that alone feel effect `k`, None where all may.
+
+    Args:
+        robot: that lacks the effects.
+        at: where.
+        k: number of the effect.
+        column: what one of its parameters changes beside perfect gears and drives, if known.
+        records: the logs.
+    """
+    if any(deflects(effect) for effect in at.effects):
         return None
-    column = kept.column(at.effects, k, parameter)
-    if column is None:
-        return None
-    lossy = lossy_gears(at.robot)
-    if np.any(column[:, : lossy.size][:, lossy]):
-        return None
-    return np.asarray(column / at.sizes)
+    if column is not None:
+        return np.flatnonzero(column.any(axis=0))
+    gear = own_gear(robot, at.effects[k], records)
+    return None if gear is None else outputs_of(robot, gear)
+
+
+def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:
+    """Return groups of columns of which no two are felt by one output."""
+    groups: list[tuple[set[int], list[int]]] = []
+    for row, outputs in felt.items():
+        own = set(outputs.tolist())
+        for taken, rows in groups:
+            if not own & taken:
+                taken |= own
+                rows.append(row)
+                break
+        else:
+            groups.append((own, [row]))
+    return [rows for _, rows in groups]
+
+
+def _together(
+    robot: Robot, at: Evaluation, slots: Slots, records: Sequence[Record]
+) -> FloatArray | None:
+    """Return what moving parameters together changes (rows, m + b), per scale of each.
+
+    Args:
+        robot: that lacks the effects.
+        at: where.
+        slots: parameters of which no two are felt by one output.
+        records: the logs.
+
+    Returns:
+        None where no step of this size can be made with all of them.
+    """
+    for size in (STEP, -STEP):
+        changes = {(k, parameter.name): size * parameter.scale for k, parameter in slots}
+        try:
+            changed = with_changes(at.effects, changes)
+            moved = condensed_residual(robot.with_effects(*changed), records, at.swinging)
+        except IMPOSSIBLE:
+            continue
+        if np.isfinite(moved).all():
+            return np.asarray((moved - at.condensed) / size)
+    return None
 
 
 def _derivative(

@@ -11,9 +11,9 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
+from wbc.identification.model.columns.kept_columns import KeptColumns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
-from wbc.identification.model.kept_columns import KeptColumns
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import (
     ROWS_PER_SAMPLE,

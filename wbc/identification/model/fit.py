@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
+from wbc.identification.model.columns.kept_columns import IMPOSSIBLE, KeptColumns
 from wbc.identification.model.derivatives import (
     Evaluation,
     Slots,
@@ -17,7 +18,6 @@ from wbc.identification.model.derivatives import (
     evaluate,
     with_changes,
 )
-from wbc.identification.model.kept_columns import IMPOSSIBLE, KeptColumns
 from wbc.identification.model.usual import UsualRows
 from wbc.identification.model.yielding import some_deflect
 from wbc.identification.records.record import Record

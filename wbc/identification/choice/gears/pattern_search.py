@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.effects.gear.yielding_gear import YieldingGear
+from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter
 

@@ -12,11 +12,12 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
-from wbc.identification.model.added_torque import ADDS, added_torque, condensed
-from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
-from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
+from wbc.identification.model.columns.added_torque import ADDS, added_torque, condensed
+from wbc.identification.model.columns.inertial_columns import inertial_columns, only_inertial
+from wbc.identification.model.columns.kept_columns import keeps_motion, lossy_gears
+from wbc.identification.model.columns.own_gear import outputs_of, own_gear
+from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.residual import noise_sizes, raw_residual, swinging_torque
-from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
@@ -231,6 +232,8 @@ def _columns(
     if swinging is None:
         result |= _inertial_columns(robot, record, offers)
         result |= _added_columns(robot, record, offers)
+    rest = {k: offer for k, offer in enumerate(offers) if k not in result}
+    result |= _gear_columns(robot, record, rest, swinging, base)
     slow = [k for k in range(len(offers)) if k not in result]
     for first in range(0, len(slow), _BATCH):
         changes, sizes = [], []
@@ -267,6 +270,45 @@ def _added_columns(
         if len(felt) == len(units):
             columns = np.stack([condensed(record, t) / sizes for t in felt], axis=-1)
             result[k] = SparseColumns.of(columns)
+    return result
+
+
+def _gear_columns(
+    robot: Robot,
+    record: Record,
+    offers: Mapping[int, _Offer],
+    swinging: FloatArray | None,
+    base: FloatArray,
+) -> dict[int, SparseColumns]:
+    """Return the columns (rows, outputs, r) of offers that one gear alone feels, by number.
+
+    The robot has one effect in all its gears at once: every gear shows its own.
+    """
+    alike: dict[tuple[object, ...], dict[int, int]] = {}  # number of an offer -> its gear
+    shapes: Counter[tuple[object, ...]] = Counter()
+    alone: dict[type[Effect], bool] = {}  # whether it is so: people write effects of their own
+    for k, (effect, where, screen) in offers.items():
+        first = _made(effect, where, screen, screen.units[0])
+        gear = None if deflects(effect) else own_gear(robot, first, [record])
+        if gear is not None and effect not in alone:
+            changed = base - _residual(robot.with_effect(first), record, swinging, base)
+            changed[:, outputs_of(robot, gear)] = 0.0
+            alone[effect] = not np.any(changed)
+        if gear is not None and alone[effect]:
+            shapes[effect, where] += 1
+            alike.setdefault((effect, len(screen.units), shapes[effect, where]), {})[k] = gear
+    result: dict[int, SparseColumns] = {}
+    for gears in alike.values():
+        columns: dict[int, list[FloatArray]] = {k: [] for k in gears}
+        for unit in range(len(offers[next(iter(gears))][2].units)):
+            made = [_made(*offers[k], offers[k][2].units[unit]) for k in gears]
+            changed = base - _residual(robot.with_effects(*made), record, swinging, base)
+            for k, gear in gears.items():
+                own = np.zeros_like(changed)
+                outputs = outputs_of(robot, gear)
+                own[:, outputs] = changed[:, outputs]
+                columns[k].append(condensed(record, own))
+        result |= {k: SparseColumns.of(np.stack(units, axis=-1)) for k, units in columns.items()}
     return result
 
 

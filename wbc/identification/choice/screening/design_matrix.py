@@ -106,20 +106,24 @@ class DesignMatrix:
         gram, moment = self.usual
         return gram + self.gram.sum(axis=0), moment + self.moment.sum(axis=0)
 
-    def gains_of_two(self, beside: Sequence[int]) -> FloatArray:
-        """Return (n, n) what every two of the first n columns explain beside the last ones.
+    def gains_of_two(self, count: int, beside: Sequence[int]) -> FloatArray:
+        """Return (n, n) what every two of the first n columns explain beside others.
 
         Sums of squares of the residual, fitted and judged on all folds.
 
         Args:
-            beside: numbers of the last columns, which stay free.
+            count: n.
+            beside: numbers of the columns that stay free.
         """
-        n = self.moment.shape[1] - len(beside)
         gram, moment = self._whole
-        if beside:
-            taken = _solve(gram[n:, n:], np.column_stack([gram[n:, :n], moment[n:]]).T).T
-            moment = moment[:n] - gram[:n, n:] @ taken[:, n]
-            gram = gram[:n, :n] - gram[:n, n:] @ taken[:, :n]
+        own, others = np.arange(count), np.asarray(beside, dtype=np.int_)
+        across, rest = gram[np.ix_(others, own)], gram[np.ix_(others, others)]
+        gram, left = gram[:count, :count], moment[:count]
+        if others.size:
+            taken = _solve(rest, np.column_stack([across, moment[others]]).T).T
+            left = left - across.T @ taken[:, -1]
+            gram = gram - across.T @ taken[:, :-1]
+        moment = left
         size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         along, shared = moment / size, gram / np.outer(size, size)
         apart = 1.0 - shared**2
@@ -127,6 +131,31 @@ class DesignMatrix:
         clear = apart > _ALIKE
         single = np.maximum(along[:, None] ** 2, along**2)
         return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
+
+    def least_errors(self, groups: Sequence[Sequence[int]], beside: Sequence[int]) -> FloatArray:
+        """Return (n,) bounds below what each group of columns leaves on folds left out.
+
+        What it leaves where it is fitted, with nothing known before: leaving out a fold multiplies
+        the fold's residual by (1 - H)^-1, H being its part of the hat matrix, which shortens none.
+
+        Args:
+            groups: numbers of columns.
+            beside: numbers of columns that stay free with each.
+        """
+        gram, moment = self.gram.sum(axis=0), self.moment.sum(axis=0)
+        energy = float(self.energy.sum())
+        index = np.asarray(beside, dtype=np.int_)
+        if index.size:
+            right = np.column_stack([gram[index], moment[index]])
+            taken = _solve(gram[np.ix_(index, index)], right.T).T
+            energy -= float(moment[index] @ taken[:, -1])
+            moment = moment - gram[:, index] @ taken[:, -1]
+            gram = gram - gram[:, index] @ taken[:, :-1]
+        gains = np.zeros(len(groups))
+        for k, group in enumerate(groups):
+            own = np.asarray(group, dtype=np.int_)
+            gains[k] = moment[own] @ _solve(gram[np.ix_(own, own)], moment[own])
+        return np.asarray(np.maximum(energy - gains, 0.0) / self.count.sum())
 
     def held_out(self, chosen: Sequence[int]) -> float:
         """Return the mean square of the residual on folds left out of the fit."""

@@ -1,10 +1,11 @@
-"""Which sets of causes explain a residual: a beam search over held-out error."""
+"""Which causes explain a residual: columns beside a fit, judged by held-out error, best first."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from wbc.robot import Effect, Robot
 # needs to know. Scores made with it stand in corpus_results.md (seed 34): as many right as before.
 _EVERY = 2
 _COLUMNS = 4  # pairs of columns per pair of causes, at most
+_ROUNDING = 1.0 - 1e-6  # by which a bound is lowered
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Subset:
     error: float
 
 
-class BeamSearch:
-    """Forward selection that keeps several sets per size and adds places or whole effects."""
+class LinearScreen:
+    """The columns of every cause beside a fit: what each would leave on data held out."""
 
     def __init__(
         self,
@@ -43,7 +45,6 @@ class BeamSearch:
         regressors: Sequence[Regressor],
         whitening: FloatArray,
         folds: IntArray,
-        width: int = 8,
         noise: float = 1.0,
     ) -> None:
         """Sum up the columns of all regressors.
@@ -53,13 +54,11 @@ class BeamSearch:
             regressors: candidates with columns (rows, outputs, r).
             whitening: (outputs, judged outputs) of the fit.
             folds: (rows,) numbers of the folds.
-            width: sets kept per size.
             noise: mean square of the fit's residual over independent samples per row, by which
                 what is usual is weighed.
         """
         self.robot = fit.robot
         self.regressors = list(regressors)
-        self.width = width
         ends = np.cumsum([regressor.size for regressor in self.regressors])
         self._slices = [
             list(range(end - regressor.size, end))
@@ -101,7 +100,7 @@ class BeamSearch:
 
     def instead_of(
         self, gone: Sequence[int], steps: FloatArray, robot: Robot, taken: Collection[Key]
-    ) -> BeamSearch:
+    ) -> LinearScreen:
         """Return the search beside the fit without some of its causes, to first order.
 
         Args:
@@ -151,21 +150,34 @@ class BeamSearch:
         pairs = zip(chosen, self.coefficients(chosen), strict=True)
         return all(self.regressors[k].build(self.robot, c) is not None for k, c in pairs)
 
-    def grow(self, starts: Sequence[Subset]) -> list[Subset]:
-        """Return the best sets that have one cause more than one of `starts`.
+    def best_first(self) -> Iterator[Subset]:
+        """Yield every possible cause, that which leaves least on data held out first.
 
-        A cause is an effect at one place, or the same effect in all gears.
+        A cause is an effect at one place, or the same effect in all gears. What a cause leaves
+        where it is fitted is never more than what it leaves on data held out: a cause is judged
+        only when nothing that was judged before leaves less than that bound.
         """
-        found: dict[tuple[int, ...], Subset] = {}
-        for start in starts:
-            for addition in self._additions(start.regressors):
-                chosen = (*start.regressors, *addition)
-                key = tuple(sorted(chosen))
-                if key not in found:
-                    error = self.error(key)
-                    if np.isfinite(error):
-                        found[key] = Subset(chosen, error)
-        return sorted(found.values(), key=lambda s: s.error)[: self.width]
+        free = [k for k, own in enumerate(self.regressors) if own.key not in self._taken]
+        singles = self.matrix.least_errors([self._slices[k] for k in free], self._nuisance)
+        everywhere = self._by_effect(free)
+        unions = [[c for k in group for c in self._slices[k]] for group in everywhere]
+        groups = self.matrix.least_errors(unions, self._nuisance)
+        # (error, order, judged): a bound comes before what is judged to leave the same.
+        queue: list[tuple[float, int, tuple[int, ...]]] = []
+        for order, bound in enumerate([*singles, *groups]):
+            heappush(queue, (float(bound) * _ROUNDING, order, ()))
+        while queue:
+            error, order, judged = heappop(queue)
+            if judged:
+                yield Subset(judged, error)
+                continue
+            if order < len(free):
+                chosen = [free[order]]
+            else:
+                chosen = self._best_shapes(everywhere[order - len(free)])
+            error = self.error(chosen) if chosen else float("inf")
+            if np.isfinite(error):
+                heappush(queue, (error, order, tuple(chosen)))
 
     def pairs(self, among: int) -> list[Subset]:
         """Return the best sets of two causes, of the `among` that explain most but for chance.
@@ -173,40 +185,41 @@ class BeamSearch:
         Alone such causes may explain nothing, or be impossible: damping hides a delay.
         """
         owner = np.repeat(np.arange(len(self.regressors)), [len(own) for own in self._slices])
-        gains = np.triu(self.matrix.gains_of_two(self._nuisance), 1)
+        gains = np.triu(self.matrix.gains_of_two(owner.size, self._nuisance), 1)
         tried: dict[tuple[int, ...], None] = {}
         for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
             one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))
             if self.regressors[one].key != self.regressors[other].key:
                 tried[one, other] = None
         found = [Subset(chosen, self.error(chosen)) for chosen in list(tried)[:among]]
-        return sorted(found, key=lambda s: s.error)[: self.width]
+        return sorted(found, key=lambda s: s.error)
 
-    def _additions(self, chosen: Sequence[int]) -> list[tuple[int, ...]]:
-        taken = {self.regressors[k].key for k in chosen} | self._taken
-        single = [k for k, regressor in enumerate(self.regressors) if regressor.key not in taken]
-        return [*((k,) for k in single), *self._shared(single)]
-
-    def _shared(self, free: Sequence[int]) -> list[tuple[int, ...]]:
-        """Return every effect of the gears at all of its free joints, in its best shape at each.
+    def _by_effect(self, free: Sequence[int]) -> list[list[int]]:
+        """Return the regressors of every effect that could be in several gears alike.
 
         One cause in all gears is a simpler story than two different ones.
         """
         joints = self.robot.transmission.joints
-        best: dict[tuple[str, int], dict[str, int]] = {}
+        groups: dict[tuple[str, int], list[int]] = {}
         for k in free:
-            regressor = self.regressors[k]
-            if regressor.where not in joints or not np.isfinite(self.error((k,))):
+            own = self.regressors[k]
+            if own.where in joints:
+                groups.setdefault((own.effect.name, own.size), []).append(k)
+        places = [{self.regressors[k].where for k in group} for group in groups.values()]
+        return [g for g, where in zip(groups.values(), places, strict=True) if len(where) > 1]
+
+    def _best_shapes(self, group: Sequence[int]) -> list[int]:
+        """Return an effect in its best shape at every joint it can be at; empty if at most one."""
+        best: dict[str, int] = {}
+        for k in group:
+            where = self.regressors[k].where
+            if not np.isfinite(self.error((k,))):
                 continue
-            places = best.setdefault((regressor.effect.name, regressor.size), {})
-            known = places.get(regressor.where)
-            if known is None or self.error((k,)) < self.error((known,)):
-                places[regressor.where] = k
-        groups = [
-            sorted(places.values(), key=lambda k: self.error((k,))) for places in best.values()
-        ]
-        possible = [self._without_impossible(group) for group in groups]
-        return [tuple(group) for group in possible if len(group) > 1]
+            if where not in best or self.error((k,)) < self.error((best[where],)):
+                best[where] = k
+        shapes = sorted(best.values(), key=lambda k: self.error((k,)))
+        possible = self._without_impossible(shapes)
+        return possible if len(possible) > 1 else []
 
     def _without_impossible(self, group: list[int]) -> list[int]:
         """Return the members that are possible together: friction may not push."""

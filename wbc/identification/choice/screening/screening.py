@@ -18,7 +18,7 @@ from wbc.identification.choice.screening.candidate_columns import (
     make_regressors,
     shelf_key,
 )
-from wbc.identification.choice.screening.linear_screen import BeamSearch
+from wbc.identification.choice.screening.linear_screen import LinearScreen
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.yielding import deflects
@@ -31,7 +31,6 @@ Swinging = dict[type[Effect], list[Regressor]]
 """What was simulated beside one model."""
 
 _WHOLE = "robot"  # where effects sit that have no place
-_WIDTH = 40  # sets kept
 
 
 def screen(
@@ -43,7 +42,7 @@ def screen(
     near: Nearby | None = None,
     failures: Counter[str] | None = None,
     common: Shelf | None = None,
-) -> tuple[BeamSearch, list[Regressor]]:
+) -> tuple[LinearScreen, list[Regressor]]:
     """Return the search over single additions, with the present parameters free to move.
 
     Args:
@@ -76,7 +75,7 @@ def screen(
     free = [regressor for regressor in free if _felt(problem, regressor)]
     kept = sorted(free, key=lambda a: order[a.effect])
     noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
-    return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
+    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
 
 
 def screen_instead(
@@ -85,7 +84,7 @@ def screen_instead(
     offered: Sequence[type[Effect]],
     failures: Counter[str] | None = None,
     common: Shelf | None = None,
-) -> tuple[BeamSearch, list[Regressor]]:
+) -> tuple[LinearScreen, list[Regressor]]:
     """Return the search over what could stand in the place of causes of a model.
 
     One set of columns serves for all of them: what a small effect adds hardly depends on one cause
@@ -127,12 +126,12 @@ def screen_instead(
         if not _drawn_twice(fit, regressor) and _felt(problem, regressor)
     ]
     noise = float(np.min(problem.row_noise(fit.residual)))
-    return BeamSearch(fit, kept, problem.whitening, problem.folds, _WIDTH, noise), kept
+    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
 
 
 def screen_in_shares(
     problem: EstimationProblem, fit: Fit, regressors: Sequence[Regressor], share: FloatArray
-) -> BeamSearch:
+) -> LinearScreen:
     """Return a search in which every output counts in a unit of its own.
 
     Args:
@@ -144,7 +143,7 @@ def screen_in_shares(
     scaled = replace(fit, residual=fit.residual * share, jacobian=fit.jacobian * share[:, None])
     noise = float(np.min(problem.row_noise(fit.residual) * share**2))
     whitening = problem.whitening * share
-    return BeamSearch(scaled, regressors, whitening, problem.folds, _WIDTH, noise)
+    return LinearScreen(scaled, regressors, whitening, problem.folds, noise)
 
 
 def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import chain, combinations, islice
 
-from wbc.identification.choice.screening.candidate_columns import Shelf
+from wbc.identification.choice.screening.screening import Nearby
 from wbc.identification.choice.search.drive_order import placed_first, reordered
 from wbc.identification.choice.search.proposals import Offer, Proposer
 from wbc.identification.choice.weighing.drop_screen import losses
@@ -17,6 +17,7 @@ _ADDED = 6  # offers that are fitted for one addition
 _SWAPPED = 5  # ... in the place of one cause
 _MERGED = 2  # ... in the place of several names
 _GROUPS = 8  # groups of names that are tried, so that a long list costs no more than a short one
+_SPLIT = 2  # pairs that are tried in the place of one cause
 _LARGEST = 3  # names that one may replace
 _PAIRS = 6
 # Times the prior's gain, that the derivatives may say a drop loses of the density and be wrong: of
@@ -81,10 +82,8 @@ def swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
     What a small effect adds hardly depends on one cause more or less: all screens but those
     beside a link that swings share the columns of the whole hypothesis.
     """
-    columns: Shelf = {}
-    robot = proposer.trials.fit(h).robot
     for effect in h.effects:
-        near = None if deflects(effect) else (robot, columns)
+        near = None if deflects(effect) else proposer.near(h)
         # One swinging link more was sought already where it was found.
         among = proposer.at_once if h.swings and not deflects(effect) else proposer
         yield from _instead(among, h, (effect,), _SWAPPED, (effect.key,), near)
@@ -102,11 +101,27 @@ def merges(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
         return
     names = list(dict.fromkeys(effect.name for effect in reversed(h.effects)))
     sizes = (combinations(names, size) for size in range(2, _LARGEST + 1))
-    columns: Shelf = {}
-    near = proposer.trials.fit(h).robot, columns
+    near = proposer.near(h)
     for chosen in islice(chain.from_iterable(sizes), _GROUPS):
         own = tuple(effect for effect in h.effects if effect.name in chosen)
         yield from _instead(proposer.at_once, h, own, _MERGED, h.keys, near)
+
+
+def splits(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
+    """Return hypotheses with two causes in the place of one.
+
+    Neither of the two takes its place alone: a wrong torque constant and dry friction together look
+    like a gear that loses a share of its load.
+    """
+    trials = proposer.trials
+    if h.swings:
+        return []
+    offers: list[Offer] = []
+    for effect in h.effects:
+        rest = trials.of(without(h.effects, effect))
+        if rest is not None:
+            offers += proposer.at_once.two_instead(h, (effect,), rest, _SPLIT)
+    return trials.rivals_of(h, offers)
 
 
 def pairs(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
@@ -120,14 +135,14 @@ def _instead(
     own: Sequence[Effect],
     count: int,
     exclude: Sequence[Key],
-    near: tuple[object, Shelf] | None,
+    near: Nearby | None,
 ) -> list[Hypothesis]:
     rest = proposer.trials.of(without(h.effects, *own))
     if rest is None:
         return []
-    offers: list[Offer] | None = proposer.instead(h, own, rest, count, exclude)
+    offers = proposer.instead(h, own, rest, count, exclude)
     if offers is None:
-        offers = proposer.beside(rest, count, exclude, h.error, near)  # type: ignore[arg-type]
+        offers = proposer.beside(rest, count, exclude, h.error, near)
     return proposer.trials.rivals_of(h, offers)
 
 

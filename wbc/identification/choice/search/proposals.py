@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Self
 
 import numpy as np
 
 from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
-from wbc.identification.choice.screening.linear_screen import BeamSearch, Subset
+from wbc.identification.choice.screening.linear_screen import LinearScreen, Subset
 from wbc.identification.choice.screening.screening import (
     Nearby,
     Swinging,
@@ -17,7 +18,7 @@ from wbc.identification.choice.screening.screening import (
     screen_in_shares,
     screen_instead,
 )
-from wbc.identification.choice.weighing.drop_screen import until_null
+from wbc.identification.choice.weighing.drop_screen import exchanged, until_null
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.yielding import deflects
@@ -25,6 +26,9 @@ from wbc.robot import Effect, Robot
 
 Offer = tuple[Effect, ...]
 """Effects with start values, not yet fitted."""
+
+Screened = tuple[Offer, list[Regressor]]
+"""An offer with the causes that are new in it."""
 
 _PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
 _ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
@@ -34,6 +38,11 @@ _REPLACED = 0.5  # of what a cause explains, that it may still explain beside wh
 _LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
 _SIMULATED = 4  # joints behind which links are simulated in one screen
 _REMEMBERED = 6  # hypotheses whose simulated links are kept
+_SCREENED = 40  # causes of a screen that are looked at
+# Evidence [nats] that an exchange may lack by derivatives and still be fitted. Of 72 that lacked
+# more (a quadruped, 22 generated logs) all were 41 behind or more once fitted, where derivatives
+# know least: a Stribeck speed between those of the screen. Of 24 that lacked 20 to 250, some won.
+_BEYOND_FITS = 250.0
 _AMONG = 100  # pairs of causes that are screened on held-out data
 
 
@@ -50,9 +59,17 @@ class Proposer:
     candidates: tuple[type[Effect], ...]
     _simulated: dict[Offer, Swinging] = field(default_factory=dict)
     _common: Shelf = field(default_factory=dict)
-    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[BeamSearch, list[Regressor]]] = (
+    _near: dict[Offer, Nearby] = field(default_factory=dict)
+    _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
         field(default_factory=dict)
     )
+
+    def near(self, h: Hypothesis) -> Nearby:
+        """Return the robot of a hypothesis, with the columns that serve for those close to it."""
+        if h.effects not in self._near:
+            self._near.clear()
+            self._near[h.effects] = (self.trials.fit(h).robot, {})
+        return self._near[h.effects]
 
     @property
     def at_once(self) -> Self:
@@ -84,7 +101,7 @@ class Proposer:
         if not self.candidates:
             return []
         search, regressors = self._screened(h, self.candidates, exclude, near)
-        return self._chosen(h, search, regressors, count, enough)
+        return [offer for offer, _ in self._chosen(h, search, regressors, count, enough)]
 
     def instead(
         self,
@@ -110,6 +127,48 @@ class Proposer:
             None where one set of columns does not serve: links swing, or the causes that give way
             do not act linearly.
         """
+        found = self._without(h, own, rest, exclude)
+        if found is None:
+            return None
+        moved, search, regressors = found
+        offers = self._chosen(rest, moved, regressors, count, h.error, search)
+        return [offer for offer, added in offers if self._may_win(h, own, offer, added)]
+
+    def two_instead(
+        self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, count: int
+    ) -> list[Offer]:
+        """Return the most promising pairs of causes in the place of some of a hypothesis.
+
+        Args:
+            h: the hypothesis.
+            own: its causes that give way.
+            rest: the hypothesis without them, fitted.
+            count: how many pairs at most.
+        """
+        if h.swings or any(e.departures.size for e in own) or not self.candidates:
+            return []
+        found = self._without(h, own, rest, ())
+        if found is None:
+            moved, regressors = self._screened(rest, self.candidates, (), self.near(h))
+        else:
+            moved, _, regressors = found
+        gone = {effect.key for effect in own}
+        worst, _ = _limits(moved.error(()), h.error, h.error)
+        offers: list[Offer] = []
+        for subset in moved.pairs(_AMONG):
+            added = [regressors[k] for k in subset.regressors]
+            if len(offers) >= count or subset.error > worst:
+                break
+            offer = (*rest.effects, *moved.effects(subset))
+            same = gone & {regressor.key for regressor in added}
+            if not same and (found is None or self._may_win(h, own, offer, added)):
+                offers.append(offer)
+        return offers
+
+    def _without(
+        self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, exclude: Sequence[Key]
+    ) -> tuple[LinearScreen, LinearScreen, list[Regressor]] | None:
+        """Return the screen beside a hypothesis without some causes, that with them, the causes."""
         some = any(deflects(c) for c in self.candidates) or any(e.departures.size for e in own)
         if some or h.swings or not self.candidates:
             return None
@@ -120,9 +179,20 @@ class Proposer:
         moved = search.instead_of(gone, steps, robot.with_effects(*rest.effects), taken)
         if abs(moved.error(()) - rest.error) > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
             return None
-        return self._chosen(rest, moved, regressors, count, h.error, search)
+        return moved, search, regressors
 
-    def _around(self, h: Hypothesis) -> tuple[BeamSearch, list[Regressor]]:
+    def _may_win(
+        self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
+    ) -> bool:
+        """Whether derivatives do not say that an exchange loses far more than a fit may regain."""
+        if any(regressor.usual.any() for regressor in added):
+            return True
+        trials = self.trials
+        columns = [regressor.columns for regressor in added]
+        gain = exchanged(trials.problem, trials.fit(h), h, own, columns, offer)
+        return gain > -_BEYOND_FITS
+
+    def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         key = self.candidates, h.effects
         if key not in self._instead:
@@ -137,49 +207,52 @@ class Proposer:
     def _chosen(
         self,
         h: Hypothesis,
-        search: BeamSearch,
+        search: LinearScreen,
         regressors: list[Regressor],
         count: int,
         enough: float,
-        around: BeamSearch | None = None,
-    ) -> list[Offer]:
+        around: LinearScreen | None = None,
+    ) -> list[Screened]:
         """Return the best of a screen; `around` is that with the causes that give way."""
-        start = Subset((), search.error(()))
-        found = search.grow([start])
-        offers: list[Offer] = []
-        least = found[0].error if found else start.error
-        # The screen is linear: leave room for what the fit may still gain over it.
-        doubt = _SCREEN_ERROR * (start.error - least) + _SCREEN_NOISE
-        worst = max(least, enough) + doubt
+        start = search.error(())
         # What leaves a cause as much to explain as before does not take its place: it was tried as
         # a cause more.
-        replaced = 0.0 if around is None else _REPLACED * (start.error - around.error(()))
-        # Beside the best group of places stands the best single one.
-        single = next((s for s in found if len(s.regressors) == 1), None)
+        replaced = 0.0 if around is None else _REPLACED * (start - around.error(()))
+        offers: list[Screened] = []
         seen: set[tuple[Key, ...]] = set()
-        for subset in found:
+        limits = None
+        single = False  # whether the best single one was seen, which stands beside the best group
+        for subset in islice(search.best_first(), _SCREENED):
+            limits = limits or _limits(start, subset.error, enough)
+            if (
+                len(seen) >= count
+                or subset.error > start
+                or (single and subset.error > max(limits))
+            ):
+                break
+            first_single = not single and len(subset.regressors) == 1
+            single |= first_single
             added = [regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
             # How a link swings is screened roughly: the fit gains much over it.
             swings = any(deflects(regressor.effect) for regressor in added)
-            rough = min(_PROMISING * start.error, _ROUGHLY * (enough or least))
-            rough = max(rough, worst) if enough else rough
-            enters = subset.error <= rough if swings else subset is single or subset.error <= worst
+            enters = subset.error <= limits[swings] or (first_single and not swings)
             if around is not None and search.error(subset.regressors) > replaced + around.error(
                 subset.regressors
             ):
                 continue
-            if key in seen or len(seen) >= count or not enters or subset.error > start.error:
+            if key in seen or not enters:
                 continue
             seen.add(key)
-            offers.append((*h.effects, *search.effects(subset)))
+            offers.append(((*h.effects, *search.effects(subset)), added))
         # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
         for subset in _drawn(search, regressors) if not enough and not h.swings else ():
-            if tuple(regressors[k].key for k in subset.regressors) not in seen:
-                offers.append((*h.effects, *search.effects(subset)))
+            drawn = [regressors[k] for k in subset.regressors]
+            if tuple(regressor.key for regressor in drawn) not in seen:
+                offers.append(((*h.effects, *search.effects(subset)), drawn))
         if h.swings:
             robot = self.trials.fit(h).robot
-            offers += [(*h.effects, e) for e in _swinging_too(robot, regressors, seen)]
+            offers += [((*h.effects, e), []) for e in _swinging_too(robot, regressors, seen)]
         return offers
 
     def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
@@ -209,7 +282,7 @@ class Proposer:
         offered: Sequence[type[Effect]],
         exclude: Sequence[Key] = (),
         near: Nearby | None = None,
-    ) -> tuple[BeamSearch, list[Regressor]]:
+    ) -> tuple[LinearScreen, list[Regressor]]:
         taken = {*h.keys, *exclude}
         # One gear yields in one way: play before a spring is play with soft flanks.
         yielding = [e.where for e in h.effects if deflects(e)]
@@ -235,7 +308,21 @@ class Proposer:
         return [joints[judged[k]] for k in order[_SIMULATED:]]
 
 
-def _drawn(search: BeamSearch, regressors: Sequence[Regressor]) -> list[Subset]:
+def _limits(start: float, least: float, enough: float) -> tuple[float, float]:
+    """Return up to which errors a cause is offered: one that acts at once, a link that swings.
+
+    Args:
+        start: error without any of them.
+        least: of the best of a screen.
+        enough: error up to which an offer counts as good; 0 where only the best one's counts.
+    """
+    # The screen is linear: leave room for what the fit may still gain over it.
+    worst = max(least, enough) + _SCREEN_ERROR * (start - least) + _SCREEN_NOISE
+    rough = min(_PROMISING * start, _ROUGHLY * (enough or least))
+    return worst, max(rough, worst) if enough else rough
+
+
+def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
     for k, regressor in enumerate(regressors):

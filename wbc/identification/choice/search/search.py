@@ -109,6 +109,8 @@ class Search:
                 return other
             if one := self.best(moves.merges(proposer, current), current):
                 return one
+            if two := self.best(moves.splits(proposer, current), current):
+                return two
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
 

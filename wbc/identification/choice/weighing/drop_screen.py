@@ -1,4 +1,4 @@
-"""Which causes a hypothesis may lose, by the derivatives of its fit: no model is fitted for it."""
+"""Which causes a hypothesis may lose or exchange, by derivatives: no model is fitted for it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means, without
 from wbc.identification.choice.weighing.prior import asked
+from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.robot import Effect, Robot
@@ -32,6 +33,44 @@ def losses(
     """
     stays, normal = _as_left(problem, h, fit.residual), _normal(fit)
     return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
+
+
+def exchanged(
+    problem: EstimationProblem,
+    fit: Fit,
+    h: Hypothesis,
+    own: Sequence[Effect],
+    added: Sequence[SparseColumns],
+    effects: Sequence[Effect],
+) -> float:
+    """Return by how much the evidence grows where causes take the place of others [nats].
+
+    To first order, nothing held out, and without what implausible numbers of the new ones cost.
+
+    Args:
+        problem: the logs.
+        fit: of the hypothesis.
+        h: the hypothesis.
+        own: its causes that give way.
+        added: (rows, outputs, r) what each unit of the new causes takes from the residual.
+        effects: what the hypothesis then holds.
+    """
+    columns = np.concatenate([-new.whitened(problem.whitening) for new in added], axis=2)
+    felt = np.flatnonzero(columns.any(axis=(0, 2)))
+    columns, weight = columns[:, felt], 1.0 / fit.usual.noise[felt]
+    gram, moment = _normal(fit)
+    weighted = (columns * weight[:, None]).reshape(-1, columns.shape[2])
+    beside = fit.jacobian[:, felt].reshape(len(weighted), -1).T @ weighted
+    among = columns.reshape(len(weighted), -1).T @ weighted
+    along = fit.residual[:, felt].ravel() @ weighted
+    normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
+    step = _without(*until_null(fit, own, problem.robot), normal)
+    residual = fit.residual + fit.jacobian @ step[: moment.size]
+    residual[:, felt] += columns @ step[moment.size :]
+    stays = _as_left(problem, h, fit.residual)
+    left = replace(_as_left(problem, h, residual), effects=tuple(effects))
+    here, there = log_densities(problem, [stays, left]).sum(axis=1)
+    return float(there - here) + _cheaper(h, own, effects)
 
 
 def gains(
@@ -100,14 +139,24 @@ def _loss(
     dropped: Sequence[Effect],
     normal: tuple[FloatArray, FloatArray],
 ) -> tuple[float, float]:
-    keys = {effect.key for effect in dropped}
     moved = _moved(problem, fit, dropped, normal)
     left = replace(_as_left(problem, h, moved), effects=without(h.effects, *dropped))
     here, there = log_densities(problem, [stays, left]).sum(axis=1)
-    cheaper = asked(h.effects) - asked(left.effects)
-    for effect, cost in zip(h.effects, h.implausible, strict=True):
-        cheaper += cost * (effect.key in keys)
-    return float(here - there), float(cheaper)
+    return float(here - there), _cheaper(h, dropped, left.effects)
+
+
+def _cheaper(h: Hypothesis, dropped: Sequence[Effect], effects: Sequence[Effect]) -> float:
+    """Return what the log prior gains where causes of a hypothesis are dropped [nats].
+
+    Args:
+        h: the hypothesis.
+        dropped: its causes.
+        effects: what it then holds; new ones have plausible numbers.
+    """
+    keys = {effect.key for effect in dropped}
+    costs = zip(h.effects, h.implausible, strict=True)
+    saved = sum(cost for effect, cost in costs if effect.key in keys)
+    return asked(h.effects) - asked(effects) + saved
 
 
 def _without(
@@ -126,7 +175,10 @@ def _without(
     kept = np.setdiff1d(np.arange(moment.size), gone)
     if kept.size:
         right = -(moment + gram @ step)[kept]
-        step[kept] = np.linalg.lstsq(gram[np.ix_(kept, kept)], right, rcond=1e-9)[0]
+        # Columns differ in size by their units: each counts in its own.
+        size = np.sqrt(np.maximum(np.diagonal(gram)[kept], 1e-300))
+        scaled = gram[np.ix_(kept, kept)] / np.outer(size, size)
+        step[kept] = np.linalg.lstsq(scaled, right / size, rcond=1e-9)[0] / size
     return step
 
 

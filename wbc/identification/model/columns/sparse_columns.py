@@ -53,6 +53,14 @@ class SparseColumns:
         result[:, self.outputs] = self.values
         return result
 
+    def whitened(self, whitening: FloatArray) -> FloatArray:
+        """Return the columns (rows, judged outputs, r) in floors.
+
+        Args:
+            whitening: (outputs, judged outputs).
+        """
+        return np.asarray(np.einsum("rkc,kj->rjc", self.values, whitening[self.outputs]))
+
     def only(self, used: BoolArray) -> SparseColumns:
         """Return some of the columns, by used (r,)."""
         return self if used.all() else replace(self, values=self.values[:, :, used])

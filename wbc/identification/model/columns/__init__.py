@@ -1,0 +1,1 @@
+"""What single effects change of the residual: columns of a regression, and of derivatives."""
