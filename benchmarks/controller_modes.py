@@ -1,10 +1,11 @@
 """Time of a tick by what the robot does: standing, swinging a foot, in flight, many tasks.
 
-    python -m benchmarks.controller_modes [rounds]
+    python -m benchmarks.controller_modes [rounds] [--peers]
 
 Median and 99th percentile of processor time over 600 ticks around the stance [us], each tick's
 least time of the rounds; the modes of all robots alternate, so that only ratios count. Swing-foot
-tasks are switched off by `activation` while their feet stand.
+tasks are switched off by `activation` while their feet stand. With `--peers` TSID does the same,
+in a Python of its own that WBC_TSID_PYTHON names; it leaves out the tasks of feet that stand.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import sys
+import tempfile
 import time
 
 import numpy as np
@@ -21,8 +23,10 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.controller import machine
-from benchmarks.controller_scenes import controller, standing
+from benchmarks.controller import HERE, machine
+from benchmarks.controller_scenes import Tick, controller, standing
+from benchmarks.peer_scene import write_scene
+from benchmarks.peers.process import Peer
 from wbc.control import Controller, FrameOrientationTask, FramePoseTask, FramePositionTask
 from wbc.effects import load_robot
 from wbc.robot import Motion
@@ -31,14 +35,21 @@ TICKS = 600
 
 
 def main():
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    given = [word for word in sys.argv[1:] if word != "--peers"]
+    rounds, beside = int(given[0]) if given else 3, "--peers" in sys.argv
     console = Console(width=110)
     console.print(machine())
     cases = [case for name in ("solo12", "anymal", "talos") for case in modes(name)]
-    times = np.full((len(cases), TICKS), np.inf)
+    times, theirs = np.full((2, len(cases), TICKS), np.inf)
+    peers = [start_peer(*case) if beside else None for case in cases]
     for _ in range(rounds):
         for first in range(0, TICKS, 50):
-            for row, (_, ours, states, more) in zip(times, cases, strict=True):
+            for case, peer, row, other in zip(cases, peers, times, theirs, strict=True):
+                _, ours, states, more = case
+                if peer is not None:
+                    taken = np.array(peer.run(first, 50))[:, 0]
+                    part = slice(first, first + 50)
+                    other[part] = np.minimum(other[part], taken)
                 ours.step(states[first], **more)
                 for tick in range(first, first + 50):
                     start = time.thread_time_ns()
@@ -46,11 +57,40 @@ def main():
                     row[tick] = min(row[tick], 1e-3 * (time.thread_time_ns() - start))
                     if not command.status.usable:
                         raise RuntimeError(command.message)
-    table = Table("robot, mode", "median us", "99 %", "99 %/median")
-    for (label, *_), row in zip(cases, times, strict=True):
+    table = Table("robot, mode", "median us", "99 %", "99 %/median", "TSID", "99 %", "ours / TSID")
+    for (label, *_), peer, row, other in zip(cases, peers, times, theirs, strict=True):
         high, middle = np.percentile(row, 99), np.median(row)
-        table.add_row(label, f"{middle:.0f}", f"{high:.0f}", f"{high / middle:.2f}")
+        cells = [label, f"{middle:.0f}", f"{high:.0f}", f"{high / middle:.2f}"]
+        if peer is not None:
+            peer.close()
+            cells += [f"{np.median(other):.0f}", f"{np.percentile(other, 99):.0f}"]
+            cells.append(f"{middle / np.median(other):.2f}")
+        table.add_row(*cells)
     console.print(table)
+
+
+def start_peer(label, ours, states, more):
+    """Return TSID on one of the `modes`, None where it has no such tasks."""
+    if "seven tasks" in label:
+        return None
+    robot = ours.robot
+    com = np.array([pin.centerOfMass(robot.model, robot.model.createData(), standing(robot))])
+    com = np.vstack([com, np.zeros((2, 3))])
+    ticks = [Tick(state, {}, com, more.get("contacts")) for state in states]
+    off = more.get("activation", {})
+    swings = [
+        task.frame
+        for task in ours.tasks
+        if task.name.startswith("swing") and off.get(task.name, 1.0) > 0.0
+    ]
+    folder = tempfile.mkdtemp()
+    return Peer(
+        "TSID",
+        "WBC_TSID_PYTHON",
+        HERE / "peers" / "tsid_controller.py",
+        write_scene(robot, ticks, folder, swings),
+        "fast",
+    )
 
 
 def modes(name):

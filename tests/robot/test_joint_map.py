@@ -143,3 +143,10 @@ def test_mujoco_and_pinocchio_move_alike(tmp_path):
     torque = joints.torques([1.0, 10.0], theirs.nv)
     assert torque[theirs.joint("knee").dofadr[0]] == pytest.approx(2.0)
     assert torque[theirs.joint("hip").dofadr[0]] == pytest.approx(30.0)
+
+
+def test_a_missing_joint_is_said_to_be_missing_in_the_names():
+    """It is known to the robot: "unknown joint of solo12" would send the reader astray."""
+    names = list(SOLO.single_joints)[1:]
+    with pytest.raises(RobotError, match="missing among the names"):
+        JointMap.of(SOLO, names)

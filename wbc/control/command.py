@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 from wbc.arrays import FloatArray
@@ -46,6 +47,37 @@ class Status(Enum):
         return self in (Status.SOLVED, Status.INACCURATE, Status.LATE)
 
 
+class Prospect(Protocol):
+    """What a tick leads to, worked out only where somebody asks for it."""
+
+    def forces(self) -> Mapping[str, FloatArray]:
+        """Return the force of every active contact."""
+
+    def targets(self) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity of the driven joints (m,) one tick later."""
+
+
+class KnownProspect(NamedTuple):
+    """A prospect that is worked out.
+
+    Attributes:
+        found: the forces by contact.
+        position, velocity: of the driven joints (m,) one tick later.
+    """
+
+    found: Mapping[str, FloatArray]
+    position: FloatArray
+    velocity: FloatArray
+
+    def forces(self) -> Mapping[str, FloatArray]:
+        """Return the forces by contact."""
+        return self.found
+
+    def targets(self) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity."""
+        return self.position, self.velocity
+
+
 @dataclass(frozen=True, eq=False)
 class Command:
     """Rotor torques for one tick, and what they were computed from.
@@ -53,8 +85,6 @@ class Command:
     Attributes:
         rotor_torque: tau_phi (m,) [N m] to command to the drives, inside their limits.
         acceleration: qdd (nv,) that the program expects; zero where it found none.
-        forces: force of every active contact, (3,) [N] world axes for a point, (6,) [N, N m] in
-            its frame for a surface.
         consistent: whether the mesh law allows the returned torques in the directions below.
         output_torque: T (m,) [N m] that leaves the gears.
         mesh_torque: t (m,) [N m] that enters the meshes.
@@ -67,15 +97,12 @@ class Command:
         rounds: programs solved; more than one where a predicted direction was revised.
         iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
         solution: of the last program, None where none was solved.
-        position, velocity: of the driven joints (m,) [rad, rad/s] one tick later, as the expected
-            acceleration leads there: targets of drives with a loop of their own. A tick without a
-            solution asks them to stay where they are; NaN where no state was ever known.
+        prospect: what `forces`, `position` and `velocity` are worked out from.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
     """
 
     rotor_torque: FloatArray
     acceleration: FloatArray
-    forces: Mapping[str, FloatArray]
     consistent: bool
     output_torque: FloatArray
     mesh_torque: FloatArray
@@ -88,8 +115,7 @@ class Command:
     rounds: int
     iterations: int
     solution: QPSolution | None
-    position: FloatArray
-    velocity: FloatArray
+    prospect: Prospect = field(repr=False)
     refused: Refused | None = None
 
     @classmethod
@@ -101,6 +127,37 @@ class Command:
         made = object.__new__(cls)
         made.__dict__.update(fields)
         return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for a copy, with a prospect that holds no part of the controller."""
+        known = KnownProspect(self.forces, self.position, self.velocity)
+        return {**self.__dict__, "prospect": known}
+
+    @cached_property
+    def forces(self) -> Mapping[str, FloatArray]:
+        """Force of every active contact.
+
+        (3,) [N] in world axes for a point, (6,) [N, N m] in its frame for a surface.
+        """
+        return self.prospect.forces()
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions (m,) [rad] of the driven joints one tick later.
+
+        As the expected acceleration leads there: targets of drives with a loop of their own. A
+        tick without a solution asks them to stay where they are; NaN where no state was ever known.
+        """
+        return self._targets[0]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities (m,) [rad/s] of the driven joints one tick later, see `position`."""
+        return self._targets[1]
+
+    @cached_property
+    def _targets(self) -> tuple[FloatArray, FloatArray]:
+        return self.prospect.targets()
 
     @property
     def directions(self) -> FloatArray:

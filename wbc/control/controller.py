@@ -206,7 +206,7 @@ class Controller:
             weights: task name -> weight of all its rows in this tick, in place of the task's own.
             activation: task name -> 0 (off) to 1 (on, as when left out), what its weight is
                 multiplied with; numbers in between blend a task in or out.
-            dt: time until the next tick [s], below 1; that of the settings when left out.
+            dt: time until the next tick [s], at most 0.1; that of the settings when left out.
         """
         start = perf_counter()
         if not self._free.acquire(blocking=False):

@@ -2,14 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from time import perf_counter
+from typing import NamedTuple
 
+from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level import Answer, GearState
 from wbc.control.torque.gears import GearLaw, gear_directions
 from wbc.control.torque.motors import Motors
 from wbc.robot import Motion
+
+
+class ExpectedProspect(NamedTuple):
+    """What the solution of a tick leads to.
+
+    Attributes:
+        program: that was solved.
+        x: its solution (n,).
+        motors: what places the driven joints.
+        state: copies of q (nq,) and v (nv,), which the caller may overwrite meanwhile.
+        dt: time until the next tick [s].
+    """
+
+    program: ContactForceProgram
+    x: FloatArray
+    motors: Motors
+    state: tuple[FloatArray, FloatArray]
+    dt: float
+
+    def forces(self) -> Mapping[str, FloatArray]:
+        """Return the force of every active contact."""
+        return self.program.contacts.wrenches(self.program.forces_of(self.x))
+
+    def targets(self) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity of the driven joints (m,) after the time step."""
+        return self.motors.targets(*self.state, self.x[: self.program.nv], self.dt)
 
 
 class Outcome:
@@ -45,12 +74,11 @@ class Outcome:
             start: when the tick began, by `perf_counter` [s].
         """
         found, (torque, mesh, exact), (status, message) = answer
-        forces = program.forces_of(found.solution.x)
         consistent = exact or self._law.consistent(
             gear_directions(found.output, gears.sigma), found.output, mesh
         )
         drive = self._motors.to_drive(motion, torque)
-        position, velocity = self._motors.targets(motion, found.acceleration, dt)
+        state = motion.position.copy(), motion.velocity.copy()
         elapsed = perf_counter() - start
         if self._deadline is not None and elapsed > self._deadline:
             status = Status.LATE
@@ -58,7 +86,6 @@ class Outcome:
         return Command.of(
             rotor_torque=drive,
             acceleration=found.acceleration,
-            forces=program.contacts.wrenches(forces),
             consistent=consistent,
             output_torque=found.output,
             mesh_torque=mesh,
@@ -67,11 +94,10 @@ class Outcome:
             status=status,
             message=message,
             solve_time=found.solve_time,
-            tick_time=perf_counter() - start,
+            tick_time=elapsed,
             rounds=found.rounds,
             iterations=found.iterations,
             solution=found.solution,
-            position=position,
-            velocity=velocity,
+            prospect=ExpectedProspect(program, found.solution.x, self._motors, state, dt),
             refused=None,
         )

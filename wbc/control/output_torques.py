@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.limits import JointLimit
 from wbc.control.program.balance import place_output
 from wbc.control.selection import as_rows
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.robot import Robot
+
+TorqueTerms: TypeAlias = tuple[
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    float,
+    FloatArray,
+    IntArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+]
+"""What `place_output` reads, in its order."""
 
 
 class OutputTorques:
@@ -84,11 +100,15 @@ class OutputTorques:
             scale: [N] per unit of force variable.
         """
         output, share = np.empty(len(self.rotor_bias)), np.empty(len(self.rotor_bias))
-        place_output(
-            *(self.mass, self.bias, jacobian, scale, x, self._driven_rows, self._topology),
-            *(self.rotor, self.rotor_bias, self._joint_torque, output, share),
-        )
+        place_output(*self.terms(x, jacobian, scale), output, share)
         return output, share
+
+    def terms(self, x: FloatArray, jacobian: FloatArray, scale: float) -> TorqueTerms:
+        """Return what `place_output` reads, arguments as for `torques`."""
+        return (
+            *(self.mass, self.bias, jacobian, scale, x, self._driven_rows, self._topology),
+            *(self.rotor, self.rotor_bias, self._joint_torque),
+        )
 
     def remember(self, acceleration: FloatArray, output: FloatArray) -> None:
         """Take qdd (nv,) and T (m,) of a solution; what T does beyond them is load."""

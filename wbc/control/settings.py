@@ -31,10 +31,11 @@ class ControllerSettings:
         solver: "proxqp" or "daqp" (native; the latter an extra package), or any backend of
             qpsolvers.
         tolerance: absolute tolerance of the native solver on every residual.
-        max_iterations: budget of all solvers in one tick, counted in steps of the controller's own
-            solver; ten times as many with `WarmStart.SOLVER`. Where they are spent, up to 0.4 times
-            as many look for a motion that keeps the constraints without being the best. A tick
-            then takes at most about twenty times as long as a good one.
+        max_iterations: budget of all solvers in one tick, in units of 8000 multiplications, what
+            the controller's own solver takes to add a row on a quadruped; ten times as many with
+            `WarmStart.SOLVER`. Where they are spent, up to 0.4 times as many look for a motion
+            that keeps the constraints without being the best. A tick then takes at most about
+            twenty times as long as a good one.
         max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
@@ -54,7 +55,7 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "proxqp"
     tolerance: float = 1e-7
-    max_iterations: int = 128
+    max_iterations: int = 144
     max_rounds: int = 16
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4

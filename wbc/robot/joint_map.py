@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError
 from wbc.robot.motion import Motion
 from wbc.robot.robot import Robot
 
@@ -67,7 +67,11 @@ class JointMap:
         own = [joint for joint in robot.single_joints if joint in names]
         for joint in robot.single_joints:
             if joint not in names:
-                raise RobotError(unknown_name(f"joint of '{robot.name}'", joint, names))
+                raise RobotError(
+                    f"joint '{joint}' of '{robot.name}' is missing among the names: "
+                    f"{', '.join(names) or '(none)'}. Weld it with `lock` in robot.toml if "
+                    "nothing moves it."
+                )
             if names.count(joint) > 1:
                 raise RobotError(f"joint '{joint}' stands {names.count(joint)} times in the names.")
         places = [names.index(joint) for joint in own]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -27,6 +28,7 @@ from wbc.control.limits import CollisionRows
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
+from wbc.robot.loading.library import find_model
 
 OTHER = "arm_right_7_link"
 
@@ -224,3 +226,30 @@ def test_mistakes_are_named():
     limit = CollisionLimit([ball, lost], [("ball", "lost")])
     with pytest.raises(ControlError, match="hnd"):
         CollisionRows(limit, TALOS.model)
+
+
+@pytest.mark.parametrize("base", ["fixed", "free_flyer"])
+def test_a_geometry_of_another_model_is_refused(base):
+    """Without the free-flyer every solid would stand on the link before its own."""
+    file = "example_robot_data:robots/solo_description/robots/solo12.urdf"
+    robot = load_robot("solo12")
+    held = [] if base == "fixed" else [pin.JointModelFreeFlyer()]
+    other = pin.buildModelFromUrdf(str(find_model(file, Path())), *held)
+    geometry = pin.GeometryModel()
+    for frame in other.frames:
+        if frame.type == pin.FrameType.BODY:
+            geometry.addGeometryObject(
+                pin.GeometryObject(
+                    f"{frame.name}_0",
+                    frame.parentJoint,
+                    other.getFrameId(frame.name),
+                    frame.placement,
+                    coal.Sphere(0.01),
+                )
+            )
+    if base == "fixed":
+        with pytest.raises(ControlError, match="another model"):
+            CollisionLimit.of(robot, geometry)
+    else:
+        limit = CollisionLimit.of(robot, geometry)
+        assert len(limit.shapes) == geometry.ngeoms

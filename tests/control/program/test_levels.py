@@ -41,7 +41,8 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
     robot = load_robot(name)
     upper = [CenterOfMassTask(), PostureTask.of(robot)]
     lower = FrameOrientationTask(name="trunk", frame=TRUNK[name], level=1)
-    settings = ControllerSettings(solver=solver, warm_start=start)
+    # motions are compared here, not what a tick may cost: 6 of 200 on Talos need 148 to 221 units
+    settings = ControllerSettings(solver=solver, warm_start=start, max_iterations=1000)
     alone = Controller(robot, upper, feet(robot), settings=settings)
     both = Controller(robot, [*upper, lower], feet(robot), settings=settings)
     on = [foot.name for foot in feet(robot)]

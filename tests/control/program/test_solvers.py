@@ -19,6 +19,7 @@ from wbc.control import (
 )
 from wbc.control.solvers import BlockProblem, DualActiveSet, ForeignSolver, QPStatus, make_solver
 from wbc.control.solvers.cascade import Cascade
+from wbc.control.torque.direction_search import DirectionSearch
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -108,13 +109,17 @@ def test_residuals_see_a_wrong_solution():
     np.testing.assert_allclose(fresh.x, solution.x, atol=1e-4)
 
 
-def test_a_swinging_foot_is_guessed_within_a_few_steps():
+def test_a_swinging_foot_is_guessed_within_a_few_steps(monkeypatch):
     """Noise changes which feet slip from tick to tick; the whole program is not needed for it."""
     label, ours, states, more = modes("solo12")[2]
     assert "one foot swings" in label
+    searched, whole = [], DirectionSearch.solve
+    monkeypatch.setattr(
+        DirectionSearch, "solve", lambda *a, **k: searched.append(1) or whole(*a, **k)
+    )
     commands = [ours.step(state, **more) for state in states[:200]]
     assert all(command.status is Status.SOLVED for command in commands)
-    assert max(command.iterations for command in commands) <= 28  # 34 without the dual steps
+    assert not searched  # 80 of 200 ticks without the dual steps
 
 
 @pytest.mark.parametrize(("size", "asked"), [(1.0, 1), (1e6, 1), (1e8, 0)])
@@ -136,3 +141,23 @@ def test_no_other_solver_for_numbers_beyond_its_reach(monkeypatch, size, asked):
     )
     cascade.solve(program)
     assert len(made) == asked
+
+
+def test_the_same_budget_is_the_same_work_and_fewer_steps_on_a_larger_program():
+    """x = 10 is wanted, x <= 1 allowed: every variable takes one step."""
+
+    def ended(n):
+        problem = BlockProblem(
+            *(np.ones(n), np.full(n, 10.0), np.zeros((0, n)), np.zeros(0), np.zeros(0), 0),
+            *(np.eye(n), np.full(n, -1.0), np.ones(n)),
+        )
+        solver = DualActiveSet(n, 0, n, tolerance=1e-9, max_iterations=8)
+        return solver.solve(problem, starts_over=True), solver.steps
+
+    small, _ = ended(20)
+    large, spent = ended(80)
+    assert small.status is QPStatus.SOLVED
+    np.testing.assert_allclose(small.x, 1.0)
+    assert large.status is QPStatus.ITERATION_LIMIT
+    assert 8 <= spent <= 9
+    assert np.count_nonzero(np.isclose(large.x, 1.0)) < 20

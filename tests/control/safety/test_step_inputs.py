@@ -118,6 +118,7 @@ MORE = {
     "dt that no float holds": ({"dt": 10**400}, "dt"),
     "dt that overflows a target": ({"dt": 1.7e308}, "dt"),
     "dt in milliseconds": ({"dt": 1.0}, "dt"),
+    "dt in milliseconds at 2 kHz": ({"dt": 0.5}, "dt"),
     "weight that no float holds": ({"weights": {"posture": 10**400}}, "posture"),
     "weights as list": ({"weights": [1.0]}, "weights"),
     "weight negative": ({"weights": {"posture": -1.0}}, "posture"),

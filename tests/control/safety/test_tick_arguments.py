@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.control.scenes import arm
 from wbc.control import (
     CenterOfMassTask,
     Controller,
@@ -19,6 +20,8 @@ from wbc.control import (
     RestPolicy,
     Status,
 )
+from wbc.control.safety.inputs import LONGEST
+from wbc.control.tasks import Task
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
@@ -119,3 +122,19 @@ def test_a_margin_keeps_a_gear_that_is_better_than_believed_from_slipping():
     assert moved[0.1] < 1e-6
     with pytest.raises(ControlError, match="rest_margin"):
         ControllerSettings(rest_margin=0.6)
+
+
+@pytest.mark.parametrize(("share", "holds"), [(0.97, True), (1.03, False)])
+def test_the_longest_step_is_where_a_default_task_stops_being_stable(share, holds):
+    """Accelerations held over a step of exactly that length, on a plant without errors."""
+    robot = arm(1, np.random.default_rng(0)).lossless()
+    stiffness = (share / 0.05) ** 2
+    ours = Controller(robot, [PostureTask.of(robot, stiffness=stiffness)], limits=[])
+    assert np.isclose(LONGEST, 1.0 / np.sqrt(Task.stiffness))
+    q, v, goal = np.array([0.01]), np.zeros(1), {"posture": Reference(np.zeros(1))}
+    for _ in range(150):
+        command = ours.step(Motion(q, v), goal, dt=0.05)
+        assert command.status is Status.SOLVED
+        q = q + 0.05 * v + 0.5 * 0.05**2 * command.acceleration
+        v = v + 0.05 * command.acceleration
+    assert abs(q[0]) < 1e-6 if holds else abs(q[0]) > 10.0

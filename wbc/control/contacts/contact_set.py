@@ -11,7 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.control.contacts.contact import BoundContact
 from wbc.control.contacts.contact_pull import ContactPull
 from wbc.control.kinematics import FrameTable, Kinematics
-from wbc.control.program.stacking import place_rest
+from wbc.control.program.stacking import REST, rest
+from wbc.fixed_arrays import FixedArrays
 
 
 class ContactSet:
@@ -75,6 +76,7 @@ class ContactSet:
             self.normals[i, rows] = contact.cone.normal
             self._damping[rows] = contact.contact.damping
         self.cone_labels = tuple(labels)
+        self._lay_out()
         self.normal_minimum = np.array([c.contact.normal_minimum for c in self.contacts])
         self.normal_maximum = np.array([c.contact.normal_maximum for c in self.contacts])
 
@@ -88,7 +90,12 @@ class ContactSet:
             return False
         self.jacobian, self.target = jacobian, target
         self._placed = True
+        self._lay_out()
         return True
+
+    def _lay_out(self) -> None:
+        self._fixed = FixedArrays(REST, (self.jacobian, self._damping, self._drift, self.target))
+        self._memory = self._fixed.table
 
     def fill(self, kinematics: Kinematics, anchors: Mapping[str, FloatArray] | None = None) -> None:
         """Evaluate the rows at the present state.
@@ -102,7 +109,7 @@ class ContactSet:
             rows = self.slices[i]
             self.contacts[i].fill(kinematics, jacobian[rows], drift[rows])
         self._table.fill(kinematics, jacobian, drift)
-        place_rest(jacobian, kinematics.velocity, self._damping, drift, self.target)
+        rest(self._memory, kinematics.velocity)
         if anchors and self._pull.names:
             self._pull.add(self._table.places, anchors, self.target)
 

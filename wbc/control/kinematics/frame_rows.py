@@ -25,6 +25,7 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.control.kinematics.kinematics import Kinematics
+from wbc.fixed_arrays import FixedArrays, FixedTable, array_at
 
 
 class RowKind(IntEnum):
@@ -53,6 +54,14 @@ class StateRows(NamedTuple):
     frame: str
     rows: slice
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+_ROWS = (
+    *(Table, Dense, Places, Places, Places),
+    *(Matrix, Dense, Dense, Dense, Vector, Matrix),
+    *(Vector, OutMatrix, OutVector, OutDense),
+)
+"""Kinds of the arrays of `place_state_rows`, in its order."""
 
 
 class FrameTable:
@@ -87,27 +96,30 @@ class FrameTable:
         self.plan, self._offsets = plan, frozen(offsets)
         self.places, self.used = np.zeros((len(wanted), 12)), np.ones(len(wanted), dtype=np.int_)
         self._starts, self._columns = joint_columns(model)
-        self._read: Kinematics | None = None
-        self._sources: tuple[Any, ...] = ()
+        self._read: tuple[Any, ...] = None, None, None
+        self._mass, self._memory = 0.0, np.zeros((0, 5), dtype=np.int64)
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J and dJ/dt v into rows of (k, nv) and (k,); columns that never move stay zero."""
-        if self._read is not kinematics:
-            self._read, self._sources = kinematics, self._memory_of(kinematics)
-        written: tuple[Any, ...] = jacobian, drift, self.places
-        place_state_rows(*(self._sources + written))
+        read, rows, right = self._read
+        if read is not kinematics or rows is not jacobian or right is not drift:
+            self._lay_out(kinematics, jacobian, drift)
+        fill_state_rows(self._memory, self._mass)
 
-    def _memory_of(self, kinematics: Kinematics) -> tuple[Any, ...]:
-        """Return what the rows are made of: memory that `kinematics` overwrites in place."""
-        return (
-            *(self.plan, self._offsets, self._starts, self._columns, self.used),
-            *(kinematics.joint_jacobian, kinematics.joint_places),
-            *(kinematics.joint_rates, kinematics.joint_drifts),
-            kinematics.center_of_mass(),
-            kinematics.momentum_matrix(),
-            kinematics.mass,
-            kinematics.center_of_mass_drift(),
+    def _lay_out(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
+        """Take what is read, memory that `kinematics` overwrites in place, and what is written."""
+        self._read, self._mass = (kinematics, jacobian, drift), kinematics.mass
+        self._fixed = FixedArrays(
+            _ROWS,
+            (
+                *(self.plan, self._offsets, self._starts, self._columns, self.used),
+                *(kinematics.joint_jacobian, kinematics.joint_places),
+                *(kinematics.joint_rates, kinematics.joint_drifts),
+                *(kinematics.center_of_mass(), kinematics.momentum_matrix()),
+                *(kinematics.center_of_mass_drift(), jacobian, drift, self.places),
+            ),
         )
+        self._memory = self._fixed.table
 
 
 def joint_columns(model: pin.Model) -> tuple[IntArray, IntArray]:
@@ -230,3 +242,26 @@ def place_state_rows(
             six[2] += wx * vy - wy * vx
         for k in range(count):
             drift[row + k] = six[begin + k * step]
+
+
+@compiled(Nothing, FixedTable, Number)
+def fill_state_rows(memory: IntArray, mass: float) -> None:
+    """Do as `place_state_rows` does in the memory of _ROWS."""
+    place_state_rows(
+        array_at(memory, 0, Table),
+        array_at(memory, 1, Dense),
+        array_at(memory, 2, Places),
+        array_at(memory, 3, Places),
+        array_at(memory, 4, Places),
+        array_at(memory, 5, Matrix),
+        array_at(memory, 6, Dense),
+        array_at(memory, 7, Dense),
+        array_at(memory, 8, Dense),
+        array_at(memory, 9, Vector),
+        array_at(memory, 10, Matrix),
+        mass,
+        array_at(memory, 11, Vector),
+        array_at(memory, 12, OutMatrix),
+        array_at(memory, 13, OutVector),
+        array_at(memory, 14, OutDense),
+    )

@@ -10,9 +10,10 @@ import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.control.kinematics.tree import place_joint_motion
+from wbc.control.kinematics.tree import TREE, move_joints
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
+from wbc.fixed_arrays import FixedArrays
 from wbc.robot import Robot
 
 _PLACE = 12 * 8  # bytes of a placement
@@ -81,7 +82,7 @@ class Kinematics:
         self.joint_jacobian: FloatArray = data.J.reshape(6, nv)
         self.joint_places = _places(model, data)
         self.joint_rates, self.joint_drifts = np.zeros((2, model.njoints, 6))
-        self._tree = (
+        tree = (
             frozen(list(model.parents), np.int_),
             frozen([joint.idx_v for joint in model.joints], np.int_),
             frozen([joint.nv for joint in model.joints], np.int_),
@@ -90,7 +91,14 @@ class Kinematics:
             frozen([body.inertia[np.triu_indices(3)] for body in model.inertias]),
             frozen(model.gravity.linear),
         )
-        self._forces = np.zeros((model.njoints, 6))
+        results = self.joint_rates, self.joint_drifts, self._com_drift
+        self._memory = FixedArrays(
+            TREE,
+            (
+                *(self.joint_jacobian, self.joint_places, *tree, *results),
+                *(np.zeros((model.njoints, 6)), self.bias),
+            ),
+        )
         self._axes_turn = _axes_turn_with_bodies(model)
 
     @property
@@ -107,10 +115,7 @@ class Kinematics:
         self.position, self.velocity = position, velocity
         pin.crba(model, data, position, pin.Convention.WORLD)  # leaves J, A_g and the CoM as well
         self._moved = self._momentum_drift_ready = False
-        place_joint_motion(
-            *(self.joint_jacobian, self.joint_places, velocity, *self._tree),
-            *(self.joint_rates, self.joint_drifts, self._com_drift, self._forces, self.bias),
-        )
+        move_joints(self._memory.table, velocity)
         if not self._axes_turn:
             self._ask_pinocchio()
 

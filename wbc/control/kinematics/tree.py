@@ -17,6 +17,7 @@ from wbc.compiled import (
     Vector,
     compiled,
 )
+from wbc.fixed_arrays import FixedTable, array_at
 
 
 @compiled(types.UniTuple(Number, 3), Dense, Count, *[Number] * 3)
@@ -148,3 +149,44 @@ def place_joint_motion(
             forces[parents[i], k] += forces[i, k]
     if total > 0.0:
         com_drift[0], com_drift[1], com_drift[2] = ax / total, ay / total, az / total
+
+
+TREE = (
+    Matrix,
+    Dense,
+    Places,
+    Places,
+    Places,
+    Vector,
+    Dense,
+    Dense,
+    Vector,
+    OutDense,
+    OutDense,
+    OutVector,
+    OutDense,
+    OutVector,
+)
+"""Kinds of the arrays of `place_joint_motion` but the velocity, in its order."""
+
+
+@compiled(Nothing, FixedTable, Vector)
+def move_joints(memory: IntArray, velocity: FloatArray) -> None:
+    """Do as `place_joint_motion` does in the memory of TREE."""
+    place_joint_motion(
+        array_at(memory, 0, Matrix),
+        array_at(memory, 1, Dense),
+        velocity,
+        array_at(memory, 2, Places),
+        array_at(memory, 3, Places),
+        array_at(memory, 4, Places),
+        array_at(memory, 5, Vector),
+        array_at(memory, 6, Dense),
+        array_at(memory, 7, Dense),
+        array_at(memory, 8, Vector),
+        array_at(memory, 9, OutDense),
+        array_at(memory, 10, OutDense),
+        array_at(memory, 11, OutVector),
+        array_at(memory, 12, OutDense),
+        array_at(memory, 13, OutVector),
+    )

@@ -6,20 +6,25 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
-from wbc.control.output_torques import OutputTorques
+from wbc.control.output_torques import OutputTorques, TorqueTerms
 from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
 from wbc.control.program.inequality_rows import InequalityRows
-from wbc.control.program.placing import place_tasks
+from wbc.control.program.placing import TASKS, place_tasks, place_tasks_fixed
 from wbc.control.program.row_basis import RowBasis
 from wbc.control.program.task_stack import TaskStack
+from wbc.control.program.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
+from wbc.fixed_arrays import FixedArrays
+
+_NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
+_NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
 
 
 class ContactForceProgram:
@@ -91,7 +96,6 @@ class ContactForceProgram:
         self.n = self.nv + self.forces
         self.undriven = robot.floating_size
         self.gears = np.flatnonzero(limited)
-        self._all_gears = len(self.gears) == robot.transmission.size
         self.weights = weights
         weight = plant.weight
         self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
@@ -128,10 +132,14 @@ class ContactForceProgram:
             *(gears, contacts, joint_limit, self.nv, scale, slack),
             () if collision is None else collision.labels,
         )
+        more = len(self.rows.lower) + len(self.gears)
+        self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
+        self._seen = _NOTHING_SEEN
+        self._tasks: TaskStack | None = None
+        self._fixed: FixedArrays
         self._write_normal_bounds(None)
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
-        self._scaled_map = np.zeros_like(self.torque_map)
 
     def assemble_constraints(
         self,
@@ -148,6 +156,7 @@ class ContactForceProgram:
             ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
         """
         plant, set_ = self.plant, self.contacts
+        self._seen = _NOTHING_SEEN
         place_balance(
             *(plant.mass, plant.bias, set_.jacobian, self.force_scale),
             *(plant.robot.unactuated, self._balance, self._balance_right),
@@ -175,11 +184,14 @@ class ContactForceProgram:
         Returns:
             the sum of the sizes of all that tasks and equalities want, not finite if one is not.
         """
-        return place_tasks(
-            *(tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b),
-            *(self.weights[0], self._stacked, self._right, self._softness),
-            *(self.diagonal, self.pull),
-        )
+        locked = len(self.b) > self.unlocked  # then b is another view in every tick
+        if not locked and tasks is self._tasks:
+            return place_tasks_fixed(self._fixed.table, self.weights[0])
+        asked = tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b
+        results = self._stacked, self._right, self._softness, self.diagonal, self.pull
+        if not locked:
+            self._tasks, self._fixed = tasks, FixedArrays(TASKS, asked + results)
+        return place_tasks(*asked, self.weights[0], *results)
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
         """Take what the force tasks ask, where there are any."""
@@ -229,6 +241,8 @@ class ContactForceProgram:
             hardens=self._hardens,
         )
         free = slice(rows.torque.stop, None)
+        C, lower, upper = self._directed
+        self._directed_blocks = self.blocks._replace(C=C, lower=lower, upper=upper)
         self.unbound = self.blocks._replace(
             C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free]
         )
@@ -242,18 +256,41 @@ class ContactForceProgram:
             slopes: e (m,) in the predicted directions.
             lower, upper: least and greatest N tau_phi (m,) [N m].
         """
-        plant, rows = self.plant, self.rows
-        where, nv = rows.torque, self.nv
-        offset = slopes * plant.output_bias
-        offset += plant.rotor_bias
-        scaled = rows.C[where] if self._all_gears else self._scaled_map
-        np.multiply(self.torque_map, slopes[:, None], out=scaled)
-        scaled[:, :nv] += plant.rotor
-        if self._all_gears:
-            rows.write_torques(lower - offset, upper - offset)
-        else:
-            rows.C[where] = scaled[self.gears]
-            rows.write_torques((lower - offset)[self.gears], (upper - offset)[self.gears])
+        rows = self.rows
+        place_torque_rows(*self._gear_terms(), slopes, lower, upper, rows.slack, *rows.of_torque)
+
+    def directed(
+        self,
+        slopes: tuple[FloatArray, FloatArray],
+        limits: tuple[FloatArray, FloatArray],
+        choice: FloatArray,
+    ) -> BlockProblem:
+        """Return the program with the convex rows of all gears and one half-space of some.
+
+        Overwritten by the next call, as are the torque rows of `blocks`.
+
+        Args:
+            slopes: e (m,) where T > 0, and where T < 0.
+            limits: least and greatest N tau_phi (m,) [N m].
+            choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
+                there is none.
+        """
+        C, lower, upper = self._directed
+        rows = self.rows
+        size, torque = len(rows.lower), rows.torque
+        np.copyto(C[:size], rows.C)
+        np.copyto(lower[:size], rows.lower)
+        np.copyto(upper[:size], rows.upper)
+        place_directed_rows(
+            *(*self._gear_terms(), *slopes, *limits, choice, rows.slack),
+            *(C[torque], lower[torque], upper[torque], C[size:], lower[size:], upper[size:]),
+        )
+        return self._directed_blocks
+
+    def _gear_terms(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+        """Return what torque rows are made of: T and rotors, their constant parts, the gears."""
+        plant = self.plant
+        return self.torque_map, plant.rotor, plant.output_bias, plant.rotor_bias, self.gears
 
     def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
         set_ = self.contacts
@@ -273,8 +310,14 @@ class ContactForceProgram:
         return self.torques(x)[0]
 
     def torques(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return T and what the rotors take themselves (m,) [N m] at a solution."""
-        return self.plant.torques(x, self.contacts.jacobian, self.force_scale)
+        """Return T and what the rotors take themselves (m,) [N m] at a solution of this tick."""
+        if x is not self._seen[0]:
+            self._seen = x, self.plant.torques(x, self.contacts.jacobian, self.force_scale)
+        return self._seen[1]
+
+    def terms(self, x: FloatArray) -> TorqueTerms:
+        """Return what the torques of a solution are made of, as `OutputTorques.terms`."""
+        return self.plant.terms(x, self.contacts.jacobian, self.force_scale)
 
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""

@@ -23,6 +23,8 @@ class InequalityRows:
         C: (n_in, n).
         lower, upper: (n_in,).
         torque, cone, normal, joint, distance: slices of the rows of each kind.
+        of_torque: C, lower and upper of the torque rows, views.
+        slack: how far every bound lies beyond what it stands for.
         labels: (n_in,) what every row is called in messages.
     """
 
@@ -47,7 +49,7 @@ class InequalityRows:
             slack: how far every bound lies beyond what it stands for.
             distances: names of the pairs of solids that keep apart.
         """
-        self._force_scale, self._slack = force_scale, slack
+        self._force_scale, self.slack = force_scale, slack
         faces, normals = len(contacts.cone), len(contacts.contacts)
         joints = () if joint_limit is None else joint_limit.joints
         ends = np.cumsum([0, len(gears), faces, normals, len(joints), len(distances)]).tolist()
@@ -57,6 +59,8 @@ class InequalityRows:
         self._nv = nv
         self.C = np.zeros((ends[-1], nv + contacts.rows))
         self.lower, self.upper = np.full(ends[-1], -INFINITE), np.full(ends[-1], INFINITE)
+        limited = self.torque
+        self.of_torque = self.C[limited], self.lower[limited], self.upper[limited]
         self.C[self.cone, nv:] = contacts.cone
         self.upper[self.cone] = slack
         self.C[self.normal, nv:] = contacts.normals
@@ -72,24 +76,19 @@ class InequalityRows:
 
     def write_normals(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (c,) [N] of the normal forces; a low ceiling lowers the floor."""
-        scale, slack = self._force_scale, self._slack
+        scale, slack = self._force_scale, self.slack
         self.lower[self.normal] = np.minimum(least, greatest) / scale - slack
         self.upper[self.normal] = np.minimum(greatest / scale, INFINITE) + slack
 
     def write_joints(self, least: FloatArray, greatest: FloatArray) -> None:
         """Write the bounds (j,) of the joints' accelerations."""
-        slack = self._slack
+        slack = self.slack
         self.lower[self.joint], self.upper[self.joint] = least - slack, greatest + slack
 
     def write_distances(self, rows: FloatArray, least: FloatArray) -> None:
         """Write rows (p, nv) and the bounds (p,) of the accelerations between solids."""
         self.C[self.distance, : self._nv] = rows
-        np.subtract(least, self._slack, out=self.lower[self.distance])
-
-    def write_torques(self, least: FloatArray, greatest: FloatArray) -> None:
-        """Write the bounds (t,) [N m] of the torque rows."""
-        np.subtract(least, self._slack, out=self.lower[self.torque])
-        np.add(greatest, self._slack, out=self.upper[self.torque])
+        np.subtract(least, self.slack, out=self.lower[self.distance])
 
     def scale_and_unit(self, row: int) -> tuple[float, str]:
         """Return what a violation of the row is multiplied with for its unit, and the unit."""

@@ -143,11 +143,9 @@ class Level:
             return Refusal(None, None, self)
         guessed = self._guess is not None and not self._saturated
         if self._guess is not None and guessed:
-            found = self._guessed(self._guess, gears, first)
-            if found is not None:
-                realised = self._realise(found, gears)
-                if realised.exact:
-                    return Answer(found, realised, _SOLVED)
+            answer = self._guessed(self._guess, gears, first)
+            if answer is not None:
+                return answer
         self._whole = True
         return self._searched(gears, first, starts_over=guessed)
 
@@ -165,21 +163,19 @@ class Level:
         program.assemble_efforts(slope, gears.speed, gears.last_output)
         return program.blocks.dense().copied()
 
-    def _guessed(
-        self, guess: DualActiveSet, gears: GearState, first: FloatArray
-    ) -> DirectedSolution | None:
-        """Return the solution if no torque limit binds, None where the guess fails."""
+    def _guessed(self, guess: DualActiveSet, gears: GearState, first: FloatArray) -> Answer | None:
+        """Return the answer if no torque limit binds, None where the guess fails."""
         if self.program.efforts:
             return self._guessed_with_efforts(guess, gears, first)
         start = perf_counter()
         solution = guess.guess(self.program.unbound, self.program.rows.torque.stop)
         if solution is None:
             return None
-        return self._found(solution, 1, perf_counter() - start)
+        return self._exact(solution, gears, 1, perf_counter() - start)[1]
 
     def _guessed_with_efforts(
         self, guess: DualActiveSet, gears: GearState, first: FloatArray
-    ) -> DirectedSolution | None:
+    ) -> Answer | None:
         """Return the same where what efforts cost depends on the directions of the gears."""
         program, slopes, spent = self.program, self._law.slopes(gears.sigma), 0.0
         program.assemble_torque_map()
@@ -193,23 +189,27 @@ class Level:
             spent += perf_counter() - start
             if solution is None:
                 return None
-            found = self._found(solution, round_, spent)
-            turned = (found.output > 0.0) != positive
-            turned &= directional & (np.abs(found.output) > SMALL)
+            output, answer = self._exact(solution, gears, round_, spent)
+            turned = (output > 0.0) != positive
+            turned &= directional & (np.abs(output) > SMALL)
             if not turned.any():
-                return found
+                return answer
             positive ^= turned
         return None
 
-    def _found(self, solution: QPSolution, rounds: int, spent: float) -> DirectedSolution:
-        """Return a solution with its torques."""
-        output, share = self.program.torques(solution.x)
+    def _exact(
+        self, solution: QPSolution, gears: GearState, rounds: int, spent: float
+    ) -> tuple[FloatArray, Answer | None]:
+        """Return T (m,) of a solution, and the answer if the torque limits leave all of it."""
+        x, program = solution.x, self.program
+        output, share, realised = self._stage.realised(program.terms(x), gears.sigma, gears.limits)
         self._output = output
-        acceleration = solution.x[: self.program.nv]
-        return DirectedSolution(
-            *(solution, output, share, rounds, spent, True),
-            *(acceleration, solution.iterations),
+        if realised is None:
+            return output, None
+        found = DirectedSolution(
+            solution, output, share, rounds, spent, True, x[: program.nv], solution.iterations
         )
+        return output, Answer(found, realised, _SOLVED)
 
     def _searched(
         self, gears: GearState, first: FloatArray, *, starts_over: bool

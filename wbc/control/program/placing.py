@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Matrix,
     Number,
@@ -11,6 +11,7 @@ from wbc.compiled import (
     Vector,
     compiled,
 )
+from wbc.fixed_arrays import FixedTable, array_at
 
 
 @compiled(Number, Matrix, *[Vector] * 5, Number, OutDense, *[OutVector] * 4)
@@ -62,3 +63,26 @@ def place_tasks(
     for i in range(len(equalities)):
         total += abs(equalities[i])
     return total
+
+
+TASKS = Matrix, *[Vector] * 5, OutDense, *[OutVector] * 4
+"""Kinds of the arrays of `place_tasks`, in its order."""
+
+
+@compiled(Number, FixedTable, Number)
+def place_tasks_fixed(memory: IntArray, regularisation: float) -> float:
+    """Do as `place_tasks` does in the memory of TASKS."""
+    return place_tasks(
+        array_at(memory, 0, Matrix),
+        array_at(memory, 1, Vector),
+        array_at(memory, 2, Vector),
+        array_at(memory, 3, Vector),
+        array_at(memory, 4, Vector),
+        array_at(memory, 5, Vector),
+        regularisation,
+        array_at(memory, 6, OutDense),
+        array_at(memory, 7, OutVector),
+        array_at(memory, 8, OutVector),
+        array_at(memory, 9, OutVector),
+        array_at(memory, 10, OutVector),
+    )

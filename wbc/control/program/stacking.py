@@ -17,6 +17,7 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.control.kinematics.turning import place_turn
+from wbc.fixed_arrays import FixedTable, array_at
 
 
 @compiled(Nothing, Matrix, Vector, Places, OutVector)
@@ -118,3 +119,48 @@ def place_rest(
         for j in range(len(velocity)):
             rate += jacobian[i, j] * velocity[j]
         target[i] = -damping[i] * rate - drift[i]
+
+
+STACK = (
+    *(Table, Places, Dense, Dense, Matrix, Places, Places),
+    *(Vector, OutDense, Dense, Vector, OutVector, OutVector),
+)
+"""Kinds of the arrays of `place_wanted` but position and velocity, in its order."""
+
+
+@compiled(Nothing, FixedTable, Vector, Vector)
+def want(memory: IntArray, position: FloatArray, velocity: FloatArray) -> None:
+    """Do as `place_wanted` does in the memory of STACK."""
+    place_wanted(
+        position,
+        velocity,
+        array_at(memory, 0, Table),
+        array_at(memory, 1, Places),
+        array_at(memory, 2, Dense),
+        array_at(memory, 3, Dense),
+        array_at(memory, 4, Matrix),
+        array_at(memory, 5, Places),
+        array_at(memory, 6, Places),
+        array_at(memory, 7, Vector),
+        array_at(memory, 8, OutDense),
+        array_at(memory, 9, Dense),
+        array_at(memory, 10, Vector),
+        array_at(memory, 11, OutVector),
+        array_at(memory, 12, OutVector),
+    )
+
+
+REST = Matrix, Vector, Vector, OutVector
+"""Kinds of the arrays of `place_rest` but the velocity, in its order."""
+
+
+@compiled(Nothing, FixedTable, Vector)
+def rest(memory: IntArray, velocity: FloatArray) -> None:
+    """Do as `place_rest` does in the memory of REST."""
+    place_rest(
+        array_at(memory, 0, Matrix),
+        velocity,
+        array_at(memory, 1, Vector),
+        array_at(memory, 2, Vector),
+        array_at(memory, 3, OutVector),
+    )

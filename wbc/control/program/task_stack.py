@@ -10,10 +10,11 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, reals
 from wbc.control.kinematics import FrameTable, Kinematics, StateRows
-from wbc.control.program.stacking import place_rates, place_wanted
+from wbc.control.program.stacking import STACK, place_rates, want
 from wbc.control.reference import Reference, Target
 from wbc.control.tasks import Task
 from wbc.errors import ControlError
+from wbc.fixed_arrays import FixedArrays
 from wbc.robot import Robot
 
 _NONE: Mapping[str, float] = {}
@@ -88,7 +89,7 @@ class TaskStack:
         self.wanted = self._all_wanted[:total]
         # error, rate, drift, velocity and acceleration asked for, and what each counts for
         self._parts, self._gains = np.zeros((5, whole)), np.zeros((5, whole))
-        self._asked, self._rates = self._parts[3:], self._parts[1]
+        self._asked, self._rates, self._drift = self._parts[3:], self._parts[1], self._parts[2]
         self._weights = np.zeros(whole)
         self.weight, self._chosen_weight = self._weights[:total], self._weights[total:]
         self._goals = np.zeros(whole - total)
@@ -107,10 +108,14 @@ class TaskStack:
         )
         self.diagonal, self.pull = np.zeros(nv), np.zeros(nv)
         table_memory = self._table.plan, self._table.used, self._table.places, self._targets
-        self._memory = (
-            *(*table_memory, self.jacobian, self.chosen, self._positions, self._goals),
-            *(self._parts, self._gains, self._chosen_weight, self._all_wanted, self.pull),
+        self._fixed = FixedArrays(
+            STACK,
+            (
+                *(*table_memory, self.jacobian, self.chosen, self._positions, self._goals),
+                *(self._parts, self._gains, self._chosen_weight, self._all_wanted, self.pull),
+            ),
         )
+        self._memory = self._fixed.table
         self._held: dict[str, Target] = {}
         self._pending: dict[str, Target] = {}
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
@@ -208,10 +213,10 @@ class TaskStack:
             reference = references.get(entry.name, _REST)
             if reference is not _REST:
                 self._check_idle(entry, reference)
-        self._table.fill(kinematics, self.jacobian, self._parts[2])
+        self._table.fill(kinematics, self.jacobian, self._drift)
         if self._own:
             self._ask_own(kinematics, references)
-        place_wanted(kinematics.position, kinematics.velocity, *self._memory)
+        want(self._memory, kinematics.position, kinematics.velocity)
 
     def _ask_own(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
         """Take the accelerations of the tasks that command in their own way."""
@@ -227,12 +232,11 @@ class TaskStack:
         task = entry.task
         target = self._target(entry, kinematics, reference)
         self._pending[entry.name] = target
-        if reference.velocity is not None:
-            entry.velocity[:] = rates(reference.velocity, "velocity", entry.size, task.name)
-        if reference.acceleration is not None:
-            entry.acceleration[:] = rates(
-                reference.acceleration, "acceleration", entry.size, task.name
-            )
+        velocity, acceleration = reference.velocity, reference.acceleration
+        if velocity is not None:
+            entry.velocity[:] = rates(velocity, "velocity", entry.size, task.name)
+        if acceleration is not None:
+            entry.acceleration[:] = rates(acceleration, "acceleration", entry.size, task.name)
         if entry.goals is not None:
             entry.goals[:] = target
         elif entry.place is not None:

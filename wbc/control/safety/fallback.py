@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.command import Command, Refused
+from wbc.control.command import Command, KnownProspect, Refused
 from wbc.control.contacts import BoundContact
 from wbc.control.output_torques import OutputTorques
 from wbc.control.safety.inputs import Complaint
@@ -101,7 +101,6 @@ class Fallback:
         return Command(
             rotor_torque=torque,
             acceleration=np.zeros(nv),
-            forces={},
             consistent=False,
             output_torque=np.zeros(m),
             mesh_torque=np.zeros(m),
@@ -114,8 +113,7 @@ class Fallback:
             rounds=0 if found is None else found.rounds,
             iterations=0 if found is None else found.iterations,
             solution=None if found is None else found.solution,
-            position=self._place(motion),
-            velocity=np.zeros(m),
+            prospect=KnownProspect({}, self._place(motion), np.zeros(m)),
             refused=refused,
         )
 

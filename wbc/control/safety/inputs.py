@@ -21,7 +21,13 @@ from wbc.robot import Motion, Robot
 Complaint = tuple[Status, str]
 
 _FLOAT = np.dtype(np.float64)  # numpy keeps one of it, and comparing types takes 0.2 us
-_LONG = 1.0  # [s] a tick of a second is one whose step was given in milliseconds
+LONGEST = 0.1
+"""[s] longest time step: 1 / sqrt(k) with the default stiffness k = 100 of a task.
+
+With qdd = -k q - 2 sqrt(k) v held over a step h, q and v after it are A (q, v), and the
+eigenvalues of A lie inside the unit circle where h sqrt(k) < 1. A longer step is mostly one that
+was given in milliseconds.
+"""
 _UNIT = 1e-3  # single precision leaves 1e-7, integrating for a while without normalising 1e-4
 
 
@@ -203,10 +209,10 @@ def force_complaint(
 
 def step_complaint(dt: object) -> Complaint | None:
     """Return what is wrong with a time step [s], None if nothing is."""
-    if is_real(dt) and 0.0 < dt < _LONG:
+    if is_real(dt) and 0.0 < dt <= LONGEST:
         return None
     return Status.BAD_INPUT, (
-        f"dt must be a number > 0 s and < {_LONG:g} s, got {dt!r:.40}; 1 ms is 0.001."
+        f"dt must be a number > 0 s and <= {LONGEST:g} s, got {dt!r:.40}; 1 ms is 0.001."
     )
 
 

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.solvers.budget import PROGRAM
 from wbc.control.solvers.dual_active_set import DualActiveSet
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.solver import Solver, make_solver
@@ -15,8 +16,6 @@ from wbc.control.solvers.solver import Solver, make_solver
 # Behind the own solver: as long as twenty good ticks last. ProxQP takes 5 to 45 us an iteration
 # (planar leg, Talos), a fifth to a third of a good tick on the same machine.
 _RELIEF = 40
-# What writing down a program takes, in steps of the own solver: 60 to 100 us beside 4 to 8 us.
-_PROGRAM = 10
 # Share of the budget up to which the own solver may fail early, on rows that repeat each other.
 _EARLY = 0.25
 
@@ -106,7 +105,7 @@ class Cascade:
 
     def _solve(self, problem: BlockProblem, starts_over: bool) -> QPSolution:
         self.blocking = -1
-        self.iterations += _PROGRAM
+        self.iterations += PROGRAM
         if self.exhausted:
             return _nothing(problem)
         if self._own is None:

@@ -7,15 +7,33 @@ from typing import Any, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.solvers.dual_steps import CONTRADICTION, SOLVED, climb
+from wbc.control.solvers.budget import ROUNDS, UNIT, system_work, units
+from wbc.control.solvers.dual_steps import (
+    CLIMB,
+    CONTRADICTION,
+    SOLVED,
+    UNFINISHED,
+    UNMET,
+    climb_fixed,
+)
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
-from wbc.control.solvers.row_system import meet_rows, place_blocks, settle
+from wbc.control.solvers.row_system import (
+    SYSTEM,
+    place_blocks,
+    settle,
+    settle_fixed,
+)
+from wbc.fixed_arrays import FixedArrays
 
-_ROUNDS = 4
-_SYSTEM = 4  # steps that a system takes as long as: 19 us beside 5 to 9 us on Talos
-# Steps of a guess: with one foot of Solo12 in the air and noise in the state one tick in a hundred
+# Units of a guess: with one foot of Solo12 in the air and noise in the state one tick in a hundred
 # takes more than 274 us without, 269 us with 4, 129 us with 8, 147 us with 16, 129 us with 32.
 _SHORT = 8
+_ENDED = {
+    SOLVED: QPStatus.SOLVED,
+    CONTRADICTION: QPStatus.INFEASIBLE,
+    UNFINISHED: QPStatus.ITERATION_LIMIT,
+    UNMET: QPStatus.FAILED,
+}
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
 
 
@@ -36,7 +54,7 @@ class DualActiveSet:
     the solution comes from the small system, whose residual is checked.
 
     Attributes:
-        steps: linear systems solved and rows added or dropped in the last call.
+        steps: what the last call took of a tick's budget, see `UNIT`.
         blocking: row that could not be met beside the others, -1 where there was none.
     """
 
@@ -50,9 +68,11 @@ class DualActiveSet:
             rows: greatest number of rows of G.
             inequalities: number of rows of C.
             tolerance: how far a row may be beyond its bound, and a push below zero.
-            max_iterations: greatest number of rows added or dropped.
+            max_iterations: budget of a solve, see `UNIT`.
         """
         self._tolerance, self._most = tolerance, max_iterations
+        system = system_work(n, rows)
+        self._systems = [units(count * system) for count in range(ROUNDS + 1)]
         self._allowed = (_ROUNDING * tolerance) ** 2
         room, size = n, rows + n
         self._rows = np.zeros((size, n)), np.zeros(size), np.zeros(size)
@@ -61,12 +81,19 @@ class DualActiveSet:
         self._memory = np.zeros((size, n)), np.zeros((size, size)), np.zeros(size)
         self._active = np.zeros(size, dtype=np.int_)
         self._taken = np.zeros(inequalities, dtype=np.int_)
-        self._push, self._basis = np.zeros(room), np.zeros((room, n + size))
-        self._triangle, self._moves = np.zeros((room, room)), np.zeros((room, n))
-        self._vectors = np.zeros((10, max(n + size, inequalities)))
         self._memory_of_rows = *self._rows, *self._diagonal
         taking: tuple[Any, ...] = self._force, self._values, self._active, self._taken
         self._memory_of_settling = taking + self._memory
+        square, wide = np.zeros((room, room)), max(n + size, inequalities)
+        self._memory_of_climbing = (
+            *(*self._memory_of_rows, self._force, *self._memory, self._active, self._taken),
+            *(np.zeros(room), np.zeros((room, n + size)), square, np.zeros((room, n))),
+            np.zeros((10, wide)),
+        )
+        self._bounds: FloatArray | None = None
+        self._climb: FixedArrays
+        self._last: BlockProblem | None = None  # a second time it is worth describing
+        self._fixed: FixedArrays | None = None
         self._reached = np.full(n, np.nan)
         self.steps, self.blocking = 0, -1
 
@@ -84,6 +111,7 @@ class DualActiveSet:
         Its multipliers begin with `skipped` zeros, of rows that the problem leaves out.
         """
         self.steps, self.blocking = 0, -1
+        self._recognise(problem)
         found = self._settled(problem, skipped)
         if found is None and self._climbed(problem, _SHORT) is QPStatus.SOLVED:
             found = self._settled(problem, skipped)
@@ -97,11 +125,12 @@ class DualActiveSet:
         """Return the solution of a program of the size given on construction.
 
         The rows that bound the last solution are tried first, unless it `starts_over`. At most
-        `most` rows are added or dropped, `max_iterations` where it is left out. INFEASIBLE where
-        rows contradict one another, ITERATION_LIMIT after too many steps, both with the x reached;
-        FAILED, with an x of NaN, where rounding leaves the rows unmet.
+        `most` units of the budget are spent, `max_iterations` where it is left out. INFEASIBLE
+        where rows contradict one another, ITERATION_LIMIT after too many steps, both with the x
+        reached; FAILED, with an x of NaN, where rounding leaves the rows unmet.
         """
         self.steps, self.blocking = 0, -1
+        self._recognise(problem)
         if starts_over:
             self._take(problem)
         else:
@@ -123,7 +152,7 @@ class DualActiveSet:
     def nearest(self, problem: BlockProblem, x: FloatArray, most: int) -> FloatArray | None:
         """Return the point nearest to x (n,) that keeps the constraints, None where none is found.
 
-        Distances count by the diagonal. At most `most` rows are added or dropped.
+        Distances count by the diagonal. At most `most` units of the budget are spent.
         """
         self.steps, self.blocking = 0, -1
         closest = problem.nearest_to(x)
@@ -139,52 +168,48 @@ class DualActiveSet:
         """Correct the binding rows a few times; return the solution where that ends."""
         x = np.empty(len(problem.pull))
         diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
-        size, rounds = settle(
-            *(rows, right, softness, diagonal, pull, C, lower, upper),
-            *(self._tolerance, self._allowed, _ROUNDS),
-            *self._memory_of_rows,
-            x,
-            *self._memory_of_settling,
-        )
-        self.steps += _SYSTEM * rounds
+        if self._fixed is not None and problem is self._last:
+            size, rounds = settle_fixed(
+                self._fixed.table, self._tolerance, self._allowed, ROUNDS, x
+            )
+        else:
+            size, rounds = settle(
+                *(rows, right, softness, diagonal, pull, C, lower, upper),
+                *(self._tolerance, self._allowed, ROUNDS),
+                *self._memory_of_rows,
+                x,
+                *self._memory_of_settling,
+            )
+        self.steps += self._systems[rounds]
         if size >= 0:
             return self._solution(problem, x, size, skipped)
         self.forget()
         return None
 
+    def _recognise(self, problem: BlockProblem) -> None:
+        """Describe the memory of a program that comes a second time, as it will in every tick."""
+        if problem is not self._last:
+            self._last, self._fixed = problem, None
+        elif self._fixed is None:
+            diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
+            program = rows, right, softness, diagonal, pull, C, lower, upper
+            own = self._memory_of_rows + self._memory_of_settling
+            self._fixed = FixedArrays(SYSTEM, program + own)
+
     def _climbed(self, problem: BlockProblem, most: int) -> QPStatus:
         """Find the binding rows one by one; return how that ended."""
-        base, x = len(problem.right), np.empty(len(problem.pull))
+        x = np.empty(len(problem.pull))
         self._reached = x
-        if not meet_rows(
-            *(*self._rows, *self._diagonal, base, self._allowed, x, self._force), *self._memory
-        ):
-            return QPStatus.FAILED
-        G, _, softness = self._rows
-        ended, steps, self.blocking = climb(
-            G,
-            softness,
-            self._diagonal[0],
-            self._memory[1],
-            base,
-            problem.C,
-            problem.lower,
-            problem.upper,
-            0.5 * self._tolerance,
-            most,
-            x,
-            self._active,
-            self._taken,
-            self._push,
-            self._basis,
-            self._triangle,
-            self._moves,
-            self._vectors,
+        if self._bounds is not problem.C:
+            self._bounds = problem.C
+            bounds: tuple[Any, ...] = problem.C, problem.lower, problem.upper
+            self._climb = FixedArrays(CLIMB, bounds + self._memory_of_climbing)
+        ended, work, self.blocking = climb_fixed(
+            *(self._climb.table, len(problem.right), self._allowed, 0.5 * self._tolerance),
+            *(most * UNIT, x),
         )
-        self.steps += steps
-        if ended == CONTRADICTION:
-            return QPStatus.INFEASIBLE
-        return QPStatus.SOLVED if ended == SOLVED else QPStatus.ITERATION_LIMIT
+        self.steps += units(work)
+        return _ENDED[ended]
 
     def _solution(
         self, problem: BlockProblem, x: FloatArray, size: int, skipped: int

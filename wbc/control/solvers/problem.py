@@ -10,6 +10,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Count, Dense, Number, Row, compiled
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -130,12 +131,9 @@ class BlockProblem(NamedTuple):
 
     def violation(self, x: FloatArray) -> float:
         """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none."""
-        k, values = self.soft, self.C @ x
-        hard = self.hard
-        misses = np.abs(self.rows[k:] @ x - self.right[k:])
-        hardened = np.abs(self.rows[hard] @ x - self.right[hard])
-        beyond = _largest(values - self.upper), _largest(self.lower - values)
-        return max(*beyond, _largest(misses), _largest(hardened))
+        _, _, rows, right, softness, soft, C, lower, upper, hardens = self
+        first = 0 if hardens else soft
+        return worst_miss(rows, right, softness, first, soft, C, lower, upper, x)
 
     def copied(self) -> BlockProblem:
         """Return a copy that the next tick does not overwrite."""
@@ -150,6 +148,40 @@ class BlockProblem(NamedTuple):
         miss = (self.rows[:k] @ x - self.right[:k])[counts]
         soft = miss @ (miss / self.softness[:k][counts])
         return float(0.5 * (x @ (self.diagonal * x) + soft) - self.pull @ x)
+
+
+@compiled(Number, *(Dense, Row, Row, Count, Count, Dense, Row, Row, Row))
+def worst_miss(
+    rows: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    first: int,
+    soft: int,
+    C: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    x: FloatArray,
+) -> float:
+    """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none.
+
+    Args:
+        rows, right, softness, soft, C, lower, upper: as in `BlockProblem`.
+        first: row from which those without softness are constraints.
+        x: (n,).
+    """
+    worst = 0.0
+    for i in range(first, len(right)):
+        if i >= soft or softness[i] == 0.0:
+            miss = -right[i]
+            for j in range(len(x)):
+                miss += rows[i, j] * x[j]
+            worst = max(worst, abs(miss))
+    for i in range(len(lower)):
+        value = 0.0
+        for j in range(len(x)):
+            value += C[i, j] * x[j]
+        worst = max(worst, value - upper[i], lower[i] - value)
+    return worst
 
 
 class QPStatus(Enum):

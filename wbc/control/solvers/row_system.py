@@ -18,6 +18,7 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.control.solvers.positive_definite import factorise, substitute
+from wbc.fixed_arrays import FixedTable, array_at
 
 _SOLVES = 4  # two suffice but where rows all but repeat each other
 
@@ -280,3 +281,44 @@ def settle(
             return -1, count + 1
         before = changed
     return -1, rounds
+
+
+SYSTEM = (
+    *(Dense, Row, Row, Row, Row, Dense, Row, Row),
+    *(OutDense, OutRow, OutRow, OutRow, OutRow, OutRow, OutRow),
+    *(OutPlaces, OutPlaces, OutDense, OutDense, OutRow),
+)
+"""Kinds of the arrays of `settle` but x, in its order."""
+
+
+@compiled(types.UniTuple(Count, 2), FixedTable, Number, Number, Count, OutRow)
+def settle_fixed(
+    memory: IntArray, tolerance: float, allowed: float, rounds: int, x: FloatArray
+) -> tuple[int, int]:
+    """Do as `settle` does in the memory of SYSTEM."""
+    return settle(
+        array_at(memory, 0, Dense),
+        array_at(memory, 1, Row),
+        array_at(memory, 2, Row),
+        array_at(memory, 3, Row),
+        array_at(memory, 4, Row),
+        array_at(memory, 5, Dense),
+        array_at(memory, 6, Row),
+        array_at(memory, 7, Row),
+        tolerance,
+        allowed,
+        rounds,
+        array_at(memory, 8, OutDense),
+        array_at(memory, 9, OutRow),
+        array_at(memory, 10, OutRow),
+        array_at(memory, 11, OutRow),
+        array_at(memory, 12, OutRow),
+        x,
+        array_at(memory, 13, OutRow),
+        array_at(memory, 14, OutRow),
+        array_at(memory, 15, OutPlaces),
+        array_at(memory, 16, OutPlaces),
+        array_at(memory, 17, OutDense),
+        array_at(memory, 18, OutDense),
+        array_at(memory, 19, OutRow),
+    )

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
+    Dense,
     Flag,
     Matrix,
     Nothing,
     Number,
+    OutDense,
+    OutRow,
     OutVector,
     Places,
+    Row,
     Vector,
     compiled,
 )
+from wbc.control.program.balance import place_output
 
 
 @compiled(Nothing, Vector, Vector, Number, Number, OutVector)
@@ -117,6 +122,66 @@ def place_torques(
         clipped[i] = min(max(torque[i], lower[i]), upper[i])
         whole = whole and clipped[i] == torque[i]
     return whole
+
+
+@compiled(
+    Flag,
+    *(Dense, Row, Matrix, Number, Row, Places, Dense, Dense, Row),
+    *(OutRow, *[Vector] * 6, OutDense),
+)
+def place_realised(
+    mass: FloatArray,
+    bias: FloatArray,
+    jacobian: FloatArray,
+    scale: float,
+    x: FloatArray,
+    driven: IntArray,
+    topology: FloatArray,
+    rotor: FloatArray,
+    rotor_bias: FloatArray,
+    joint: FloatArray,
+    sigma: FloatArray,
+    rest: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    torques: FloatArray,
+) -> bool:
+    """Write T, the rotors' share, t, N tau_phi and what the limits leave of it, (5, m).
+
+    `place_output` and `place_torques` in one call: handing arrays over takes longer than the work.
+
+    Returns:
+        whether the limits leave all of it.
+    """
+    place_output(
+        mass,
+        bias,
+        jacobian,
+        scale,
+        x,
+        driven,
+        topology,
+        rotor,
+        rotor_bias,
+        joint,
+        torques[0],
+        torques[1],
+    )
+    return place_torques(
+        torques[0],
+        torques[1],
+        sigma,
+        rest,
+        forward,
+        backward,
+        lower,
+        upper,
+        torques[2],
+        torques[3],
+        torques[4],
+    )
 
 
 @compiled(Nothing, *[Vector] * 3, Number, Places, Places, OutVector, OutVector)

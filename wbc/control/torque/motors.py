@@ -48,15 +48,21 @@ class Motors:
         return driven.copy() if self._from_joints is None else self._from_joints @ driven
 
     def targets(
-        self, motion: Motion, acceleration: FloatArray, dt: float
+        self, position: FloatArray, velocity: FloatArray, acceleration: FloatArray, dt: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities (m,) of the driven joints after `dt` [s] of qdd (nv,)."""
-        position, velocity = np.empty(len(self._ratio)), np.empty(len(self._ratio))
+        """Return where the driven joints are, and how fast (m,), after `dt` [s] of qdd (nv,).
+
+        Args:
+            position, velocity: q (nq,) and v (nv,).
+            acceleration: qdd (nv,).
+            dt: [s].
+        """
+        places, rates = np.empty(len(self._ratio)), np.empty(len(self._ratio))
         place_targets(
-            *(motion.position, motion.velocity, acceleration, dt),
-            *(self._robot.actuated_position, self._robot.actuated, position, velocity),
+            *(position, velocity, acceleration, dt),
+            *(self._robot.actuated_position, self._robot.actuated, places, rates),
         )
-        return position, velocity
+        return places, rates
 
     def bounds(self, motion: Motion, speed: FloatArray) -> TorqueBounds:
         """Return what the motors may give to the gears at motor speeds dpsi (m,) [rad/s]."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.torque_rows import place_beyond
 from wbc.control.solvers import QPSolution
 from wbc.control.torque.gears import Slopes
 
@@ -18,6 +19,6 @@ def beyond_limits(
 ) -> BoolArray:
     """Return the gears (m,) whose torque by the mesh law is beyond their limits."""
     output, share = program.torques(solution.x)
-    torque = slopes.at(output > 0.0) * output + share
-    slack = 1e-5 * (1.0 + np.abs(torque))
-    return np.asarray((torque < limits[0] - slack) | (torque > limits[1] + slack))
+    beyond = np.empty(len(output), dtype=np.bool_)
+    place_beyond(output, share, slopes.positive, slopes.negative, *limits, beyond)
+    return beyond

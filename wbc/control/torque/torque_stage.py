@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.control.output_torques import TorqueTerms
 from wbc.control.solvers import QPProblem, make_solver
-from wbc.control.torque.blending import place_torques
+from wbc.control.torque.blending import place_realised, place_torques
 from wbc.control.torque.gears import GearLaw
 from wbc.transmission import Transmission
 
@@ -78,6 +79,19 @@ class RotorTorqueStage:
         if self._serial:
             return Realised(clipped, clipped - share, False)
         return Realised(*self._coupled(output, wanted, share, sigma, limits), False)
+
+    def realised(
+        self, terms: TorqueTerms, sigma: FloatArray, limits: tuple[FloatArray, FloatArray]
+    ) -> tuple[FloatArray, FloatArray, Realised | None]:
+        """Return T, what the rotors take, and the rotor torques where no limit bends them.
+
+        Args:
+            terms: of a solution, see `OutputTorques.terms`.
+            sigma, limits: as for `solve`.
+        """
+        torques = np.empty((5, len(sigma)))
+        exact = place_realised(*terms, sigma, *self._law.blended, *limits, torques)
+        return torques[0], torques[1], Realised(torques[3], torques[2], True) if exact else None
 
     def _coupled(
         self,

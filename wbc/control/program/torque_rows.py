@@ -1,0 +1,147 @@
+"""Rows of the torque limits, compiled: one per gear, or two where directions are searched."""
+
+from __future__ import annotations
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Nothing,
+    Number,
+    OutFlags,
+    OutMatrix,
+    OutVector,
+    Places,
+    Row,
+    Vector,
+    compiled,
+)
+from wbc.control.solvers.problem import INFINITE
+
+
+@compiled(Nothing, Dense, Dense, Number, Count, Count, OutMatrix)
+def _place_row(
+    torque_map: FloatArray, rotor: FloatArray, slope: float, gear: int, row: int, C: FloatArray
+) -> None:
+    """Write slope * torque_map + rotor of one gear into a row (n,) of C."""
+    for j in range(torque_map.shape[1]):
+        C[row, j] = slope * torque_map[gear, j]
+    for j in range(rotor.shape[1]):
+        C[row, j] += rotor[gear, j]
+
+
+@compiled(
+    Nothing,
+    *(Dense, Dense, Vector, Vector, Places, Vector, Vector, Vector, Number),
+    *(OutMatrix, OutVector, OutVector),
+)
+def place_torque_rows(
+    torque_map: FloatArray,
+    rotor: FloatArray,
+    output_bias: FloatArray,
+    rotor_bias: FloatArray,
+    gears: IntArray,
+    slopes: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    slack: float,
+    C: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> None:
+    """Write lower <= slope T + rotor qdd + rotor_bias <= upper of the gears that have a limit.
+
+    Args:
+        torque_map: (m, n), T = torque_map @ x + output_bias.
+        rotor: (m, nv).
+        output_bias, rotor_bias: (m,) [N m].
+        gears: numbers of the gears that have a limit (g,).
+        slopes: e (m,).
+        lower, upper: least and greatest N tau_phi (m,) [N m].
+        slack: how far every bound lies beyond what it stands for.
+        C, low, high: results (g, n), (g,), (g,).
+    """
+    for row in range(len(gears)):
+        i = gears[row]
+        _place_row(torque_map, rotor, slopes[i], i, row, C)
+        offset = slopes[i] * output_bias[i] + rotor_bias[i]
+        low[row], high[row] = (lower[i] - offset) - slack, (upper[i] - offset) + slack
+
+
+@compiled(
+    Nothing,
+    *(Dense, Dense, Vector, Vector, Places, Vector, Vector, Vector, Vector, Vector, Number),
+    *(OutMatrix, OutVector, OutVector) * 2,
+)
+def place_directed_rows(
+    torque_map: FloatArray,
+    rotor: FloatArray,
+    output_bias: FloatArray,
+    rotor_bias: FloatArray,
+    gears: IntArray,
+    positive: FloatArray,
+    negative: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    choice: FloatArray,
+    slack: float,
+    C: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    more_C: FloatArray,
+    more_low: FloatArray,
+    more_high: FloatArray,
+) -> None:
+    """Write the convex rows of all gears, and one half-space of some.
+
+    N tau_phi is convex in T where positive >= negative: its upper limit is then two rows, its
+    lower one a union. In a gear that turns the other way it is the reverse.
+
+    Args:
+        torque_map, rotor, output_bias, rotor_bias, gears, lower, upper, slack: as for
+            `place_torque_rows`.
+        positive, negative: slopes (m,) for either sign of T.
+        choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
+            there is none.
+        C, low, high: results for T < 0, as for `place_torque_rows`.
+        more_C, more_low, more_high: results for T > 0.
+    """
+    for row in range(len(gears)):
+        i = gears[row]
+        convex = positive[i] >= negative[i]
+        least = -INFINITE if convex else lower[i]
+        most = upper[i] if convex else INFINITE
+        _place_row(torque_map, rotor, negative[i], i, row, C)
+        offset = negative[i] * output_bias[i] + rotor_bias[i]
+        own = choice[i] < 0.0
+        low[row] = ((lower[i] if own else least) - offset) - slack
+        high[row] = ((upper[i] if own else most) - offset) + slack
+        _place_row(torque_map, rotor, positive[i], i, row, more_C)
+        offset = positive[i] * output_bias[i] + rotor_bias[i]
+        own = choice[i] > 0.0
+        more_low[row] = ((lower[i] if own else least) - offset) - slack
+        more_high[row] = ((upper[i] if own else most) - offset) + slack
+
+
+@compiled(Nothing, *[Row] * 2, *[Vector] * 4, OutFlags)
+def place_beyond(
+    output: FloatArray,
+    share: FloatArray,
+    positive: FloatArray,
+    negative: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    beyond: BoolArray,
+) -> None:
+    """Write which gears (m,) give more than their limits by the mesh law.
+
+    Args:
+        output, share: T and what the rotors take themselves (m,) [N m].
+        positive, negative: slopes (m,) for either sign of T.
+        lower, upper: least and greatest N tau_phi (m,) [N m].
+        beyond: result (m,).
+    """
+    for i in range(len(output)):
+        torque = (positive[i] if output[i] > 0.0 else negative[i]) * output[i] + share[i]
+        slack = 1e-5 * (1.0 + abs(torque))
+        beyond[i] = torque < lower[i] - slack or torque > upper[i] + slack
