@@ -132,7 +132,10 @@ class Proposer:
             return None
         moved, search, regressors = found
         offers = self._chosen(rest, moved, regressors, count, h.error, search)
-        return [offer for offer, added in offers if self._may_win(h, own, offer, added)]
+        # The best one is fitted however far behind: the answer says by how much.
+        best, others = offers[:1], offers[1:]
+        likely = [one for one in others if self._may_win(h, own, *one)]
+        return [offer for offer, _ in (*best, *likely)]
 
     def two_instead(
         self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, count: int
