@@ -96,21 +96,25 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
         "viscous friction from Coulomb friction."
     )
     named = replace(diagnosis, verdict="named")
-    assert verdict_sentence(named).startswith("Missing: viscous friction of 0.4 N m s/rad at knee.")
+    assert verdict_sentence(named).startswith(
+        "Missing in the model: viscous friction of 0.4 N m s/rad at knee."
+    )
     rest = replace(named, outputs=(OutputLevel("knee", "N m", 4.0, 0.5, 0.3, 0.1),))
     assert verdict_sentence(rest).endswith(
         "4.0 -> 0.50 N m at knee, where the best model of the motion would leave 0.30 N m."
     )
     assert "--save fitted.toml" in what_to_do(named)
     assert "--save" not in what_to_do(named, "better.toml")
-    # --lossless would take the losses that were found out of the corrected robot again.
+    # --lossless would take the losses that were found out of the corrected model again.
     assert what_to_do(named, "better.toml").endswith(
         "--robot better.toml (leave out --lossless if you gave it)."
     )
     none = replace(diagnosis, verdict="none", findings=())
     assert verdict_sentence(none).startswith("Nothing is missing")
     partial = replace(diagnosis, verdict="partial")
-    assert verdict_sentence(partial).startswith("Certainly missing: viscous friction of")
+    assert verdict_sentence(partial).startswith(
+        "Certainly missing in the model: viscous friction of"
+    )
     assert diagnosis.next_experiment in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
     assert "no known effect explains" in verdict_sentence(unknown)
@@ -125,7 +129,7 @@ def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: D
     finding = replace(diagnosis.findings[0], quantities={"mass": mass})
     named = replace(diagnosis, verdict="named", findings=(finding,))
     assert verdict_sentence(named).startswith(
-        "Missing: viscous friction at knee (mass 2.31 kg instead of 2.00). That explains"
+        "Missing in the model: viscous friction at knee (mass 2.31 kg instead of 2.00)."
     )
     assert named.rows()[0]["parameter"] == "mass"
     assert effect_class("link_inertia").at("shin").said() == "link inertia at shin"
@@ -148,8 +152,8 @@ def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
     )
     both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
     assert verdict_sentence(both).startswith(
-        "Missing: viscous friction of 0.4 N m s/rad at knee, Coulomb friction of 0.5 N m at hip "
-        "and Coulomb friction of 0.5 N m at knee. That explains"
+        "Missing in the model: viscous friction of 0.4 N m s/rad at knee, Coulomb friction of "
+        "0.5 N m at hip and Coulomb friction of 0.5 N m at knee. That explains"
     )
 
 
@@ -162,7 +166,7 @@ def test_a_sentence_holds_no_more_than_four_causes_the_certain_first(diagnosis: 
         for name, p in zip(names, sure, strict=True)
     )
     said = verdict_sentence(replace(diagnosis, verdict="named", findings=findings))
-    assert said.startswith("Missing: quadratic drag")
+    assert said.startswith("Missing in the model: quadratic drag")
     assert "rotor inertia of" in said
     assert " and 2 more causes. That explains" in said
     four = verdict_sentence(replace(diagnosis, verdict="named", findings=findings[:4]))
@@ -203,7 +207,9 @@ def test_a_drawing_without_a_number_that_is_told_shows_none(diagnosis: Diagnosis
     numbers = {name: Estimate(0.01, "1", -0.01, 0.02) for name in null}
     wrong = Finding(drawn, numbers, Support(1.0, 1.0, 0.0, 0.0, explained=True))
     one = replace(diagnosis, verdict="named", findings=(wrong,))
-    assert verdict_sentence(one).startswith("Missing: link inertias at robot. That explains")
+    assert verdict_sentence(one).startswith(
+        "Missing in the model: link inertias at robot. That explains"
+    )
     assert "alpha" not in str(one)
 
 

@@ -37,12 +37,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         case "none":
             floors = plain(diagnosis.error.after, 2)
             return (
-                "Nothing is missing: the robot explains these logs as far as their noise lets it "
-                f"({_left(diagnosis)}, {floors} noise floors)."
+                "Nothing is missing in the model: it explains these logs as far as their noise "
+                f"lets it ({_left(diagnosis)}, {floors} noise floors)."
             )
         case "named":
             what = "Missing or different" if _replaced(diagnosis.findings) else "Missing"
-            return f"{what}: {found}. {_progress(diagnosis)}."
+            return f"{what} in the model: {found}. {_progress(diagnosis)}."
         case "ambiguous":
             rivals = _rivals(diagnosis.findings)
             return (
@@ -54,13 +54,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             certain = _sum_up(sure)
             what = "missing or different" if _replaced(sure) else "missing"
             return (
-                f"Certainly {what}: {certain}. {_progress(diagnosis)}. More is missing "
-                "that no known effect explains."
+                f"Certainly {what} in the model: {certain}. {_progress(diagnosis)}. More is "
+                "missing that no known effect explains."
             )
         case "unknown":
             added = f"{found} would help. {_progress(diagnosis)}." if found else ""
-            left = f"Something is missing that no known effect explains ({_left(diagnosis)}). "
-            return left + added[:1].upper() + added[1:]
+            rest = f"that no known effect explains ({_left(diagnosis)})"
+            return f"Something is missing in the model {rest}. " + added[:1].upper() + added[1:]
         case "not_repeatable":
             return (
                 "Repeated runs disagree with one another by more than their noise, so nothing can "
@@ -77,10 +77,10 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
     """
     # Perfect gears would take the losses found out again.
     option = f"--robot {saved or 'fitted.toml'} (leave out --lossless if you gave it)."
-    use = f"Use the corrected robot: {option}"
+    use = f"Use the corrected model: {option}"
     if not saved:
         save = "give the same command with --save fitted.toml (in Python: save_robot)"
-        use = f"Save the corrected robot: {save}. Then use it: {option}"
+        use = f"Save the corrected model: {save}. Then use it: {option}"
     match diagnosis.verdict:
         case "named":
             return use
