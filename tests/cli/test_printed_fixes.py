@@ -86,6 +86,21 @@ FIXES: list[tuple[str, str, str]] = [
         f"{PLAN} --between found.json",
     ),
     ("there is nothing to tell apart. Name", f"{PLAN} --between none.json", f"{PLAN} {TWO}"),
+    (
+        "stands beside other causes. Give one diagnosis alone, or ",
+        f"{PLAN} --between found.json coulomb_friction@knee",
+        f"{PLAN} --between found.json",
+    ),
+    (
+        "with --each the name must end in .parquet.",
+        f"{PLAN} --each {TWO} --out plans.csv",
+        f"{PLAN} --each {TWO} --out plans.parquet",
+    ),
+    (
+        "needs another cause to be told from.",
+        f"{PLAN} --each --between coulomb_friction@hip --out p.parquet",
+        f"{PLAN} --each {TWO} --out p.parquet",
+    ),
     ("holds no rival of what it found", f"{PLAN} --between alone.json", f"{PLAN} {TWO}"),
     (
         "wants a name that ends in",
@@ -216,6 +231,7 @@ FIXES: list[tuple[str, str, str]] = [
 ]
 # Words of a message, and the test that walks its way out.
 ELSEWHERE = {
+    "No design can be judged: each has a goal that": "a_front_without_designs_says_why",
     "no log was given; name them, or a list with": "a_printed_option_lets_the_command_run",
     "name the table, --out fleet.parquet.": "a_printed_option_lets_the_command_run",
     "considers all (wbc list effects).": "the_lists_that_messages_name_are_there",
@@ -250,6 +266,7 @@ ELSEWHERE = {
 }
 # No way out: the name of an option before what is wrong with its value, or what wrote a file.
 NO_WAY_OUT = (
+    "of --each",
     "what --{} writes",
     "no Dask scheduler there",
     "for --efficiency [rad/s]",

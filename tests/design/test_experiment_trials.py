@@ -131,3 +131,6 @@ def test_a_front_without_designs_says_why(
     options = f"--pose knee=0 --sweep reduction=20:100:3 --out {out}"
     assert main(["design", "planar_leg_fixed", *options.split()]) == 0
     assert "No design can be judged" in " ".join(capsys.readouterr().out.split())
+    other = f"--pose paper --sweep reduction=20:100:3 --out {tmp_path}/bent.parquet"
+    assert main(["design", "planar_leg", *other.split()]) == 0
+    assert "No design can be judged" not in capsys.readouterr().out

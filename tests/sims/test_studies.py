@@ -28,7 +28,7 @@ def test_impact() -> None:
     columns = [row for sweep in sweeps.values() for row in sweep.values()]
     for row in columns:
         assert row["IMF, measured"] == pytest.approx(row["IMF, predicted"], rel=1e-2)
-        assert row["mesh loss [% of fall]"] >= 0.0
+        assert row["mesh loss [% of fall]"] >= -1e-12  # rounding of lossless gears
         assert row["mesh loss [% of fall]"] + row["ground loss [% of fall]"] < 100.0
     low, high = (row["impulse, up [N s]"] for row in sweeps["height [m]"].values())
     # Momentum grows with the root of the height; a touchdown is found to about 1e-6 m.

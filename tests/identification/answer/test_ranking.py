@@ -30,7 +30,7 @@ def test_a_hypothesis_is_named_by_what_differs(added: tuple, removed: tuple, tex
 @pytest.mark.parametrize(
     ("added", "removed", "difference", "standing", "judgement"),
     [
-        ((), (), 0.0, "found", "found"),
+        ((), (), 0.0, "found", "kept"),  # it holds no effect: the robot as given
         ((FRICTION,), (), -0.1, "worse", "not needed"),
         ((FRICTION,), (), -3.0, "worse", "fits better, but less probable"),
         ((), (FRICTION,), 3.0, "worse", "fits worse"),

@@ -140,7 +140,7 @@ def test_what_the_robot_has_already_is_not_called_missing(robot: Robot, logs: li
     lossy = wbc.load_robot("planar_leg_fixed")
     found = diagnose(lossy, logs, [TransmissionEfficiency, ViscousFriction])
     sentence = verdict_sentence(found)
-    assert sentence.startswith("Missing or different: ")
+    assert sentence.startswith("Missing or different in the model: ")
     assert "(as given: forward efficiency 0.800, backward efficiency 0.750)" in sentence
     assert "(as given 0.800)" in str(found)
 
