@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset
-from wbc.identification.answer.diagnosis.diagnosis import Alternative, Finding
+from wbc.identification.answer.diagnosis.diagnosis import Alternative, Finding, Verdict
 from wbc.identification.answer.diagnosis.verdict import next_experiment
 from wbc.identification.answer.remainder.remainder import Remainder
 from wbc.identification.choice.weighing.certainty import Support
@@ -17,10 +17,13 @@ FLOOR = NoiseFloor(np.eye(2), np.eye(2), ())
 REPEATED = NoiseFloor(np.eye(2), np.eye(2), ((0, 1),))
 
 
-def _said(effect: Effect, *alternatives: str) -> str:
+def _finding(effect: Effect, *alternatives: str) -> Finding:
     rivals = tuple(Alternative(*name.split(" at ")) for name in alternatives)
-    finding = Finding(effect, {}, Support(0.5, 1.0, 0.0, 0.0, explained=True), rivals)
-    return next_experiment("ambiguous", [finding], (), FLOOR, EFFECTS)
+    return Finding(effect, {}, Support(0.5, 1.0, 0.0, 0.0, explained=True), rivals)
+
+
+def _said(effect: Effect, *alternatives: str) -> str:
+    return next_experiment("ambiguous", [_finding(effect, *alternatives)], (), FLOOR, EFFECTS)
 
 
 @pytest.mark.parametrize(
@@ -35,13 +38,38 @@ def test_exact_equals_are_called_so_in_either_order(effect: Effect, rival: str, 
     assert words in _said(effect, f"{rival} at {effect.where}")
     other = EFFECTS[rival].at("x")
     assert words in _said(other, f"{effect.name} at x")
-    assert EFFECTS[rival].experiment in _said(effect, f"{rival} at {effect.where}")
+    motion = EFFECTS[rival].experiment.partition(":")[0][1:]
+    assert motion in _said(effect, f"{rival} at {effect.where}")
 
 
 def test_rivals_that_an_experiment_separates_are_not() -> None:
     said = _said(CoulombFriction("hip", 0.3), "viscous_friction at hip", "coulomb_friction at knee")
-    assert said.startswith("To tell Coulomb friction from viscous friction")
-    assert "no run" not in said.lower()
+    assert said == (
+        "Record more motions and give all logs together. At hip: move the joint slowly back and "
+        "forth through the same positions; move the joint at several constant speeds in both "
+        "directions, slow to fast."
+    )
+
+
+def test_a_motion_is_asked_for_once_and_its_joints_are_listed() -> None:
+    findings = [_finding(LoadFriction(j, 0.1), f"transmission_efficiency at {j}") for j in "ab"]
+    said = next_experiment("ambiguous", findings, (), FLOOR, EFFECTS)
+    assert "At a and b: lift and lower several known weights slowly. " in said
+    assert said.count("weights") == said.count("no run tells them apart") == 1
+
+
+def test_many_rivals_ask_for_few_motions() -> None:
+    said = _said(CoulombFriction("hip", 0.3), *(f"{name} at hip" for name in sorted(EFFECTS)))
+    motions = said.partition("At hip: ")[2].partition(". ")[0]
+    assert motions.startswith("move the joint slowly back and forth through the same positions;")
+    assert motions.count("; ") == 2
+
+
+@pytest.mark.parametrize("kind", EFFECTS.values(), ids=list(EFFECTS))
+def test_an_experiment_is_a_motion_and_then_what_it_shows(kind: type[Effect]) -> None:
+    motion, _, shown = kind.experiment.partition(": ")
+    assert 10 < len(motion) < 130
+    assert shown
 
 
 def test_every_inseparable_effect_exists() -> None:
@@ -73,3 +101,13 @@ def test_a_floor_that_is_only_a_bound_asks_for_a_repeat() -> None:
     one = left("speed")
     assert "Repeat one run exactly" in next_experiment("unknown", [], [one], FLOOR, EFFECTS)
     assert "Repeat" not in next_experiment("unknown", [], [one], REPEATED, EFFECTS)
+
+
+@pytest.mark.parametrize("verdict", ["unknown", "partial"])
+def test_drives_that_report_only_noise_come_first(verdict: Verdict) -> None:
+    said = next_experiment(verdict, [], [left("speed")], REPEATED, EFFECTS, ("hip", "knee"))
+    assert said.startswith("The drives of hip and knee report only noise")
+    assert "constant speeds" not in said  # nothing is known of the knee
+    both = next_experiment(verdict, [], [left("speed")], REPEATED, EFFECTS, ("hip",))
+    assert both.startswith("The drive of hip reports only noise, so these logs say nothing about ")
+    assert "Turn knee at several constant speeds" in both

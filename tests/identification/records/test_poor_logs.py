@@ -13,6 +13,7 @@ from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnosis.diagnose import about_silent
+from wbc.identification.answer.diagnosis.sentence import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.filters.smoothing import quantisation_level
 from wbc.identification.silent_drives import reported_torque
@@ -99,6 +100,19 @@ def test_a_drive_that_reports_nothing_is_set_aside(friction: tuple[Log, Log]) ->
     diagnosis = diagnose(ROBOT, deaf)
     assert [(e.name, e.where) for e in diagnosis.effects] == [("coulomb_friction", "hip")]
     assert any(w.startswith("knee: the torque that its drive reports") for w in diagnosis.warnings)
+
+
+def test_drives_that_report_only_noise_are_named_first(friction: tuple[Log, Log]) -> None:
+    random = np.random.default_rng(5)
+    noise = {f"{j}.rotor_torque": 2e-3 * random.standard_normal(len(friction[0])) for j in JOINTS}
+    diagnosis = diagnose(ROBOT, [friction[0].with_columns(noise)], [CoulombFriction])
+    assert diagnosis.silent == JOINTS
+    sentence = verdict_sentence(diagnosis)
+    assert sentence.endswith("the drives of hip and knee report only noise.")
+    assert "N m" not in sentence
+    assert diagnosis.next_experiment.startswith("The drives of hip and knee report only noise")
+    assert "correct its column" in diagnosis.next_experiment
+    assert diagnosis.warnings[-1].startswith("hip, knee: no drive reports more than noise")
 
 
 def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(

@@ -45,8 +45,9 @@ class LoadFriction(JointEffect):
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "transmission_efficiency": (
-                "Load friction c is the pair of efficiencies 1 - c and 1 / (1 + c): where the two "
-                "fitted efficiencies lie there, no run tells them apart, and nothing depends on it."
+                "Load friction c predicts the same as the efficiencies 1 - c (forward) and "
+                "1 / (1 + c) (backward): if the fitted ones are these two, no run tells them apart, "
+                "and you can use either."
             )
         }
     )

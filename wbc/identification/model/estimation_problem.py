@@ -64,6 +64,7 @@ class EstimationProblem:
     folds: IntArray
     blocks: IntArray
     warnings: tuple[str, ...] = ()
+    silent: tuple[str, ...] = ()
 
     @classmethod
     def from_logs(
@@ -89,7 +90,9 @@ class EstimationProblem:
         parts = [condensed_residual(links, [record]) for record in records]
         floor = noise_floor(records, parts, drawn, repeats)
         silent = silent_drives(records, parts, floor.values)
-        aside = tuple(robot.transmission.joints.index(joint) for joint in silent)
+        # Without any drive nothing would be left to judge.
+        known = silent if len(silent) < np.count_nonzero(records[0].reported) else ()
+        aside = tuple(robot.transmission.joints.index(joint) for joint in known)
         aside += not_judged(records)
         floor = replace(floor, aside=aside)
         believed = tuple(record.believing(robot) for record in records)
@@ -101,6 +104,7 @@ class EstimationProblem:
             folds=held_out_folds(records, floor.repeats),
             blocks=bootstrap_blocks(records),
             warnings=tuple(warnings),
+            silent=silent,
         )
 
     @property
@@ -110,16 +114,6 @@ class EstimationProblem:
         gears = {output_gear(self.records[0].robot, output) for output in outputs}
         joints = enumerate(self.robot.transmission.joints)
         return tuple(joint for k, joint in joints if k in gears)
-
-    @property
-    def silent(self) -> tuple[str, ...]:
-        """The joints whose drives report nothing that could be compared."""
-        known = self.records[0].reported
-        return tuple(
-            joint
-            for k, joint in enumerate(self.robot.transmission.joints)
-            if k in self.floor.aside and known[k]
-        )
 
     @property
     def whitening(self) -> FloatArray:

@@ -58,6 +58,10 @@ _SEVERAL_SILENT = (
     "what the motion needs; these joints are set aside. Either they carried too little in these "
     "logs to be judged, or a torque constant, unit or column is wrong at each."
 )
+_ALL_SILENT = (
+    "{}: no drive reports more than noise. The torques do not follow what the motion needs: do not "
+    "believe a cause that is found here."
+)
 
 
 def diagnose(
@@ -91,7 +95,7 @@ def diagnose(
     nothing_moves = len(still) == robot.transmission.size
     warnings += [
         *problem.warnings,
-        *about_silent(problem.silent),
+        *about_silent(problem.silent, every=not set(problem.judged_joints) - set(problem.silent)),
         *map(_STILL.format, still),
     ]
     # A robot at rest shows one torque per joint, which anything explains.
@@ -111,7 +115,8 @@ def diagnose(
     left = remainders(problem, fit) if more else ()
     correlation = correlation_of(problem, fit)
     findings = describe_findings(problem, fit, support, alternatives, correlation)
-    asked = next_experiment(verdict, findings, left, problem.floor, {c.name: c for c in classes})
+    known = {c.name: c for c in classes}
+    asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
     return Diagnosis(
         verdict=verdict,
         findings=findings,
@@ -133,11 +138,19 @@ def diagnose(
         before=series_of(problem.robot, problem.records),
         after=series_of(fit.robot, problem.records),
         sources=tuple(log.source for log in logs),
+        silent=problem.silent,
     )
 
 
-def about_silent(joints: Sequence[str]) -> list[str]:
-    """Return one sentence about all the drives that report nothing of their load."""
+def about_silent(joints: Sequence[str], *, every: bool = False) -> list[str]:
+    """Return one sentence about all the drives that report nothing of their load.
+
+    Args:
+        joints: of these drives.
+        every: whether no other drive reports, so that they are judged all the same.
+    """
+    if joints and every:
+        return [_ALL_SILENT.format(", ".join(joints))]
     text = _SILENT if len(joints) == 1 else _SEVERAL_SILENT
     return [text.format(", ".join(joints))] if joints else []
 

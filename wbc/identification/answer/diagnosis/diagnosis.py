@@ -171,6 +171,7 @@ class Diagnosis:
         before: measured torques and those of the robot as given over time, one per log.
         after: the same with the effects found.
         sources: where the logs came from.
+        silent: joints whose drives report only noise; set aside unless no other drive reports.
     """
 
     verdict: Verdict
@@ -188,6 +189,7 @@ class Diagnosis:
     before: tuple[Series, ...] = ()
     after: tuple[Series, ...] = ()
     sources: tuple[LogSource, ...] = ()
+    silent: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""

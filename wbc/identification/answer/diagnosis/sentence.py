@@ -58,9 +58,14 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
                 "missing that no known effect explains."
             )
         case "unknown":
+            noise = only_noise(diagnosis.silent)
+            if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
+                return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
             added = f"{found} would help. {_progress(diagnosis)}." if found else ""
             rest = f"that no known effect explains ({_left(diagnosis)})"
-            return f"Something is missing in the model {rest}. " + added[:1].upper() + added[1:]
+            left = f"Something is missing in the model {rest}."
+            said = (left, added[:1].upper() + added[1:], f"{noise}." if noise else "")
+            return " ".join(sentence for sentence in said if sentence)
         case "not_repeatable":
             return (
                 "Repeated runs disagree with one another by more than their noise, so nothing can "
@@ -90,6 +95,14 @@ def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
             return "Go on with this robot; faster or loaded motions would show more."
         case _:
             return diagnosis.next_experiment
+
+
+def only_noise(joints: Sequence[str]) -> str:
+    """Return that the drives of joints report only noise; empty for none."""
+    if not joints:
+        return ""
+    drives = "The drive of" if len(joints) == 1 else "The drives of"
+    return f"{drives} {joined(joints)} {'reports' if len(joints) == 1 else 'report'} only noise"
 
 
 def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
@@ -152,7 +165,7 @@ def _sum_up(findings: Sequence[Finding]) -> str:
         said += [_said_once(alike)] if together else [_said(finding) for finding in alike]
     if len(said) > _CAUSES:
         said = [*said[: _CAUSES - 1], f"{len(said) - _CAUSES + 1} more causes"]
-    return _joined(said)
+    return joined(said)
 
 
 def _said_once(findings: Sequence[Finding]) -> str:
@@ -198,14 +211,15 @@ def _replaced(findings: Sequence[Finding]) -> bool:
 
 def _rivals(findings: Sequence[Finding]) -> str:
     parts = [
-        f"{spoken(finding.effect.name)} from {_joined([spoken(a) for a in finding.rivals])}"
+        f"{spoken(finding.effect.name)} from {joined([spoken(a) for a in finding.rivals])}"
         for finding in findings
         if finding.alternatives
     ]
     return "; ".join(dict.fromkeys(parts))
 
 
-def _joined(parts: Sequence[str]) -> str:
+def joined(parts: Sequence[str]) -> str:
+    """Return parts as English joins them: `a, b and c`."""
     if len(parts) < 2:
         return "".join(parts)
     return ", ".join(parts[:-1]) + " and " + parts[-1]

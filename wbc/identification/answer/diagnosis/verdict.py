@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from wbc.identification.answer.diagnosis.diagnosis import Finding, Verdict
-from wbc.identification.answer.diagnosis.sentence import CERTAIN
+from wbc.identification.answer.diagnosis.sentence import CERTAIN, joined, only_noise
 from wbc.identification.answer.remainder.remainder import Remainder
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
@@ -21,6 +21,7 @@ from wbc.robot.effect import spoken
 # verdicts on 60 generated logs in which something stays unexplained.
 _SUBSTANTIAL = 0.5
 _ASKED = 2  # experiments for what is left, the worst output first
+_MOTIONS = 3  # motions at a place to tell rivals apart: of the cause, then of the likeliest rivals
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 
 
@@ -74,6 +75,7 @@ def next_experiment(
     left: Sequence[Remainder],
     floor: NoiseFloor,
     classes: Mapping[str, type[Effect]],
+    silent: Sequence[str] = (),
 ) -> str:
     """Return what to record next, in words.
 
@@ -83,6 +85,7 @@ def next_experiment(
         left: what they leave.
         floor: the noise floor.
         classes: the candidates by name.
+        silent: joints whose drives report only noise.
     """
     if verdict == "none":
         return "Nothing is missing on these logs; record faster or loaded motions to look further."
@@ -92,33 +95,55 @@ def next_experiment(
             "(temperature, mounting, payload, supply) and record one motion several times."
         )
     if verdict in ("unknown", "partial"):
-        return _of_what_is_left(left, floor)
-    texts = []
+        other = [one for one in left if one.output not in silent]
+        known = [_of_what_is_left(other, floor)] if other or not silent else []
+        return " ".join([*_of_noise(silent), *known])
+    texts = _to_tell_apart(findings, classes)
+    return " ".join(texts or dict.fromkeys(finding.effect.experiment for finding in findings))
+
+
+def _to_tell_apart(findings: Sequence[Finding], classes: Mapping[str, type[Effect]]) -> list[str]:
+    """Return the motions that tell rivals apart, each once, and what no motion tells."""
+    places: dict[tuple[str, ...], dict[str, None]] = {}
+    impossible: dict[str, None] = {}
     for finding in findings:
-        if finding.alternatives:
-            names = dict.fromkeys(a.effect for a in finding.alternatives)
-            rivals = [classes[name].experiment for name in names if name in classes]
-            texts.append(
-                f"To tell {spoken(finding.effect.name)} from "
-                f"{', '.join(spoken(rival) for rival in finding.rivals)} at "
-                f"{finding.effect.where}: " + " ".join([finding.effect.experiment, *rivals])
-            )
-            texts += _what_no_run_tells(finding, classes)
-    if texts:
-        return " ".join(dict.fromkeys(texts))
-    return " ".join(dict.fromkeys(f"{f.effect.experiment}" for f in findings))
+        if not finding.alternatives:
+            continue
+        names = dict.fromkeys(a.effect for a in finding.alternatives)
+        kinds = [type(finding.effect), *(classes[name] for name in names if name in classes)]
+        motions = dict.fromkeys(_motion(kind) for kind in kinds)
+        places.setdefault(tuple(motions)[:_MOTIONS], {})[finding.effect.where] = None
+        impossible |= dict.fromkeys(_what_no_run_tells(finding, classes))
+    if not places:
+        return []
+    asked = [f"At {joined(list(at))}: {'; '.join(motions)}." for motions, at in places.items()]
+    return ["Record more motions and give all logs together.", *asked, *impossible]
+
+
+def _motion(kind: type[Effect]) -> str:
+    """Return the motion that shows an effect, without what it shows: the logs will tell that."""
+    motion = kind.experiment.partition(": ")[0].rstrip(".")
+    return motion[:1].lower() + motion[1:]
+
+
+def _of_noise(silent: Sequence[str]) -> list[str]:
+    """Return what to do about drives that report only noise."""
+    if not silent:
+        return []
+    it, joints = ("it", "this joint") if len(silent) == 1 else ("them", "these joints")
+    return [
+        f"{only_noise(silent)}, so these logs say nothing about {joints}. Move {it} faster or with "
+        "a known weight. If the reported torque stays noise, correct its column, its unit or the "
+        "torque constant."
+    ]
 
 
 def _of_what_is_left(left: Sequence[Remainder], floor: NoiseFloor) -> str:
     worst = sorted(left, key=lambda one: -one.floors)
     asked = list(dict.fromkeys(one.experiment for one in worst if one.experiment))[:_ASKED]
-    texts = ["No known effect explains what is left."]
-    texts += [f"{text[:1].upper()}{text[1:]}." for text in asked]
+    texts = [f"{text[:1].upper()}{text[1:]}." for text in asked]
     if not floor.repeats:
-        texts.append(
-            "Repeat one run exactly: the noise floor is only a lower bound here, and a repeat "
-            "shows how much of what is left can be explained at all."
-        )
+        texts.append("Repeat one run exactly: that shows how much of what is left is noise.")
     if not asked:
         texts.append("Move one joint at a time, slowly and fast, through the same positions.")
     return " ".join(texts)
