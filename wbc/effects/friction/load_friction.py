@@ -46,8 +46,8 @@ class LoadFriction(JointEffect):
         {
             "transmission_efficiency": (
                 "Load friction c predicts the same as the efficiencies 1 - c (forward) and "
-                "1 / (1 + c) (backward): if the fitted ones are these two, no run tells them apart, "
-                "and you can use either."
+                "1 / (1 + c) (backward): if the fitted ones are these two, no run tells them "
+                "apart, and you can use either."
             )
         }
     )

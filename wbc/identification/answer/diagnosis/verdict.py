@@ -15,7 +15,6 @@ from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.noise.noise_floor import NoiseFloor
 from wbc.robot import Effect
-from wbc.robot.effect import spoken
 
 # Share of the mean square error of one output that is no small part: 0.25 to 0.9 give the same
 # verdicts on 60 generated logs in which something stays unexplained.
