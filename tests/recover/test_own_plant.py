@@ -164,7 +164,7 @@ def test_what_is_outside_the_list_is_called_unknown(
 ) -> None:
     diagnosis = diagnoses[name]
     assert diagnosis.verdict == "unknown"
-    assert "times the floor" in diagnosis.remainder
+    assert "times the noise floor" in diagnosis.remainder
 
 
 def test_the_error_falls_with_every_cause_added(diagnoses: dict[str, Diagnosis]) -> None:

@@ -44,7 +44,7 @@ def test_every_command_of_an_answer_runs_as_printed(
     """The answer said "give the same command with --save fitted.toml": no command at all."""
     monkeypatch.chdir(tmp_path)
     files = [str(save_log(log, f"a run{k}.csv")) for k, log in enumerate(logs)]  # with a blank
-    told = "--robot planar_leg_fixed --lossless --add coulomb_friction --quiet".split()
+    told = ["--robot", "planar_leg_fixed", "--lossless", "--add", "coulomb_friction", "--quiet"]
     assert main(["diagnose", *files, *told]) == 0
     answer = capsys.readouterr().out
     assert "Nothing on the robot needs a change" in answer
@@ -70,7 +70,9 @@ def test_logs_of_other_machines_keep_their_losses(found: Diagnosis) -> None:
     """With --lossless, LOG@ROBOT is read without losses; beside the corrected robot it is not."""
     told = what_to_do(found, Commands.of(["a.csv", "b.csv@other.toml"], "leg.toml", lossless=True))
     (save,) = commands_in(told)
-    assert save == "wbc diagnose a.csv b.csv@other.toml --robot leg.toml --lossless --save fitted.toml"
+    assert (
+        save == "wbc diagnose a.csv b.csv@other.toml --robot leg.toml --lossless --save fitted.toml"
+    )
 
 
 @pytest.mark.parametrize(

@@ -134,9 +134,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["provenance"] = provenance(diagnosis.sources, command_line())
         write_json(options.json, content, console)
     if options.report:
-        write_report_file(
-            options, robot, logs, shown, diagnosis, discovery, simulated(), commands
-        )
+        write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated(), commands)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
 
 
@@ -280,9 +278,7 @@ def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
         column.justify = "right"
     tried = [row for row in diagnosis.ranking if row.standing != "found"]
     for row in tried if whole else tried[:_RANKED]:
-        table.add_row(
-            row.text, plain(row.error, 2), with_deviation(*row.beyond), row.judgement
-        )
+        table.add_row(row.text, plain(row.error, 2), with_deviation(*row.beyond), row.judgement)
     if len(tried) > _RANKED and not whole:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
     table.caption = (

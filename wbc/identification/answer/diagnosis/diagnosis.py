@@ -198,7 +198,9 @@ class Diagnosis:
         for finding in self.findings:
             numbers = ", ".join(
                 f"{name} {with_interval(e.value, e.low, e.high)[0]} "
-                f"(90 % interval {with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(" 1")
+                f"(90 % interval {with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(
+                    " 1"
+                )
                 + (f" (as given {plain(e.drawn)})" if e.drawn is not None else "")
                 for name, e in finding.numbers.items()
             )

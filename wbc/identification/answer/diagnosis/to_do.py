@@ -106,9 +106,11 @@ def _use(commands: Commands | None) -> str:
     then = f"Then use {commands.saved} in place of {commands.robot}."
     shown = [f"{COMMAND}{line}" for line in (commands.save, commands.use) if line]
     if commands.save:
-        start = f"Save the corrected model{' and see what it leaves' if commands.use else ''}:"
+        look = " and see what it leaves" if commands.use else ""
+        start = f"Save the corrected model{look}:"
     else:
-        start = f"The corrected model is in {commands.saved}{'. See what it leaves:' if shown else '.'}"
+        look = ". See what it leaves:" if commands.use else "."
+        start = f"The corrected model is in {commands.saved}{look}"
     return "\n".join([start, *shown, then])
 
 
