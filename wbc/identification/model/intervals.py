@@ -74,6 +74,8 @@ def interval_bounds(
 ) -> FloatArray:
     """Return (p, 2) low and high of every parameter, in its own unit.
 
+    A parameter that the logs do not tell at all may be anything: its ends are those of its range.
+
     Args:
         fit: the fitted model.
         blocks: (rows,) resampled together.
@@ -92,5 +94,7 @@ def interval_bounds(
     for row, (k, parameter) in enumerate(fit.parameters):
         value = fit.effects[k].values[parameter.name]
         span = np.array([low[row], high[row]]) * parameter.scale + value
+        told = np.any(fit.jacobian[:, :, row]) or np.any(fit.usual.jacobian[:, row])
+        span = span if told else np.array([parameter.low, parameter.high])
         bounds[row] = np.clip(span, parameter.low, parameter.high)
     return bounds
