@@ -164,7 +164,7 @@ def test_friction_near_rest_that_noise_hides_is_taken_for_nothing_else(noise: in
 def test_what_is_outside_the_list_is_called_unknown(name: str) -> None:
     diagnosis = diagnosed(name)
     assert diagnosis.verdict == "unknown"
-    assert "times the floor" in diagnosis.remainder
+    assert "times the noise floor" in diagnosis.remainder
 
 
 def test_the_error_falls_with_every_cause_added() -> None:
