@@ -84,10 +84,14 @@ class Finding:
 
     @property
     def numbers(self) -> Mapping[str, Estimate]:
-        """What a person reads: the quantities of what is drawn, or else the parameters."""
+        """What a person reads: the quantities of what is drawn, or else the parameters told.
+
+        A parameter whose interval is its whole range is not told: the warnings name it.
+        """
         if self.quantities or self.effect.departures.size:
             return self.quantities
-        return self.parameters
+        ends = {p.name: (p.low, p.high) for p in self.effect.parameters}
+        return {k: e for k, e in self.parameters.items() if (e.low, e.high) != ends.get(k)}
 
     @property
     def probability(self) -> float:
