@@ -132,7 +132,7 @@ def bench_log(path: Path, **columns: np.ndarray) -> Path:
 def test_a_ratio_is_guessed_where_a_log_holds_both_sides_of_a_gear(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The motor's speed stands first and turns backwards, in noise: it tells N = 50 all the same."""
+    """The motor's speed stands first and turns backwards, in noise; it tells N = 50 still."""
     (tmp_path / "pendulum.urdf").write_text(PENDULUM)
     joint = "pivot"
     rng = np.random.default_rng(0)

@@ -248,7 +248,6 @@ ELSEWHERE = {
     "next: wbc check": "the_commands_that_a_newcomer_is_told_lead_to_a_better_robot",
     "from wbc import save_robot": "in_python_the_way_out_is_a_line_of_python",
     "`wbc list effects` explains": "the_lists_that_messages_name_are_there",
-    "(leave out --lossless if": "the_commands_that_a_newcomer_is_told_lead_to_a_better_robot",
     "or give --index FILE.csv": "a_printed_option_lets_the_command_run",
     "holds several logs; name one with #NAME.": "a_printed_option_lets_the_command_run",
     "(map them: --columns).": "a_column_that_was_not_read_is_read_with_a_map",
