@@ -43,6 +43,9 @@ _COLOURS = {
     "under": RESIDUAL_UNDER,
     "cone": YELLOW,
     "force": GREEN,
+    # While residuals are shown, the model has the colour that plots give the model as given.
+    "ghost": VERMILION,
+    "other_ghost": GHOST,
 }
 
 
@@ -78,8 +81,7 @@ def playback_payload(
         "residual_span": _residual_span(ghost),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
-        # A model beside its log has the colour that plots give the model as given.
-        "colours": _COLOURS | {"ghost": VERMILION if ghost and ghost.residual else GHOST},
+        "colours": _COLOURS,
         "commands": list(commands),
     }
     if ghost is not None:
