@@ -59,7 +59,14 @@ class DualActiveSet:
     """
 
     def __init__(
-        self, n: int, rows: int, inequalities: int, *, tolerance: float, max_iterations: int
+        self,
+        n: int,
+        rows: int,
+        inequalities: int,
+        more: int = 0,
+        *,
+        tolerance: float,
+        max_iterations: int,
     ) -> None:
         """Make room.
 
@@ -67,6 +74,7 @@ class DualActiveSet:
             n: number of variables.
             rows: greatest number of rows of G.
             inequalities: number of rows of C.
+            more: bounds that may be further rows of G; they count as bounds that bind.
             tolerance: how far a row may be beyond its bound, and a push below zero.
             max_iterations: budget of a solve, see `UNIT`.
         """
@@ -74,7 +82,7 @@ class DualActiveSet:
         system = system_work(n, rows)
         self._systems = [units(count * system) for count in range(ROUNDS + 1)]
         self._allowed = (_ROUNDING * tolerance) ** 2
-        room, size = n, rows + n
+        room, size = n, rows + more + n
         self._rows = np.zeros((size, n)), np.zeros(size), np.zeros(size)
         self._diagonal = np.zeros(n), np.zeros(n)
         self._force, self._values = np.zeros(size), np.zeros(inequalities)
