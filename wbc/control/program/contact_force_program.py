@@ -199,8 +199,9 @@ class ContactForceProgram:
 
     def weights_of(self, tasks: TaskStack) -> FloatArray:
         """Return what the variables (n,) cost by themselves, never nothing."""
-        least = self.weights[0]
-        return np.maximum(np.concatenate([tasks.diagonal, self.diagonal[self.nv :]]), 0.0) + least
+        weights = np.concatenate([tasks.diagonal, self.diagonal[self.nv :]])
+        weights += self.weights[0]
+        return weights
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
         """Take what the force tasks ask, where there are any."""
