@@ -25,6 +25,8 @@ from wbc.fixed_arrays import FixedArrays
 
 _NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
 _NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
+_Views = tuple[BlockProblem, BlockProblem, BlockProblem]
+"""The whole program, the one whose directions are searched, and the one without torque limits."""
 
 
 class ContactForceProgram:
@@ -48,11 +50,11 @@ class ContactForceProgram:
         force_cost: cost of the contact forces.
         effort_cost: cost of the efforts, with its rows below those of tasks.
         A, b: the equalities.
-        cost_rows: rows of tasks and efforts, above the equalities.
+        cost_rows: most rows of tasks and efforts, above the equalities.
         most_rows: greatest number of rows, tasks, efforts and equalities, without bounds.
         more_rows: how many bounds may be equalities below a more important level.
         passing: x (n,) of the level above, which the bounds let pass; None where there is none.
-        blocks: the whole program.
+        blocks: the whole program, without rows of tasks that have no weight.
         unbound: the program without its torque limits.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
@@ -142,6 +144,8 @@ class ContactForceProgram:
         self._tasks: TaskStack | None = None
         self._fixed: FixedArrays
         self._write_normal_bounds(None)
+        self._off = 0
+        self._views: dict[int, _Views] = {}
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
 
@@ -189,6 +193,9 @@ class ContactForceProgram:
             the sum of the sizes of all that tasks and equalities want, not finite if one is not.
         """
         locked = len(self.b) > self.unlocked  # then b is another view in every tick
+        if tasks.rows_off != self._off:
+            self._off = tasks.rows_off
+            self._take_views()
         if not locked and tasks is self._tasks:
             return place_tasks_fixed(self._fixed.table, self.weights[0])
         asked = tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b
@@ -239,14 +246,27 @@ class ContactForceProgram:
         self.rows.let_pass(solution, slice(self.rows.torque.stop, None))
 
     def _count_equalities(self, count: int) -> None:
-        top, end, rows = self.cost_rows, self.cost_rows + count, self.rows
+        """Make the views of a program with as many equalities."""
+        top, end = self.cost_rows, self.cost_rows + count
         self.A, self.b = self._stacked[top:end], self._right[top:end]
-        self.blocks = BlockProblem(
+        self._views.clear()
+        self._take_views()
+
+    def _take_views(self) -> None:
+        """Take the views that leave out the rows of tasks without weight."""
+        views = self._views.get(self._off)
+        if views is None:
+            views = self._views[self._off] = self._made_views()
+        self.blocks, self._directed_blocks, self.unbound = views
+
+    def _made_views(self) -> _Views:
+        rows, used = self.rows, slice(self._off, self.cost_rows + len(self.b))
+        blocks = BlockProblem(
             *(self.diagonal, self.pull),
-            rows=self._stacked[:end],
-            right=self._right[:end],
-            softness=self._softness[:end],
-            soft=top,
+            rows=self._stacked[used],
+            right=self._right[used],
+            softness=self._softness[used],
+            soft=self.cost_rows - self._off,
             C=rows.C,
             lower=rows.lower,
             upper=rows.upper,
@@ -254,10 +274,9 @@ class ContactForceProgram:
         )
         free = slice(rows.torque.stop, None)
         C, lower, upper = self._directed
-        self._directed_blocks = self.blocks._replace(C=C, lower=lower, upper=upper)
-        self.unbound = self.blocks._replace(
-            C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free]
-        )
+        directed = blocks._replace(C=C, lower=lower, upper=upper)
+        unbound = blocks._replace(C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free])
+        return blocks, directed, unbound
 
     def assemble_torque_limits(
         self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
