@@ -24,8 +24,8 @@ def units(work: int) -> int:
     return ceil(work / UNIT)
 
 
-# ProxQP, with a fourth of a microsecond for 1000 multiplications: 5.5 us an iteration with 12
-# variables and equalities (planar leg), 12 us with 36, 22 us with 48 (Solo12), 38 us with 66 (Talos).
+# ProxQP, with a fourth of a microsecond for 1000 multiplications: an iteration takes 5.5 us with 12
+# variables and equalities (planar leg), 22 us with 48 (Solo12) and 38 us with 66 (Talos).
 _ITERATION, _OF_PAIR = 14000, 30
 
 
