@@ -14,6 +14,7 @@ import pytest
 from wbc import load_robot
 from wbc.cli import main
 from wbc.measurement import Log, load_log, save_log
+from wbc.measurement.guessing.ratio_guess import guess_ratios
 from wbc.samples import sample_logs
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -117,6 +118,55 @@ def test_units_sides_signs_and_joints_are_guessed_from_the_rows(
         torque = 20.0 * log.column(f"{joint}.rotor_torque")
         np.testing.assert_allclose(mended.column(f"{joint}.motor_torque"), torque, atol=1e-9)
     assert "(probability" in capsys.readouterr().out
+
+
+def bench_log(path: Path, **columns: np.ndarray) -> Path:
+    t = np.arange(0.0, 8.0, 0.01)
+    swing = np.sin(2.0 * t) + 0.4 * np.sin(5.3 * t)
+    rate = 2.0 * np.cos(2.0 * t) + 0.4 * 5.3 * np.cos(5.3 * t)
+    given = {"time": t, "swing_pos": swing, "swing_vel": rate, "swing_torque": 9.0 * np.sin(swing)}
+    pq.write_table(pa.table(given | columns), path)
+    return path
+
+
+def test_a_ratio_is_guessed_where_a_log_holds_both_sides_of_a_gear(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The motor's speed stands first and turns backwards, in noise; it tells N = 50 still."""
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM)
+    joint = "pivot"
+    rng = np.random.default_rng(0)
+    run = bench_log(tmp_path / "plain.parquet")
+    assert guess_ratios(run, [joint]) == {}
+    rate = pq.read_table(run)["swing_vel"].to_numpy()
+    noise = 0.02 * rng.standard_normal(len(rate))
+    both = {"swing_vel": rate + noise, "motor_swing_vel": -50.0 * rate + noise}
+    run = bench_log(tmp_path / "run.parquet", **both)
+    told = guess_ratios(run, [joint])[joint]
+    assert told.value == pytest.approx(50.0, rel=2e-3)
+    assert main(["init", str(tmp_path / "pendulum.urdf"), str(run), "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "robot.toml").read_text()
+    assert "guess: not in the model file; look it up; from the rows: 'motor_swing_vel'" in text
+    robot = load_robot(tmp_path / "robot.toml")
+    assert robot.transmission.gear_ratio[0] == told.value
+    columns = tomllib.loads((tmp_path / "columns.toml").read_text())["columns"]
+    assert columns[f"{joint}.velocity"]["from"] == "swing_vel"
+    assert "gear_ratio" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "why"),
+    [
+        ("swing_motor_vel", 1.0, "a motor's speed in units of the joint tells no ratio"),
+        ("swing_motor_vel_rpm", 9.55, "only one of the two names its unit"),
+        ("other_motor_vel", 50.0, "another joint's motor"),
+        ("swing_motor_vel", 0.0, "a motor that is not recorded"),
+    ],
+)
+def test_what_tells_no_ratio_gives_none(name: str, factor: float, why: str, tmp_path: Path) -> None:
+    rate = pq.read_table(bench_log(tmp_path / "a.parquet"))["swing_vel"].to_numpy()
+    run = bench_log(tmp_path / "b.parquet", **{name: factor * rate})
+    assert guess_ratios(run, ["swing", "lift"]) == {}, why
 
 
 def test_files_that_are_there_are_not_overwritten(

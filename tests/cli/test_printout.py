@@ -119,7 +119,7 @@ def test_quiet_commands_print_the_answer_alone(
 
 
 def test_numbers_are_as_deep_as_they_are_known() -> None:
-    from wbc.identification.answer.numbers import plain, with_deviation, with_interval
+    from wbc.identification.answer.numbers import plain, told, with_deviation, with_interval
 
     # A reader of a report found 0.8003 (0.8000 … 0.8006) too many digits.
     assert with_interval(0.80028, 0.79995, 0.8006) == ("0.800", "0.800 … 0.801")
@@ -128,6 +128,7 @@ def test_numbers_are_as_deep_as_they_are_known() -> None:
     assert with_interval(0.345, 0.3449, 0.3451) == ("0.3450", "0.3449 … 0.3451")
     assert with_interval(30.0, 12.0, 55.0)[0] == "30"
     assert plain(np.nan) == "–"
+    assert [told(x) for x in (8.1e-8, 0.0079, 2e3)] == ["0", "0.0079", "lost"]
     # A difference has the digits that its standard error leaves: it was +96016 ± 12635.
     assert with_deviation(96016.3, 12635.1) == "+96,000 ± 13,000"
     assert with_deviation(-12.6, 102.4) == "−10 ± 100"

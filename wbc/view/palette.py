@@ -16,9 +16,9 @@ PURPLE = "#CC79A7"
 GREY = "#8A8F98"
 GHOST = "#7E57C2"
 
-RESIDUAL_OVER = "#8C510A"
-RESIDUAL_UNDER = "#01665E"
-"""Ends of the scale of a residual's colour (ColorBrewer's BrBG): not those of the power."""
+RESIDUAL_OVER = "#762A83"
+RESIDUAL_UNDER = "#1B7837"
+"""Ends of the scale of a residual's colour (ColorBrewer's PRGn): not those of power or model."""
 
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Line colours in order (Okabe and Ito, Color Universal Design, 2008)."""

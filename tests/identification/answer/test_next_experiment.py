@@ -45,7 +45,7 @@ def test_exact_equals_are_called_so_in_either_order(effect: Effect, rival: str, 
 def test_rivals_that_an_experiment_separates_are_not() -> None:
     said = _said(CoulombFriction("hip", 0.3), "viscous_friction at hip", "coulomb_friction at knee")
     assert said == (
-        "Record more motions and give all logs together. At hip: move the joint slowly back and "
+        "Record more motions. At hip: move the joint slowly back and "
         "forth through the same positions; move the joint at several constant speeds in both "
         "directions, slow to fast."
     )

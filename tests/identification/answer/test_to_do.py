@@ -79,10 +79,10 @@ def test_logs_of_other_machines_keep_their_losses(found: Diagnosis) -> None:
     ("verdict", "begins", "last"),
     [
         ("named", "Nothing on the robot needs a change", "compare a.csv --robot fitted.toml"),
-        ("partial", "Nothing on the robot needs a change", "diagnose a.csv new.csv --robot leg"),
+        ("partial", "Leave the robot as it is", "diagnose a.csv new.csv --robot leg"),
         ("ambiguous", "Change neither the robot nor its model", "a.csv new.csv --robot leg"),
         ("unknown", "Change neither the robot nor its model", "a.csv new.csv --robot leg"),
-        ("not_repeatable", "Look at the robot first", "a.csv new.csv --robot leg"),
+        ("not_repeatable", "Look at the robot first", "diagnose new1.csv new2.csv --robot leg"),
         ("none", "Neither the robot nor its model needs a change", ""),
     ],
 )

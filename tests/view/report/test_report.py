@@ -294,7 +294,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     assert places == sorted(places)  # the answer comes first, what else was tried after it
     for words in (
         "after 0.5\u00a0s",
-        "0.400\u00a0N\u00a0m\u00a0s/rad",
+        "0.400&nbsp;N\u00a0m\u00a0s/rad",
         "0.396 … 0.404",
         "careful",
         "the second log is short",

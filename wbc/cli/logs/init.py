@@ -13,6 +13,7 @@ from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.measurement.columns.mend import write_map
 from wbc.measurement.guessing.column_guess import guess_map, guess_names
+from wbc.measurement.guessing.ratio_guess import guess_ratios
 from wbc.measurement.guessing.robot_guess import guessed_numbers, model_joints, write_robot
 
 _EPILOG = """examples:
@@ -21,7 +22,8 @@ _EPILOG = """examples:
 
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: joints by name, motion and torque, units by
-derivative, sides by ratio, signs by gravity. Correct them, then run wbc check."""
+derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
+motion of a joint and of its motor. Correct them, then run wbc check."""
 
 
 def add_to(commands: Any) -> None:
@@ -78,7 +80,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
             console.print("no column looks like a torque or current: every joint gets a gear")
         held = [joint for joint in start.unseen if joint not in driven]
         title, target = model.resolve().stem, folder / "robot.toml"
-        name = str(write_robot(target, model, options.base, driven, title, targets, held))
+        ratios = guess_ratios(given[0], driven)
+        name = str(write_robot(target, model, options.base, driven, title, targets, held, ratios))
         console.print(f"wrote {name}")
         if held:
             console.print(

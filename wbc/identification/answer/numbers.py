@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 
 _LOST = 1e3  # [rad, m] error from which a simulation has left the log
+_NONE = 1e-6  # [rad, m] finer than an encoder of 22 bits: nothing moved
 
 
 def plain(value: float, digits: int = 3) -> str:
@@ -68,4 +69,6 @@ def told(error: float) -> str:
     """Return a simulated position's error in two digits; "lost" where the simulation left."""
     if error != error:
         return "-"
+    if abs(error) < _NONE:
+        return "0"
     return plain(error, 2) if abs(error) < _LOST else "lost"

@@ -61,7 +61,8 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
         LogError: a file that cannot be read, or without anything like a position or velocity.
     """
     table = open_table(Path(path))
-    guesses = [guess_name(name) for name in table.names]
+    # What the motor does comes last: where the joint's own motion is there, too, it counts.
+    guesses = sorted(map(guess_name, table.names), key=lambda g: g.rotor and g.quantity in _PLACES)
     # A motor on a test bench is often recorded by its speed alone.
     place = next((q for q in _PLACES if any(g.quantity == q for g in guesses)), "")
     owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == place))
@@ -71,7 +72,7 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
             f"{', '.join(table.names)}. Put the name of one in place of COLUMN, and "
             + say_so({"columns": {f"{name}.position": {"from": "COLUMN"} for name in joints[:1]}})
         )
-    named, by_name = _joints_of(owners, joints)
+    named, by_name = joints_of(owners, joints)
     reasons = [
         f"{theirs or 'the columns'}: joint {ours}, "
         + ("by its name" if theirs in by_name else "by its place in the file")
@@ -168,7 +169,7 @@ def _matched(robot: Robot, log: Log, joints: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _joints_of(owners: Sequence[str], joints: Sequence[str]) -> tuple[dict[str, str], set[str]]:
+def joints_of(owners: Sequence[str], joints: Sequence[str]) -> tuple[dict[str, str], set[str]]:
     """Return owner -> joint, by name where names agree, else by place; and which by name."""
     named: dict[str, str] = {}
     for owner in owners:

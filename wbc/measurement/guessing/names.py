@@ -59,7 +59,7 @@ _OF_UNITS = {
     "mA": "current",
 }
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
-_FILL = {"meas", "measured", "act", "actual", "reported", "joint", "motor", "state", "est"}
+_FILL = {"meas", "measured", "act", "actual", "reported", "joint", "motor", "rotor", "state", "est"}
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from xml.etree import ElementTree
 
 import pinocchio as pin
 
 from wbc.errors import RobotError
 from wbc.files import write_text
+from wbc.measurement.guessing.ratio_guess import RatioGuess
 from wbc.robot.loading.model_file import read_model
 
 _KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
@@ -62,6 +64,7 @@ def write_robot(
     name: str,
     targets: Sequence[str] = (),
     held: Sequence[str] = (),
+    ratios: Mapping[str, RatioGuess] = MappingProxyType({}),
 ) -> Path:
     """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
 
@@ -73,6 +76,7 @@ def write_robot(
         name: of the robot.
         targets: joints of those whose drive follows a target that the logs hold, without a torque.
         held: joints that are welded at zero.
+        ratios: gear ratios that the logs tell.
     """
     stated = {**_reductions(model), **_armatures(model)}
     lines = [
@@ -89,7 +93,7 @@ def write_robot(
         lines += [
             "",
             f'[gears."{joint}"]',
-            _number("gear_ratio", ratio, 1.0, "1", "torque is then taken behind the gear"),
+            _number("gear_ratio", ratio, *_of_rows(ratios.get(joint))),
             _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
         ]
         if joint in targets:
@@ -99,6 +103,13 @@ def write_robot(
                 _number("kd", None, _KD, "N m s/rad", "as kp"),
             ]
     return write_text(Path(target), "\n".join(lines) + "\n")
+
+
+def _of_rows(told: RatioGuess | None) -> tuple[float, str, str]:
+    """Return a guessed gear ratio, its unit and where it comes from."""
+    if told is None:
+        return 1.0, "1", "torque is then taken behind the gear"
+    return told.value, "1", f"from the rows: {told.source}"
 
 
 def _number(key: str, value: float | None, guess: float, unit: str, why: str) -> str:

@@ -45,7 +45,9 @@ from wbc.view.report.formulas import formula_part
 from wbc.view.report.plot_data import residual_plots
 
 _PAGE = Path(__file__).parent / "page"
-_UNIT = re.compile(r"(?<=\d) (?=%|N\b|kg\b|s\b|s/rad|rad|m\b|floors|noise floors)|(?<=>) (?=\d)")
+_UNIT = re.compile(
+    r"(?<=\d) (?=%|N\b|kg\b|s\b|s/rad|rad|m\b|floors|noise floors)|(?<=>) (?=\d)|(?<=m) (?=s/rad)"
+)
 
 
 def write_report(

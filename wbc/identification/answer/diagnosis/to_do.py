@@ -13,9 +13,11 @@ if TYPE_CHECKING:
 COMMAND = "    "
 """Begins every line of advice that is a command to copy."""
 _MODEL_ONLY = "Nothing on the robot needs a change: only its model does."
-_RECORD = "Change neither the robot nor its model yet: record more."
+_RECORD = "Change neither the robot nor its model yet."
+_CERTAIN = "Leave the robot as it is, and correct its model by what is certain."
 _SAVED = "fitted.toml"
 _NEW_LOG = "new.csv"
+_NEW_RUNS = ("new1.csv", "new2.csv")
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Commands:
         use: shows what the corrected robot leaves on the same logs; empty where one command
             cannot.
         again: repeats the diagnosis with one more log, `new.csv`.
+        anew: diagnoses new logs alone.
     """
 
     robot: str
@@ -36,6 +39,7 @@ class Commands:
     save: str
     use: str
     again: str
+    anew: str
 
     @classmethod
     def of(
@@ -72,6 +76,7 @@ class Commands:
             # Perfect gears would take the losses found out again: no --lossless here.
             use=shlex.join(["wbc", "compare", *logs, "--robot", target, *mapped]) if alone else "",
             again=shlex.join([*diagnose, _NEW_LOG, *given, *chosen]),
+            anew=shlex.join(["wbc", "diagnose", *_NEW_RUNS, *given, *chosen]),
         )
 
 
@@ -87,14 +92,14 @@ def what_to_do(diagnosis: Diagnosis, commands: Commands | None = None) -> str:
             return f"{_MODEL_ONLY} {_use(commands)}"
         case "partial":
             more = f"To find the rest: {_lowered(diagnosis.next_experiment)}"
-            return f"{_MODEL_ONLY} {_use(commands)}\n{more}{_again(commands)}"
+            return f"{_CERTAIN} {_use(commands)}\n{more}{_again(commands)}"
         case "none":
             return (
                 "Neither the robot nor its model needs a change. Faster or loaded motions would "
                 "show more."
             )
         case "not_repeatable":
-            return f"Look at the robot first. {diagnosis.next_experiment}{_again(commands)}"
+            return f"Look at the robot first. {diagnosis.next_experiment}{_anew(commands)}"
         case _:
             return f"{_RECORD} {diagnosis.next_experiment}{_again(commands)}"
 
@@ -117,9 +122,17 @@ def _use(commands: Commands | None) -> str:
 def _again(commands: Commands | None) -> str:
     """Return how to ask again with what was recorded."""
     if commands is None:
-        return ""
+        return " Then diagnose all logs together."
     again = f"Then give all logs together (with the name of the new log for {_NEW_LOG}):"
     return f"\n{again}\n{COMMAND}{commands.again}"
+
+
+def _anew(commands: Commands | None) -> str:
+    """Return how to ask about runs that repeat one another, without those that do not."""
+    if commands is None:
+        return " Then diagnose the new runs alone."
+    alone = f"Then diagnose the new runs alone (with their names for {' and '.join(_NEW_RUNS)}):"
+    return f"\n{alone}\n{COMMAND}{commands.anew}"
 
 
 def _lowered(text: str) -> str:

@@ -116,7 +116,7 @@ def _to_tell_apart(findings: Sequence[Finding], classes: Mapping[str, type[Effec
     if not places:
         return []
     asked = [f"At {joined(list(at))}: {'; '.join(motions)}." for motions, at in places.items()]
-    return ["Record more motions and give all logs together.", *asked, *impossible]
+    return ["Record more motions.", *asked, *impossible]
 
 
 def _motion(kind: type[Effect]) -> str:
