@@ -4,10 +4,11 @@
 
 Half widths of the 90 % intervals that each motion is expected to leave, all within the same limits.
 Each number of the link is held against itself: its width over its median width after 15 random
-motions, so that masses and lengths are not mixed. Printed is the median over the numbers that a
-motion shows at all, for the leg and a six-axis arm. The D-optimal motion informs about the inertia
-of every link, as identification usually asks, and is found by changes at random alone; the designed
-one informs about the link in question.
+motions, so that masses and lengths are not mixed. Printed are the geometric mean and the median of
+these shares over the numbers that a motion shows at all, and each of them, for the leg and a
+six-axis arm. The planner makes the geometric mean small. The D-optimal motion informs about
+the inertia of every link, as identification usually asks, and is found by changes at random alone;
+the designed one informs about the link in question.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def main() -> None:
 
 
 def report(robot: Robot, body: str, speed: float, seed: int) -> dict[str, float]:
-    """Print and return the median relative widths."""
+    """Print the widths over those of a random motion, and return their geometric means."""
     start = time.process_time()
     limits = MotionLimits.of(robot, 1.0, speed, 10.0 * speed)
     noise = np.full(robot.transmission.size, _NOISE * _largest_torque(robot))
@@ -76,30 +77,35 @@ def report(robot: Robot, body: str, speed: float, seed: int) -> dict[str, float]
     before = np.array([1.645 * p.scale for _, p in parameter_names(ours.causes[0])])
     shown = found < 0.5 * before
     chance = np.median(drawn, axis=0)
-    ratios = {
-        "random, best of 15": min(_relative(one, chance, shown) for one in drawn),
-        "D-optimal, all links": _relative(told, chance, shown),
-        "designed, no climb": _relative(alone, chance, shown),
-        "designed": _relative(found, chance, shown),
+    shares = {
+        "random, best of 15": min(
+            (one / chance for one in drawn), key=lambda one: _mean(one[shown])
+        ),
+        "D-optimal, all links": told / chance,
+        "designed, no climb": alone / chance,
+        "designed": found / chance,
     }
     print(
-        f"\n{robot.name}, inertia of {body}, seed {seed}: "
-        f"{int(shown.sum())} of {len(shown)} numbers show"
+        f"\n{robot.name}, inertia of {body}, seed {seed}: {int(shown.sum())} of {len(shown)} "
+        "numbers show; widths over those after a random motion"
     )
-    for name, ratio in ratios.items():
-        print(f"  {name:22s} {ratio:6.2f} of the width after a random motion")
+    print(f"  {'':22s} mean  median  each")
+    for name, every_share in shares.items():
+        each = every_share[shown]
+        listed = ", ".join(f"{share:.2f}" for share in each)
+        print(f"  {name:22s} {_mean(each):4.2f}  {np.median(each):6.2f}  {listed}")
     print(f"  {time.process_time() - start:.0f} CPU s", flush=True)
-    return ratios
+    return {name: _mean(one[shown]) for name, one in shares.items()}
+
+
+def _mean(shares: np.ndarray) -> float:
+    """Return the geometric mean."""
+    return float(np.exp(np.mean(np.log(shares))))
 
 
 def link_cause(robot: Robot, body: str) -> Cause:
     """Return the inertia of a link as a cause."""
     return parse_cause(f"center_of_mass@{body}+payload_mass@{body}", robot)
-
-
-def _relative(widths: np.ndarray, chance: np.ndarray, shown: np.ndarray) -> float:
-    """Return the median of the widths over those of a random motion, number by number."""
-    return float(np.median(widths[shown] / chance[shown]))
 
 
 def _bodies(robot: Robot) -> list[str]:

@@ -147,8 +147,7 @@ def compare_motions(
 
 def _said(one: Designed) -> float:
     """Return by what random motions are put in order: the least odds, or narrow intervals."""
-    narrow = -float(np.mean(np.log(np.concatenate(one.widths))))
-    return one.worst if one.odds else narrow
+    return one.worst if one.odds else -one.width
 
 
 def plan_experiments(
