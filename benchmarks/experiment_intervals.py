@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import platform
 import time
+from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
 
@@ -23,6 +24,8 @@ import numpy as np
 
 from wbc.design.experiment import (
     Cause,
+    Designed,
+    FourierPath,
     MotionLimits,
     Rivals,
     design_experiment,
@@ -50,16 +53,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", metavar="LINK", help="shin, link_3 or link_4; default all")
+    parser.add_argument(
+        "--climb-d-optimal", action="store_true", help="also climb the D-optimal motion: minutes"
+    )
     options = parser.parse_args()
     print(f"python {platform.python_version()}, numpy {version('numpy')}, {platform.machine()}")
     for name, body, speed in LINKS:
         if options.only in (None, body):
-            report(load_robot(name).lossless(), body, speed, options.seed)
+            robot = load_robot(name).lossless()
+            report(robot, body, speed, options.seed, options.climb_d_optimal)
 
 
-def report(robot: Robot, body: str, speed: float, seed: int) -> dict[str, float]:
+def report(
+    robot: Robot, body: str, speed: float, seed: int, climb_classic: bool = False
+) -> dict[str, float]:
     """Print the widths over those of a random motion, and return their geometric means."""
-    start = time.process_time()
     limits = MotionLimits.of(robot, 1.0, speed, 10.0 * speed)
     noise = np.full(robot.transmission.size, _NOISE * _largest_torque(robot))
     ours = Rivals(robot, (link_cause(robot, body),), noise)
@@ -69,33 +77,41 @@ def report(robot: Robot, body: str, speed: float, seed: int) -> dict[str, float]
         expected(ours, limits, path).widths[0]
         for path in random_paths(ours, limits, _DURATION, seed + 1, _RANDOM)
     ]
-    plan = partial(design_experiment, limits=limits, duration=_DURATION, seed=seed, rounds=_ROUNDS)
-    classic = plan(every, aim=informing, climb=False).path
-    told = expected(ours, limits, classic).widths[0]
-    alone = plan(ours, aim=shrinking, starts=[classic], climb=False).widths[0]
-    found = plan(ours, aim=shrinking, starts=[classic]).widths[0]
-    before = np.array([1.645 * p.scale for _, p in parameter_names(ours.causes[0])])
-    shown = found < 0.5 * before
     chance = np.median(drawn, axis=0)
-    shares = {
-        "random, best of 15": min(
-            (one / chance for one in drawn), key=lambda one: _mean(one[shown])
-        ),
-        "D-optimal, all links": told / chance,
-        "designed, no climb": alone / chance,
-        "designed": found / chance,
+    plan = partial(design_experiment, limits=limits, duration=_DURATION, seed=seed, rounds=_ROUNDS)
+    classic, spent = _timed(partial(plan, every, aim=informing, climb=False))
+    plans = {
+        "designed, no climb": partial(plan, ours, aim=shrinking, starts=[classic], climb=False),
+        "designed": partial(plan, ours, aim=shrinking, starts=[classic]),
     }
+    if climb_classic:
+        plans["D-optimal, climbed"] = partial(plan, every, aim=informing)
+    paths = {"D-optimal, all links": (classic, spent)}
+    paths |= {name: _timed(one) for name, one in plans.items()}
+    widths = {name: expected(ours, limits, path).widths[0] for name, (path, _) in paths.items()}
+    before = np.array([1.645 * p.scale for _, p in parameter_names(ours.causes[0])])
+    shown = widths["designed"] < 0.5 * before
+    best = min(drawn, key=lambda one: _mean((one / chance)[shown]))
+    shares = {"random, best of 15": (best / chance)[shown]}
+    shares |= {name: (one / chance)[shown] for name, one in widths.items()}
     print(
         f"\n{robot.name}, inertia of {body}, seed {seed}: {int(shown.sum())} of {len(shown)} "
         "numbers show; widths over those after a random motion"
     )
-    print(f"  {'':22s} mean  median  each")
-    for name, every_share in shares.items():
-        each = every_share[shown]
+    print(f"  {'':22s} mean  median  CPU s  each")
+    for name, each in shares.items():
         listed = ", ".join(f"{share:.2f}" for share in each)
-        print(f"  {name:22s} {_mean(each):4.2f}  {np.median(each):6.2f}  {listed}")
-    print(f"  {time.process_time() - start:.0f} CPU s", flush=True)
-    return {name: _mean(one[shown]) for name, one in shares.items()}
+        cost = f"{paths[name][1]:5.0f}" if name in paths else " " * 5
+        print(
+            f"  {name:22s} {_mean(each):4.2f}  {np.median(each):6.2f}  {cost}  {listed}", flush=True
+        )
+    return {name: _mean(each) for name, each in shares.items()}
+
+
+def _timed(plan: Callable[[], Designed]) -> tuple[FourierPath, float]:
+    """Return a planned path, and the processor time [s] that planning took."""
+    start = time.process_time()
+    return plan().path, time.process_time() - start
 
 
 def _mean(shares: np.ndarray) -> float:
