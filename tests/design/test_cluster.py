@@ -1,4 +1,4 @@
-"""Studies, plans, fleets and trends on a local Dask cluster of which one busy worker is killed midway."""
+"""Studies, plans, fleets and trends on a local Dask cluster that loses a busy worker midway."""
 
 from __future__ import annotations
 
