@@ -5,7 +5,8 @@
 The machines carry viscous and Coulomb friction in every joint, and friction that remembers how far
 it slid since it turned round (Dahl). `arm` has two logs of 20 s at 200 Hz of a six-axis arm,
 `plain` the same without memory, `quadruped` one log of 24 s at 200 Hz of twelve joints on its feet,
-`long` three logs of 50 s at 100 Hz of the arm. Times are those of the process.
+`long` three logs of 50 s at 100 Hz of the arm, `eight` the same of a seven-axis arm on a lift.
+Times are those of the process.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Robot
+from wbc.robot.coordinates import slides
 
 DRY, VISCOUS = 0.10, 0.05  # shares of the torque (rms) that a joint's motion needs
 MEMORY = 0.15  # ... of friction that remembers
@@ -89,10 +91,13 @@ def _counted(effects: Any) -> str:
     return ", ".join(f"{count} {name}" for name, count in names.items())
 
 
-def arm(duration: float, rate: float, runs: int, memory: float) -> tuple[Robot, list[Log]]:
-    """Return the six-axis arm without friction, and logs of it with friction."""
-    robot = load_robot("staubli_tx40").without_effects().lossless()
-    motions = [_swept(robot, seed, duration, rate, 1.2) for seed in range(runs)]
+def arm(
+    name: str, duration: float, rate: float, runs: int, memory: float
+) -> tuple[Robot, list[Log]]:
+    """Return an arm without friction, and logs of it with friction."""
+    robot = load_robot(name).without_effects().lossless()
+    size = np.where([slides(robot, joint) for joint in robot.transmission.joints], 0.15, 1.2)
+    motions = [_swept(robot, seed, duration, rate, size) for seed in range(runs)]
     zeros = [np.zeros_like(motion.velocity) for motion in motions]
     return robot, _logs(robot, motions, [{}] * runs, zeros, rate, memory)
 
@@ -106,20 +111,23 @@ def quadruped(duration: float, rate: float, memory: float) -> tuple[Robot, list[
 
 
 CASES: dict[str, Callable[[], tuple[Robot, list[Log]]]] = {
-    "plain": lambda: arm(20.0, 200.0, 2, 0.0),
-    "arm": lambda: arm(20.0, 200.0, 2, MEMORY),
+    "plain": lambda: arm("staubli_tx40", 20.0, 200.0, 2, 0.0),
+    "arm": lambda: arm("staubli_tx40", 20.0, 200.0, 2, MEMORY),
     "quadruped": lambda: quadruped(24.0, 200.0, MEMORY),
-    "long": lambda: arm(50.0, 100.0, 3, MEMORY),
+    "long": lambda: arm("staubli_tx40", 50.0, 100.0, 3, MEMORY),
+    "eight": lambda: arm("tiago", 50.0, 100.0, 3, MEMORY),
 }
 
 
-def _swept(robot: Robot, seed: int, duration: float, rate: float, size: float) -> Motion:
-    """Return a motion in which every actuated joint follows a multi-sine of this size [rad]."""
+def _swept(
+    robot: Robot, seed: int, duration: float, rate: float, size: float | FloatArray
+) -> Motion:
+    """Return a motion in which every actuated joint follows a multi-sine of this size [rad, m]."""
     random = np.random.default_rng(seed)
     count = robot.transmission.size
     omega = 2.0 * np.pi * random.uniform(0.15, 1.5, (count, 4))
     amplitude = random.uniform(0.5, 1.0, (count, 4)) / np.sqrt(omega)
-    amplitude *= size / amplitude.sum(axis=1, keepdims=True)
+    amplitude *= np.reshape(size, (-1, 1)) / amplitude.sum(axis=1, keepdims=True)
     steps = np.arange(int(duration * rate)) / rate
     angle = steps[:, None, None] * omega + random.uniform(0.0, 2.0 * np.pi, (count, 4))
     centre = robot.pose() if robot.poses else pin.neutral(robot.model) + 0.3

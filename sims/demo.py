@@ -23,6 +23,7 @@ from wbc.design.experiment import (
 )
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
+from wbc.identification.answer.diagnosis.to_do import Commands
 from wbc.measurement import load_log, load_logs, save_log
 from wbc.sim.excitation import record_with
 from wbc.view import write_playback
@@ -63,7 +64,13 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     logs = load_logs(written)
     console.print(error_table(compare(leg, logs)))
     diagnosis = diagnose(leg, logs)
-    print_diagnosis(console, diagnosis, str(OUT / "fitted.toml"))
+    commands = Commands.of(
+        list(map(str, written)),
+        "planar_leg_fixed",
+        saved=str(OUT / "fitted.toml"),
+        lossless=True,
+    )
+    print_diagnosis(console, diagnosis, commands)
     console.print(error_table(compare(diagnosis.robot, logs)))
     written += [
         save_robot(diagnosis.robot, OUT / "fitted.toml", diagnosis.intervals()),
@@ -73,7 +80,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
             logs,
             diagnosis,
             command="make demo",
-            saved=str(OUT / "fitted.toml"),
+            commands=commands,
         ),
     ]
     return diagnosis, written

@@ -121,7 +121,11 @@ def test_quiet_commands_print_the_answer_alone(
 def test_numbers_are_as_deep_as_they_are_known() -> None:
     from wbc.identification.answer.numbers import plain, with_deviation, with_interval
 
-    assert with_interval(0.80028, 0.79995, 0.8006)[0] == "0.8003"
+    # A reader of a report found 0.8003 (0.8000 … 0.8006) too many digits.
+    assert with_interval(0.80028, 0.79995, 0.8006) == ("0.800", "0.800 … 0.801")
+    assert with_interval(0.5010, 0.4996, 0.5022) == ("0.501", "0.500 … 0.502")
+    # Never so few that the interval becomes a point, or much wider than it is.
+    assert with_interval(0.345, 0.3449, 0.3451) == ("0.3450", "0.3449 … 0.3451")
     assert with_interval(30.0, 12.0, 55.0)[0] == "30"
     assert plain(np.nan) == "–"
     # A difference has the digits that its standard error leaves: it was +96016 ± 12635.

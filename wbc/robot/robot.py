@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -262,12 +262,18 @@ class Robot:
             effect.check_place(changed)
             changed = effect.change(changed)
         before = self.before_effects if self.effects else self
-        return replace(
-            changed,
+        return changed._with(
             effects=(*self.effects, *effects),
             source=self.source,
             before_effects=before,
         )
+
+    def with_acting(self, effects: Iterable[Effect]) -> Robot:
+        """Return the same bodies and gears on which these effects act in place of its own.
+
+        What its own effects changed of bodies and gears stays.
+        """
+        return self._with(effects=tuple(effects))
 
     def without_effects(self) -> Robot:
         """Return the robot to which the effects were added; itself where that is not known."""
@@ -317,7 +323,8 @@ class Robot:
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
-        return replace(self, transmission=transmission, source=None, before_effects=None)
+        change = replace if transmission.joints != self.transmission.joints else Robot._with
+        return change(self, transmission=transmission, source=None, before_effects=None)
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
@@ -328,13 +335,13 @@ class Robot:
         model = self.model.copy()
         for joint_number, inertia in inertias.items():
             model.inertias[joint_number] = inertia
-        return replace(self, model=model, source=None, before_effects=None)
+        return self._with(model=model, source=None, before_effects=None)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """Return a copy in a gravity field `gravity` (3,) [m/s^2], world frame."""
         model = self.model.copy()
         model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
-        return replace(self, model=model, source=None, before_effects=None)
+        return self._with(model=model, source=None, before_effects=None)
 
     def lossless(self) -> Robot:
         """Return the same robot with perfect gears (eta = 1, frictionless rotors).
@@ -347,6 +354,17 @@ class Robot:
         before = None if self.before_effects is None else self.before_effects.lossless()
         gears = self.transmission.lossless()
         return replace(self, transmission=gears, source=source, before_effects=before)
+
+    def _with(self, **changes: Any) -> Robot:
+        """Return a copy with changes that leave names, joints and contacts as they are.
+
+        Nothing is checked anew: a diagnosis makes some hundred thousand robots, and the checks took
+        a tenth of its time.
+        """
+        other = object.__new__(Robot)
+        for name in _FIELDS:
+            object.__setattr__(other, name, changes.get(name, self.__dict__[name]))
+        return other
 
     def neutral(self) -> FloatArray:
         """Return pinocchio's neutral configuration, (nq,)."""
@@ -373,6 +391,9 @@ class Robot:
         for name, value in joints.items():
             q[self.position_index(name)] = value
         return q
+
+
+_FIELDS = tuple(one.name for one in fields(Robot))
 
 
 def _depth_first(model: pin.Model) -> bool:

@@ -31,7 +31,7 @@ def test_a_hypothesis_is_named_by_what_differs(added: tuple, removed: tuple, tex
     ("added", "removed", "difference", "standing", "judgement"),
     [
         ((), (), 0.0, "found", "kept"),  # it holds no effect: the robot as given
-        ((FRICTION,), (), -0.1, "worse", "not needed"),
+        ((FRICTION,), (), -0.1, "worse", "no gain beyond chance"),
         ((FRICTION,), (), -3.0, "worse", "fits better, but less probable"),
         ((), (FRICTION,), 3.0, "worse", "fits worse"),
         ((FRICTION,), (EFFICIENCY,), 0.1, "worse", "fits as well, but less probable"),

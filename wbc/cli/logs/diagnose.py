@@ -34,8 +34,8 @@ from wbc.identification import Diagnosis, diagnose
 from wbc.identification.answer.diagnosis.sentence import (
     MEANINGS,
     verdict_sentence,
-    what_to_do,
 )
+from wbc.identification.answer.diagnosis.to_do import Commands, what_to_do
 from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import discover
@@ -107,10 +107,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, shown)
+    commands = _commands(options)
     print_diagnosis(
         shown,
         diagnosis,
-        options.save,
+        commands,
         simulated,
         quiet=options.quiet,
         verbose=options.verbose,
@@ -133,8 +134,19 @@ def run(options: argparse.Namespace, console: Console) -> int:
         content["provenance"] = provenance(diagnosis.sources, command_line())
         write_json(options.json, content, console)
     if options.report:
-        write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated())
+        write_report_file(options, robot, logs, shown, diagnosis, discovery, simulated(), commands)
     return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+
+
+def _commands(options: argparse.Namespace) -> Commands:
+    return Commands.of(
+        options.logs,
+        options.robot,
+        saved=options.save,
+        lossless=options.lossless,
+        columns=options.columns,
+        add=options.add,
+    )
 
 
 def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -> None:
@@ -173,7 +185,7 @@ def _candidates(choice: str) -> list[type[Effect]] | None:
 def print_diagnosis(
     console: Console,
     diagnosis: Diagnosis,
-    saved: str | None = None,
+    commands: Commands | None = None,
     simulated: Simulated | None = None,
     *,
     quiet: bool = False,
@@ -184,7 +196,7 @@ def print_diagnosis(
     Args:
         console: where.
         diagnosis: the answer.
-        saved: file in which the robot with the effects found is, None if in none.
+        commands: how to go on from it on the command line.
         simulated: returns the open-loop errors of the robot as given and with the effects found.
         quiet: print the answer alone.
         verbose: print all of the detail.
@@ -193,8 +205,7 @@ def print_diagnosis(
         Text(f"verdict: {diagnosis.verdict} ({MEANINGS[diagnosis.verdict]})", style="bold"),
         verdict_sentence(diagnosis),
     ]
-    if to_do := what_to_do(diagnosis, saved):
-        answer.append(f"do this now: {to_do}")
+    answer.append(Spoken(f"do this now: {what_to_do(diagnosis, commands)}"))
     parts = [Part("what is left", _outputs_table(diagnosis))]
     if diagnosis.findings:
         parts.insert(0, Part("what was found", _effects_table(diagnosis)))
@@ -213,22 +224,22 @@ def print_diagnosis(
 
 
 def _outputs_table(diagnosis: Diagnosis) -> Table:
-    table = Table("left at", "before", "after", "attainable", "sensors", "", box=None)
+    table = Table("left at", "before", "after", "attainable", "noise floor", "", box=None)
     for column in table.columns[1:5]:
         column.justify = "right"
     for o in diagnosis.outputs:
-        numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.sensors))
+        numbers = (plain(x, 2) for x in (o.before, o.after, o.attainable, o.floor))
         table.add_row(o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside")
     table.caption = (
         f"rms {efforts(o.unit for o in diagnosis.outputs)} that the model does not explain; "
-        "attainable: what the best model of the motion would leave; sensors: their noise"
+        "attainable: what the best model of the motion would leave; noise floor: what noise leaves"
     )
     return table
 
 
 def _effects_table(diagnosis: Diagnosis) -> Table:
     """Return the effects found; one with a single number takes a single line."""
-    table = Table("effect at place", "value", "90 % interval", "unit", "", box=None)
+    table = Table("effect at place", "value", "90 % interval", "unit", "is it there?", box=None)
     table.columns[0].overflow = "fold"
     table.columns[1].justify = "right"
     for finding in diagnosis.findings:
@@ -255,25 +266,23 @@ def _steps_table(diagnosis: Diagnosis) -> Table:
     table = Table("added", "where", "held-out error", box=None)
     table.columns[2].justify = "right"
     for step in diagnosis.steps:
-        table.add_row(step.added or "(the model as given)", step.where, plain(step.error))
+        table.add_row(step.added or "(the model as given)", step.where, plain(step.error, 2))
     table.caption = f"in noise floors (floor from {diagnosis.error.floor_source})"
     return table
 
 
 def _ranking_table(diagnosis: Diagnosis, whole: bool) -> Table:
     """Return the models tried, with what they leave beyond the one found."""
-    table = Table("what else was tried", "error", "difference", "", box=None)
+    table = Table("what else was tried", "error", "beyond it", "", box=None)
     for column in table.columns[1:3]:
         column.justify = "right"
     tried = [row for row in diagnosis.ranking if row.standing != "found"]
     for row in tried if whole else tried[:_RANKED]:
-        paired = with_deviation(row.difference, row.deviation)
-        table.add_row(row.text, plain(row.error), paired, row.judgement)
+        table.add_row(row.text, plain(row.error, 2), with_deviation(*row.beyond), row.judgement)
     if len(tried) > _RANKED and not whole:
         table.add_row(f"and {len(tried) - _RANKED} more (--verbose)")
     table.caption = (
-        "most probable first; error: held out, in noise floors; difference of its mean square from "
-        "that of what was found, ± standard error; effects that are not listed promised less in a "
-        "linear estimate"
+        "most probable first; error: held out, in noise floors; beyond it: minus the error of what "
+        "was found, ± standard error; `wbc list effects` explains the names"
     )
     return table

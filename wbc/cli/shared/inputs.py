@@ -18,6 +18,7 @@ from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.files import write_text
 from wbc.identification import Diagnosis, OpenLoop
+from wbc.identification.answer.diagnosis.to_do import Commands
 from wbc.identification.formulas import Discovery
 from wbc.measurement import Log, LogFinding, load_logs, with_machine
 from wbc.measurement.columns.mend import merged, read_table, together, write_map
@@ -186,6 +187,7 @@ def write_report_file(
     diagnosis: Diagnosis | None = None,
     discovery: Discovery | None = None,
     simulated: Sequence[OpenLoop] = (),
+    commands: Commands | None = None,
 ) -> None:
     """Write the HTML report if one was asked for."""
     if options.report is None:
@@ -194,15 +196,14 @@ def write_report_file(
     from wbc.view.report import write_report
 
     with working(console, "writing the report"):
-        command = command_line()
         path = write_report(
             options.report,
             robot,
             logs,
             diagnosis,
-            command=command,
+            command=command_line(),
             discovery=discovery,
-            saved=getattr(options, "save", None),
+            commands=commands,
             simulated=simulated,
         )
     console.print(f"wrote {path}")

@@ -79,7 +79,7 @@ def print_out(
     left = LINES
     for one in answer:
         left -= len(_lines(console, one))
-        console.print(one)
+        _print(console, one)
     if quiet:
         return
     absent: list[str] = []
@@ -91,7 +91,7 @@ def print_out(
         lines = _lines(console, shown)
         room = max(left - 2, 0)  # for what is said of the parts left out
         if verbose or len(lines) <= room:
-            console.print(shown, crop=not isinstance(shown, Spoken))
+            _print(console, shown)
         else:
             kept = lines[: room if room > 3 else 0]
             _print_lines(console, kept)
@@ -100,6 +100,11 @@ def print_out(
     if absent:
         names = ", ".join(dict.fromkeys(absent))
         console.print(f"not shown: {names} (--verbose, --json and --report have all)")
+
+
+def _print(console: Console, shown: RenderableType) -> None:
+    # Lines to copy are whole even where they are wider than the screen.
+    console.print(shown, crop=not isinstance(shown, Spoken))
 
 
 def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:

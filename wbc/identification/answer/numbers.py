@@ -27,13 +27,16 @@ def efforts(units: Iterable[str]) -> str:
 
 
 def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
-    """Return a value and its interval with as many digits as the interval deserves."""
+    """Return a value and its interval in steps of at most twice the interval's width.
+
+    Finer where the ends would read the same.
+    """
     width = abs(high - low)
     if not (math.isfinite(width) and width > 0.0):
         return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
-    size = math.floor(math.log10(width))
-    # Two digits of a narrow interval, one of a wide one: as errors of measurements are written.
-    places = max(0, -size + (1 if width < 3.0 * 10.0**size else 0))
+    places = max(0, math.ceil(-math.log10(2.0 * width)))
+    if f"{low:.{places}f}" == f"{high:.{places}f}":
+        places += 1
     if places > 6:
         return plain(value, 6), f"{plain(low, 6)} … {plain(high, 6)}"
     texts = [f"{number:.{places}f}".replace("-", "−") for number in (value, low, high)]
@@ -56,7 +59,7 @@ def with_deviation(value: float, deviation: float) -> str:
 
 
 def sure(probability: float) -> str:
-    """Return a probability as a person says it; nothing is quite certain."""
+    """Return the probability that a cause is there; nothing is quite certain."""
     percent = round(100.0 * probability)
     return "> 99 % sure" if percent >= 100 else f"{percent} % sure"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -131,7 +131,7 @@ def derivatives(
     for row in single:
         k, parameter = slots[row]
         jacobian[:, :, row] = _derivative(robot, at, k, parameter, records) @ whitening
-    size = np.sqrt(np.mean(jacobian**2, axis=(0, 1)))
+    size = np.sqrt(np.einsum("rop,rop->p", jacobian, jacobian))
     for row, (k, _) in enumerate(slots):
         beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
         if size[row] < _UNFELT * beside:
@@ -247,7 +247,7 @@ def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> R
     if "change" in at.effects[k].acts_by:
         return robot.with_effects(*changed)
     # Every number that effects change is as it was.
-    return replace(at.robot, effects=(*robot.effects, *changed))
+    return at.robot.with_acting((*robot.effects, *changed))
 
 
 def _swings(robot: Robot, at: Evaluation, k: int, motion: Motion) -> bool:

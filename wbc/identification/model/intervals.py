@@ -36,13 +36,14 @@ def bootstrap_steps(fit: Fit, blocks: IntArray, seed: int = BOOTSTRAP_SEED) -> F
         gram[block] = a.T @ a
         moment[block] = -a.T @ (fit.residual[rows] * weights).ravel()
     random = np.random.default_rng(seed)
-    draws = random.multinomial(names.size, np.full(names.size, 1.0 / names.size), size=_DRAWS)
+    even = np.full(names.size, 1.0 / names.size)
+    draws = random.multinomial(names.size, even, size=_DRAWS).astype(np.float64)
     usual = fit.usual.jacobian.T @ fit.usual.jacobian
     pull = -fit.usual.jacobian.T @ fit.usual.residual
     norm = np.sqrt(np.maximum(np.diagonal(gram.sum(axis=0) + usual), 1e-300))
     # What is usual stays, whatever is drawn.
-    grams = (np.einsum("db,bij->dij", draws, gram) + usual) / norm[:, None] / norm[None, :]
-    moments = (np.einsum("db,bi->di", draws, moment) + pull) / norm
+    grams = (np.tensordot(draws, gram, 1) + usual) / np.outer(norm, norm)
+    moments = (draws @ moment + pull) / norm
     # Draws without the blocks that know a parameter say nothing of it: it stays.
     unseen = np.diagonal(grams, axis1=1, axis2=2) < _UNSEEN
     moments[unseen] = 0.0
@@ -74,6 +75,8 @@ def interval_bounds(
 ) -> FloatArray:
     """Return (p, 2) low and high of every parameter, in its own unit.
 
+    A parameter that the logs do not tell at all may be anything: its ends are those of its range.
+
     Args:
         fit: the fitted model.
         blocks: (rows,) resampled together.
@@ -92,5 +95,7 @@ def interval_bounds(
     for row, (k, parameter) in enumerate(fit.parameters):
         value = fit.effects[k].values[parameter.name]
         span = np.array([low[row], high[row]]) * parameter.scale + value
+        told = np.any(fit.jacobian[:, :, row]) or np.any(fit.usual.jacobian[:, row])
+        span = span if told else np.array([parameter.low, parameter.high])
         bounds[row] = np.clip(span, parameter.low, parameter.high)
     return bounds

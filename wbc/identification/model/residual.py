@@ -256,17 +256,20 @@ def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
 
 def _without_drives(robot: Robot) -> Robot:
     kept = tuple(e for e in robot.effects if "drive" not in e.acts_by)
-    return robot if len(kept) == len(robot.effects) else replace(robot, effects=kept)
+    return robot if len(kept) == len(robot.effects) else robot.with_acting(kept)
 
 
 def _delivered(robot: Robot, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
     drives = [effect for effect in robot.effects if "drive" in effect.acts_by]
     slope = np.ones(torque.shape[1])
     delivered = torque
+    joints = robot.transmission.joints
     for effect in drives:
         before = delivered
         delivered = effect.drive(robot, motion, before)
-        power = np.sum(before**2, axis=0)
-        share = np.sum(before * delivered, axis=0) / np.where(power > 0.0, power, 1.0)
-        slope = slope * np.where(power > 0.0, share, 1.0)
+        own = [joints.index(effect.where)] if effect.where in joints else range(len(joints))
+        for k in own:  # an effect at a joint leaves all other drives as they are
+            power = float(before[:, k] @ before[:, k])
+            if power > 0.0:
+                slope[k] *= float(before[:, k] @ delivered[:, k]) / power
     return delivered, slope

@@ -27,7 +27,7 @@ from wbc.results import Column, ResultTable, fill_table, read_results
 
 _READ = ("machine", "date", "logs", "verdict", "sentence", "causes", "failure")
 """Columns that `FleetDiagnosis` holds; the diagnoses, 12 kB each, stay in the file."""
-_LEVELS = ("before", "after", "attainable", "sensors")
+_LEVELS = ("before", "after", "attainable", "floor")
 
 
 @dataclass(frozen=True)

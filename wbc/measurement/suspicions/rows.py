@@ -143,7 +143,7 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
     quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
     rows = Rows(
         label=log.source.label,
-        robot=replace(robot, effects=()),
+        robot=robot.with_acting(()),
         position=q[thin],
         velocity=v[thin],
         acceleration=a[thin],

@@ -43,7 +43,6 @@ _COLOURS = {
     "under": RESIDUAL_UNDER,
     "cone": YELLOW,
     "force": GREEN,
-    "ghost": GHOST,
 }
 
 
@@ -79,7 +78,8 @@ def playback_payload(
         "residual_span": _residual_span(ghost),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
-        "colours": _COLOURS,
+        # A model beside its log has the colour that plots give the model as given.
+        "colours": _COLOURS | {"ghost": VERMILION if ghost and ghost.residual else GHOST},
         "commands": list(commands),
     }
     if ghost is not None:

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.coordinates import coordinate_names
+
+_HALF = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,8 @@ class ResidualRun:
         position: of the joint [rad, m].
         speed: of the joint [rad/s, m/s].
         load: measured torque at the motor output [N m]; NaN for undriven coordinates.
+        unused: per output, starts and ends (k, 2) [s] of the stretches that count less than half,
+            as near a reversal of motion.
     """
 
     name: str
@@ -37,6 +41,7 @@ class ResidualRun:
     position: FloatArray
     speed: FloatArray
     load: FloatArray
+    unused: tuple[FloatArray, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,4 +122,13 @@ def _run(robot: Robot, fitted: Robot, record: Record) -> ResidualRun:
         position=position,
         speed=speed,
         load=load,
+        unused=tuple(_stretches(weight < _HALF, record) for weight in record.weight.T),
     )
+
+
+def _stretches(inside: BoolArray, record: Record) -> FloatArray:
+    """Return starts and ends (k, 2) [s] of the rows inside, within the rows that are plotted."""
+    shown = inside[record.edge : len(inside) - record.edge]
+    changed = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]]).astype(int)))
+    ends = record.time[0] + (changed.reshape(-1, 2) - [0, 1]) / record.rate
+    return np.asarray(ends)

@@ -7,12 +7,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from wbc.effects import EFFECTS
 from wbc.identification import Comparison, Diagnosis, Finding, OpenLoop, Ranked
 from wbc.identification.answer.diagnosis.sentence import (
     MEANINGS,
+    TITLES,
     verdict_sentence,
-    what_to_do,
 )
+from wbc.identification.answer.diagnosis.to_do import COMMAND, Commands, what_to_do
 from wbc.identification.answer.numbers import plain, sure, told, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.measurement import LogQuality, LogSource
@@ -20,26 +22,34 @@ from wbc.robot.effect import spoken
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
+_VARIABLES = {
+    "direction": "forth or back",
+    "mesh power": "load times speed",
+    "load against direction": "size of the load, minus when moving back",
+    "rotor angle": "within one turn of the motor",
+}
+"""What a variable is whose name does not say it."""
 
 
 def headline(
-    comparison: Comparison, diagnosis: Diagnosis | None, saved: str | None
-) -> dict[str, str]:
+    comparison: Comparison, diagnosis: Diagnosis | None, commands: Commands | None
+) -> dict[str, Any]:
     """Return the verdict with its meaning, the first sentence, the others, what to do now."""
     if diagnosis is None:
-        verdict, text, to_do = "compared", comparison.sentence, ""
+        verdict, badge, text, to_do = "compared", "compared", comparison.sentence, ""
         meaning = "the model beside the logs, nothing was fitted"
     else:
-        meaning = MEANINGS[diagnosis.verdict]
         verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
-        to_do = what_to_do(diagnosis, saved)
+        badge, meaning = TITLES[verdict], MEANINGS[verdict]
+        to_do = what_to_do(diagnosis, commands)
     first, stop, rest = text.partition(". ")
     return {
         "verdict": verdict,
+        "badge": badge,
         "meaning": meaning,
         "sentence": first + ("." if stop else ""),
         "more": rest,
-        "to_do": to_do,
+        "to_do": [(line.startswith(COMMAND), line.strip()) for line in to_do.splitlines()],
     }
 
 
@@ -51,12 +61,12 @@ def left_rows(comparison: Comparison, diagnosis: Diagnosis | None) -> list[list[
             [o.output, plain(o.rms, 2), plain(o.size), plain(o.floor, 2), o.unit] for o in worst
         ]
     order = sorted(
-        diagnosis.outputs, key=lambda o: (not o.judged, -o.before / max(o.sensors, 1e-300))
+        diagnosis.outputs, key=lambda o: (not o.judged, -o.before / max(o.floor, 1e-300))
     )
     rows = []
     for o in order:
         left = (o.before, o.after) if diagnosis.findings else (o.before,)
-        numbers = [plain(x, 2) for x in (*left, o.attainable, o.sensors)]
+        numbers = [plain(x, 2) for x in (*left, o.attainable, o.floor)]
         rows.append([o.output, *numbers, o.unit if o.judged else f"{o.unit}, set aside"])
     return rows
 
@@ -143,7 +153,12 @@ def dependence_rows(comparison: Comparison) -> list[dict[str, Any]]:
     """Return what the residual depends on most: output, variable and share of its variance."""
     strong = [b for b in comparison.where if b.share > _STRONG][:_MOST_DEPENDENCES]
     return [
-        {"output": b.output, "variable": f"{b.variable} [{b.unit}]", "share": round(100 * b.share)}
+        {
+            "output": b.output,
+            "variable": b.variable,
+            "meaning": _VARIABLES.get(b.variable, ""),
+            "share": round(100 * b.share),
+        }
         for b in strong
     ]
 
@@ -154,7 +169,7 @@ def step_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         {
             "label": f"+ {spoken(step.added)} at {step.where}" if step.added else "as given",
             "error": step.error,
-            "told": plain(step.error),
+            "told": plain(step.error, 2),
         }
         for step in diagnosis.steps
     ]
@@ -189,20 +204,23 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
     """Return the ranked table: model, error, judgement, odds, paired difference."""
-    table = []
-    for row in rows:
-        paired = with_deviation(row.difference, row.deviation)
-        table.append(
-            {
-                "model": row.text if row.effects or row.standing != "found" else "robot as given",
-                "error": plain(row.error),
-                "difference": "" if row.standing == "found" else paired,
-                "standing": row.standing,
-                "judgement": row.judgement,
-                "odds": row.odds,
-            }
-        )
-    return table
+    return [
+        {
+            "model": row.text if row.effects or row.standing != "found" else "robot as given",
+            "error": plain(row.error, 2),
+            "beyond": "" if row.standing == "found" else with_deviation(*row.beyond),
+            "standing": row.standing,
+            "judgement": row.judgement,
+            "odds": row.odds,
+        }
+        for row in rows
+    ]
+
+
+def ranking_words(rows: Sequence[Ranked]) -> list[tuple[str, str]]:
+    """Return name and explanation of every effect that a ranked table names."""
+    names = dict.fromkeys(name for row in rows for name, _ in (*row.added, *row.removed))
+    return [(spoken(name), EFFECTS[name].explanation) for name in names if name in EFFECTS]
 
 
 def quality_rows(qualities: Sequence[LogQuality]) -> list[dict[str, Any]]:

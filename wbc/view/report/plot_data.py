@@ -16,6 +16,7 @@ from wbc.view.report.content import log_name
 _ROWS = 700  # of one line: about as many as a screen has points across
 _NUMBERS = 500_000  # of all lines together: some 3 MB of text
 _POINTS = 450
+_STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
 
 
 def residual_plots(
@@ -82,7 +83,8 @@ def _over_time(
             "fitted": after.modelled[:, k],
         }
     short = {name: _short(values[every]) for name, values in lines.items()}
-    return {"t": _short(run.time[every], 6), **short}
+    unused = [_short(stretch, 6) for stretch in run.unused[k][:_STRETCHES]]
+    return {"t": _short(run.time[every], 6), **short, "unused": unused}
 
 
 def _short(values: FloatArray, digits: int = 4) -> list[float]:

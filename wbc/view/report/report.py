@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop
 from wbc.identification.answer.comparison.compare import compare_problem
+from wbc.identification.answer.diagnosis.to_do import Commands
 from wbc.identification.answer.numbers import efforts
 from wbc.identification.answer.series import series_of
 from wbc.identification.formulas import Discovery
@@ -35,12 +38,14 @@ from wbc.view.report.content import (
     provenance_rows,
     quality_rows,
     ranking_rows,
+    ranking_words,
     step_rows,
 )
 from wbc.view.report.formulas import formula_part
 from wbc.view.report.plot_data import residual_plots
 
 _PAGE = Path(__file__).parent / "page"
+_UNIT = re.compile(r"(?<=\d) (?=%|N\b|kg\b|s\b|s/rad|rad|m\b|floors|noise floors)|(?<=>) (?=\d)")
 
 
 def write_report(
@@ -52,7 +57,7 @@ def write_report(
     command: str = "",
     theme: str = "",
     discovery: Discovery | None = None,
-    saved: str | None = None,
+    commands: Commands | None = None,
     simulated: Sequence[OpenLoop] = (),
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
@@ -71,14 +76,14 @@ def write_report(
         command: how to run it again, for the last section.
         theme: "light", "dark", or "" for what the reader's system prefers.
         discovery: what `discover` proposes for what the effects leave.
-        saved: file in which the corrected robot is, None if in none.
+        commands: how to go on from the answer on the command line; in Python when left out.
         simulated: what `open_loop` returned of the robot as given, and of the corrected one.
 
     Raises:
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    page = report_page(robot, logs, diagnosis, command, theme, discovery, saved, simulated)
+    page = report_page(robot, logs, diagnosis, command, theme, discovery, commands, simulated)
     return write_text(path, page)
 
 
@@ -89,7 +94,7 @@ def report_page(
     command: str,
     theme: str,
     discovery: Discovery | None = None,
-    saved: str | None = None,
+    commands: Commands | None = None,
     simulated: Sequence[OpenLoop] = (),
 ) -> str:
     """Return the HTML text of `write_report`."""
@@ -98,8 +103,9 @@ def report_page(
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
         "robot": robot.name,
+        "base": "free base" if robot.floating_size else "fixed base",
         "theme": theme,
-        **headline(comparison, diagnosis, saved),
+        **headline(comparison, diagnosis, commands),
         "outputs": output_rows(comparison),
         "dependences": dependence_rows(comparison),
         "quality": quality_rows(check_logs(logs, robot)),
@@ -124,14 +130,24 @@ def report_page(
     for name, file in (("css", "report.css"), ("script", "report.js")):
         context[name] = (_PAGE / file).read_text(encoding="utf-8")
     environment = Environment(
-        loader=FileSystemLoader(_PAGE), undefined=StrictUndefined, autoescape=True
+        loader=FileSystemLoader(_PAGE),
+        undefined=StrictUndefined,
+        autoescape=True,
+        finalize=_unbroken,
     )
     return environment.get_template("report.html.j2").render(plotly=get_plotlyjs(), **context)
 
 
+def _unbroken(value: object) -> object:
+    """Return a text whose numbers stay on the line of their units; commands are Markup already."""
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return _UNIT.sub("\u00a0", value.replace("->", "→").replace("N m", "N\u00a0m"))
+
+
 def _diagnosis_part(diagnosis: Diagnosis | None, comparison: Comparison) -> dict[str, Any]:
     if diagnosis is None:
-        return {key: [] for key in ("steps", "cards", "ranking")} | {
+        return {key: [] for key in ("steps", "cards", "ranking", "words")} | {
             "warnings": list(comparison.warnings),
             "remainder": "",
         }
@@ -139,6 +155,7 @@ def _diagnosis_part(diagnosis: Diagnosis | None, comparison: Comparison) -> dict
         "steps": step_rows(diagnosis),
         "cards": finding_cards(diagnosis.findings),
         "ranking": ranking_rows(diagnosis.ranking),
+        "words": ranking_words(diagnosis.ranking),
         "warnings": list(diagnosis.warnings),
         "remainder": diagnosis.remainder,
     }

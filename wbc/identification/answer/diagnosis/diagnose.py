@@ -226,7 +226,7 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
     before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
-    sensors = np.sqrt(np.diag(problem.floor.sensors))
+    floor = problem.floor.values
     unknown = without_links(problem.robot)
     return tuple(
         OutputLevel(
@@ -234,8 +234,8 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
             unit=units[k],
             before=float(before[k]),
             after=float(after[k]),
-            attainable=max(float(after[k] * share.get(k, 1.0)), float(sensors[k])),
-            sensors=float(sensors[k]),
+            attainable=float(max(after[k] * share.get(k, 1.0), min(after[k], floor[k]))),
+            floor=float(floor[k]),
             judged=k in share,
         )
         for k, name in enumerate(names)

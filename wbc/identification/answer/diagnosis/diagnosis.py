@@ -14,9 +14,9 @@ from wbc.identification.answer.diagnosis.ranking import Ranked
 from wbc.identification.answer.diagnosis.sentence import (
     MEANINGS,
     verdict_sentence,
-    what_to_do,
 )
-from wbc.identification.answer.numbers import plain, with_interval
+from wbc.identification.answer.diagnosis.to_do import what_to_do
+from wbc.identification.answer.numbers import plain, sure, with_interval
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.series import Series
 from wbc.identification.answer.shown import (
@@ -84,10 +84,14 @@ class Finding:
 
     @property
     def numbers(self) -> Mapping[str, Estimate]:
-        """What a person reads: the quantities of what is drawn, or else the parameters."""
+        """What a person reads: the quantities of what is drawn, or else the parameters told.
+
+        A parameter whose interval is its whole range is not told: the warnings name it.
+        """
         if self.quantities or self.effect.departures.size:
             return self.quantities
-        return self.parameters
+        ends = {p.name: (p.low, p.high) for p in self.effect.parameters}
+        return {k: e for k, e in self.parameters.items() if (e.low, e.high) != ends.get(k)}
 
     @property
     def probability(self) -> float:
@@ -126,8 +130,9 @@ class OutputLevel:
         unit: of the numbers.
         before: of the robot that was given.
         after: of the robot with the effects found.
-        attainable: what any model of motion, load and time would leave; never below `sensors`.
-        sensors: what the noise of the sensors leaves.
+        attainable: what the best model of motion, load and time would leave; below `floor` only
+            where what was found is.
+        floor: the noise floor, what noise alone leaves.
         judged: False where the drive reports next to nothing and the output was set aside.
     """
 
@@ -136,7 +141,7 @@ class OutputLevel:
     before: float
     after: float
     attainable: float
-    sensors: float
+    floor: float
     judged: bool = True
 
 
@@ -197,18 +202,20 @@ class Diagnosis:
         for finding in self.findings:
             numbers = ", ".join(
                 f"{name} {with_interval(e.value, e.low, e.high)[0]} "
-                f"({with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(" 1")
+                f"(90 % interval {with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(
+                    " 1"
+                )
                 + (f" (as given {plain(e.drawn)})" if e.drawn is not None else "")
                 for name, e in finding.numbers.items()
             )
             rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
             lines.append(
                 f"  {finding.effect.name} at {finding.effect.where}{rivals}: {numbers}; "
-                f"probability {finding.probability:.2f}"
+                f"{sure(finding.probability)} that it is there"
             )
         lines += [
-            f"  {o.output}: {plain(o.before)} -> {plain(o.after)} {o.unit} "
-            f"(attainable {plain(o.attainable)}, sensors {plain(o.sensors)})"
+            f"  {o.output}: {plain(o.before, 2)} -> {plain(o.after, 2)} {o.unit} "
+            f"(attainable {plain(o.attainable, 2)}, noise floor {plain(o.floor, 2)})"
             + ("" if o.judged else ", set aside")
             for o in self.outputs
         ]
@@ -223,19 +230,19 @@ class Diagnosis:
         found = [
             [row["effect"], row["where"], row["parameter"], *with_interval(
                 row["value"], row["low"], row["high"]
-            ), row["unit"], f"{100.0 * row['probability']:.0f} %"]
+            ), row["unit"], sure(row["probability"])]
             for row in self.rows()
         ]  # fmt: skip
-        heads = ("effect", "at", "parameter", "value", "90 % interval", "unit", "sure")
+        heads = ("effect", "at", "parameter", "value", "90 % interval", "unit", "is it there?")
         left = [
-            [o.output, plain(o.before), plain(o.after), plain(o.attainable), o.unit]
+            [o.output, *(plain(x, 2) for x in (o.before, o.after, o.attainable, o.floor)), o.unit]
             for o in self.outputs
         ]
         return (
             f"<p><b>{escape(verdict_sentence(self))}</b></p>"
-            f"<p>Do this now: {escape(what_to_do(self))}</p>"
+            f"<p style='white-space: pre-wrap'>Do this now: {escape(what_to_do(self))}</p>"
             + (html_table(heads, found) if found else "")
-            + html_table(("left at", "before", "after", "attainable", "unit"), left)
+            + html_table(("left at", "before", "after", "attainable", "noise floor", "unit"), left)
         )
 
     def rows(self) -> list[dict[str, Any]]:
@@ -334,7 +341,7 @@ class Diagnosis:
                     "before": o.before,
                     "after": o.after,
                     "attainable": o.attainable,
-                    "sensors": o.sensors,
+                    "floor": o.floor,
                     "judged": o.judged,
                 }
                 for o in self.outputs

@@ -22,7 +22,8 @@ from wbc.robot import Effect, Parameter
 from wbc.robot.coordinates import unit_at
 
 _CORRELATED = 0.95
-_VAGUE = 1.0  # half width of an interval, as a share of the value
+# Half width of an interval, as a share of the value; of numbers of one unit, of the largest.
+_VAGUE = 1.0
 _MOTOR_SIDE = (
     "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
     "not slow the link. A simulation would have it at the link"
@@ -64,9 +65,15 @@ def describe_findings(
             estimates[parameter.name] = Estimate(
                 value, unit, low, high, _of_the_robot(parameter, given)
             )
-            if value in (parameter.low, parameter.high):
+            size = max(
+                abs(effect.values[p.name]) for p in effect.parameters if p.unit == parameter.unit
+            )
+            if (low, high) == (parameter.low, parameter.high):
+                stays = _with_unit(value, unit)
+                warnings.append(f"these logs do not tell {parameter.name}: it stays at {stays}")
+            elif value in (parameter.low, parameter.high):
                 warnings.append(f"{parameter.name} is at the bound {_with_unit(value, unit)}")
-            elif high - low > 2.0 * _VAGUE * abs(value):
+            elif high - low > 2.0 * _VAGUE * size:
                 span = f"{low:.3g} to {_with_unit(high, unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
         quantities, about = quantities_of(problem, fit, k, distortion)

@@ -74,10 +74,15 @@ class Ranked:
         # By chance a difference is beyond two standard errors in one of twenty.
         if self.difference < -2.0 * self.deviation:
             return "fits better, but less probable"
-        if not self.removed:
-            return "not needed"
-        worse = self.difference > 2.0 * self.deviation
-        return "fits worse" if worse else "fits as well, but less probable"
+        if self.difference > 2.0 * self.deviation:
+            return "fits worse"
+        return "fits as well, but less probable" if self.removed else "no gain beyond chance"
+
+    @property
+    def beyond(self) -> tuple[float, float]:
+        """Its error minus that of the one found, and the standard error [noise floors]."""
+        both = self.error + np.sqrt(max(self.error**2 - self.difference, 0.0))
+        return self.difference / max(both, 1e-300), self.deviation / max(both, 1e-300)
 
     @property
     def odds(self) -> str:

@@ -1,4 +1,4 @@
-"""What a diagnosis says, in a sentence that a person would say, and what to do now."""
+"""What a diagnosis says, in a sentence that a person would say."""
 
 from __future__ import annotations
 
@@ -11,6 +11,15 @@ from wbc.robot.effect import spoken
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, Finding, OutputLevel
 
+TITLES = {
+    "named": "cause found",
+    "ambiguous": "several possible causes",
+    "partial": "part of the cause found",
+    "unknown": "cause not found",
+    "none": "nothing missing",
+    "not_repeatable": "runs disagree",
+}
+"""A verdict in words that need no explanation."""
 MEANINGS = {
     "named": "these logs tell which effects the model lacks",
     "ambiguous": "several effects explain these logs equally well",
@@ -73,30 +82,6 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             )
 
 
-def what_to_do(diagnosis: Diagnosis, saved: str | None = None) -> str:
-    """Return what to do now.
-
-    Args:
-        diagnosis: the answer.
-        saved: name of the file in which the robot with the effects found is, None if in none.
-    """
-    # Perfect gears would take the losses found out again.
-    option = f"--robot {saved or 'fitted.toml'} (leave out --lossless if you gave it)."
-    use = f"Use the corrected model: {option}"
-    if not saved:
-        save = "give the same command with --save fitted.toml (in Python: save_robot)"
-        use = f"Save the corrected model: {save}. Then use it: {option}"
-    match diagnosis.verdict:
-        case "named":
-            return use
-        case "partial":
-            return f"{use} {diagnosis.next_experiment}"
-        case "none":
-            return "Go on with this robot; faster or loaded motions would show more."
-        case _:
-            return diagnosis.next_experiment
-
-
 def only_noise(joints: Sequence[str]) -> str:
     """Return that the drives of joints report only noise; empty for none."""
     if not joints:
@@ -111,10 +96,10 @@ def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
 
 
 def _progress(diagnosis: Diagnosis) -> str:
-    """Return how far the error falls where the most of it is explained, beside the sensors.
+    """Return how far the error falls where the most of it is explained, beside the floor.
 
     With what the best model of the motion would leave, where that is less by more than the noise
-    of the sensors: the limit from which on the verdict takes the rest for a missing cause.
+    floor: the limit from which on the verdict takes the rest for a missing cause.
     """
     worst = max(_judged(diagnosis), key=_explained, default=None)
     share = f"That explains {_percent(diagnosis.explained)} of the squared error"
@@ -122,7 +107,7 @@ def _progress(diagnosis: Diagnosis) -> str:
         return share
     before, after = plain(worst.before, 2), plain(worst.after, 2)
     said = f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
-    if worst.after**2 - worst.attainable**2 <= worst.sensors**2:
+    if worst.after**2 - worst.attainable**2 <= worst.floor**2:
         return said
     least = f"{plain(worst.attainable, 2)} {worst.unit}"
     return f"{said}, where the best model of the motion would leave {least}"
@@ -134,7 +119,7 @@ def _percent(share: float) -> str:
 
 
 def _left(diagnosis: Diagnosis) -> str:
-    """Return what is left at the output that is furthest above its sensors."""
+    """Return what is left at the output that is furthest above its noise floor."""
     worst = max(_judged(diagnosis), key=lambda o: o.after / _noise(o), default=None)
     if worst is None:
         return "nothing is left"
@@ -151,7 +136,7 @@ def _explained(output: OutputLevel) -> float:
 
 
 def _noise(output: OutputLevel) -> float:
-    return max(output.sensors, 1e-150)
+    return max(output.floor, 1e-150)
 
 
 def _sum_up(findings: Sequence[Finding]) -> str:

@@ -70,7 +70,8 @@ class Remainder:
     def text(self) -> str:
         """One sentence."""
         said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
-        text = f"{self.output}: {self.size:.3g} {self.unit} left, {self.floors:.0f} times the floor"
+        text = f"{self.output}: {self.size:.2g} {self.unit} left, "
+        text += f"{self.floors:.0f} times the noise floor"
         text += f", follows {', '.join(said)}" if said else ", follows no single variable"
         if self.growth > 1.5:
             text += f", grows {self.growth:.1f}-fold during a log"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -120,7 +119,7 @@ def _wrong_drive(problem: EstimationProblem, fit: Fit, effect: Effect) -> float:
     """
     if "drive" not in effect.acts_by:
         return 0.0
-    robot = replace(problem.robot, effects=(effect,))
+    robot = problem.robot.with_acting((effect,))
     off = 0.5 * (np.log(np.maximum(drive_gains(robot, problem.records), 1e-300)) / _GAIN) ** 2
     if np.sum(off) < 1.0:
         return float(np.sum(off))

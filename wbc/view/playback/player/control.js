@@ -55,7 +55,7 @@ function buildControls() {
   for (const name of Object.keys(layers)) {
     const label = document.createElement("label"), box = document.createElement("input");
     box.type = "checkbox"; box.checked = layers[name];
-    box.onchange = () => { layers[name] = box.checked; if (name === "residual") paintBackdrop(); drawFrame(); };
+    box.onchange = () => { layers[name] = box.checked; if (name === "residual") { paintBackdrop(); drawLegend(); } drawFrame(); };
     label.append(box, " " + name);
     $("layers").append(label);
   }

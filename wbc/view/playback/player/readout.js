@@ -4,7 +4,7 @@ function buildReadout() {
   // A planned motion has no torque: a table without a number would only cover the robot.
   const told = withResidual || data.gears.some((g) => g.torque.some((x) => !Number.isNaN(x)));
   const units = [...new Set(data.gears.map((g) => g.unit))];
-  table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (withResidual ? "<th>residual / floor</th>" : "") + "</tr>";
+  table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (withResidual ? "<th>residual<br>[noise floors]</th>" : "") + "</tr>";
   for (const g of data.gears) {
     const row = table.insertRow();
     const made = Array.from({ length: withResidual ? 5 : 4 }, () => row.insertCell());
@@ -12,19 +12,26 @@ function buildReadout() {
     made[3].innerHTML = '<span class="chip"></span>';
     cells.push(made);
   }
-  const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
-  const ghostNote = data.ghost ? `<br>transparent: ${data.ghost.label}` : "";
-  $("legend").innerHTML = !told ? "" : "power through the gear: " +
-    entry(data.colours.modes["1"], "motor drives") + entry(data.colours.modes["-1"], "joint drives") +
-    entry(data.colours.modes["0"], "stuck or idle") +
-    (withResidual ? "<br>residual: " + entry(data.colours.over, "measured above the model") +
-      entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} floors)` : "") + ghostNote;
-  // A length that is easy to compare with the robot, and the force that it stands for.
-  const newtons = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((n) => n * data.metres_per_newton > 0.25 * data.reach) || 10000;
-  if (data.contacts.length) $("legend").innerHTML += `${told ? "<br>" : ""}force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`;
+  drawLegend();
   if (!told) table.hidden = true;
   if (!told && data.contacts.length === 0) $("details").hidden = true;
   else if (window.innerWidth < 560 || window.innerHeight < 500 || data.gears.length > 8) $("details").open = false;
+}
+// Joints show one thing at a time: while they have the colour of their residual, no other entry has colours like it.
+const residualShown = () => Boolean(layers.residual);
+function drawLegend() {
+  const told = data.gears.some((g) => g.residual || g.torque.some((x) => !Number.isNaN(x)));
+  const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
+  const lines = [];
+  if (told && residualShown()) lines.push("residual: " + entry(data.colours.over, "measured above the model") +
+    entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} noise floors)`);
+  else if (told) lines.push("power through the gear: " + entry(data.colours.modes["1"], "motor drives") +
+    entry(data.colours.modes["-1"], "joint drives") + entry(data.colours.modes["0"], "stuck or idle"));
+  if (data.ghost) lines.push(entry(data.colours.ghost, `transparent: ${data.ghost.label}`));
+  // A length that is easy to compare with the robot, and the force that it stands for.
+  const newtons = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((n) => n * data.metres_per_newton > 0.25 * data.reach) || 10000;
+  if (data.contacts.length) lines.push(`force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`);
+  $("legend").innerHTML = lines.join("<br>");
 }
 const signed = (x, digits) => Number.isNaN(x) ? "–" : (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
 function readout(i) {
@@ -38,7 +45,7 @@ function readout(i) {
     power.textContent = signed(g.power[i], 1);
     const known = !Number.isNaN(g.power[i]), chip = mode.firstChild;
     chip.textContent = known ? MODES[g.direction[i]] : "unknown";
-    chip.style.background = known ? data.colours.modes[g.direction[i]] : data.colours.modes["0"];
+    chip.style.background = data.colours.modes[known && !residualShown() ? g.direction[i] : "0"];
     if (residual) residual.textContent = g.residual ? signed(g.residual[i], 1) : "–";
   });
 }

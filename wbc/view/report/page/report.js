@@ -42,6 +42,9 @@ function drawStairs() {
 function band(panel) {
   return [{ type: "rect", xref: "paper", x0: 0, x1: 1, y0: -2 * panel.floor, y1: 2 * panel.floor, line: { width: 0 }, fillcolor: style("--band"), layer: "below" }];
 }
+function unused(run) {
+  return run.unused.map(([x0, x1]) => ({ type: "rect", yref: "paper", x0, x1, y0: 0, y1: 1, line: { width: 0 }, fillcolor: style("--unused"), layer: "below" }));
+}
 const hover = (unit, x) => `${x}: %{x:.4g}<br>%{y:.4g} ${unit}`;
 
 function line(panel, run, values, color, name, more) {
@@ -59,12 +62,12 @@ function drawTorque(place, panel, run) {
   const traces = [line(panel, run, run.measured, style("--ink"), "measured", { width: 2 }),
     line(panel, run, run.given, style("--before"), "model as given")];
   if (data.fitted) traces.push(line(panel, run, run.fitted, style("--after"), "with effects", { dash: "dot", width: 2 }));
-  Plotly.react(place, traces, aligned(layout("", `${panel.unit === "N" ? "force" : "torque"} [${panel.unit}]`)), config);
+  Plotly.react(place, traces, aligned(layout("", `${panel.unit === "N" ? "force" : "torque"} [${panel.unit}]`, { shapes: unused(run) })), config);
 }
 function drawResidual(place, panel, run) {
   const traces = [line(panel, run, run.before, style("--before"), "as given")];
   if (data.fitted) traces.push(line(panel, run, run.after, style("--after"), "with effects"));
-  Plotly.react(place, traces, aligned(layout("time [s]", `residual [${panel.unit}]`, { shapes: band(panel) })), config);
+  Plotly.react(place, traces, aligned(layout("time [s]", `residual [${panel.unit}]`, { shapes: [...band(panel), ...unused(run)] })), config);
 }
 
 function drawPanel(panel, places) {

@@ -1,0 +1,124 @@
+"""What to do now: whole commands that run as printed, and what of the robot is to be touched."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.swinging_leg import swing
+from wbc import load_robot
+from wbc.cli import main
+from wbc.effects import CoulombFriction
+from wbc.identification import Diagnosis, compare, diagnose
+from wbc.identification.answer.diagnosis.to_do import COMMAND, Commands, what_to_do
+from wbc.measurement import Log, load_log, save_log
+
+LEG = load_robot("planar_leg_fixed").lossless()
+
+
+def commands_in(text: str) -> list[str]:
+    return [line.strip() for line in text.splitlines() if line.startswith(COMMAND)]
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    truth = LEG.with_effect(CoulombFriction("knee", 0.4))
+    return [swing(truth, 1, 0.0), swing(truth, 2, 0.0)]
+
+
+@pytest.fixture(scope="module")
+def found(logs: list[Log]) -> Diagnosis:
+    return diagnose(LEG, logs, [CoulombFriction])
+
+
+def test_every_command_of_an_answer_runs_as_printed(
+    logs: list[Log],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The answer said "give the same command with --save fitted.toml": no command at all."""
+    monkeypatch.chdir(tmp_path)
+    files = [str(save_log(log, f"a run{k}.csv")) for k, log in enumerate(logs)]  # with a blank
+    told = ["--robot", "planar_leg_fixed", "--lossless", "--add", "coulomb_friction", "--quiet"]
+    assert main(["diagnose", *files, *told]) == 0
+    answer = capsys.readouterr().out
+    assert "Nothing on the robot needs a change" in answer
+    save, use = commands_in(answer)
+    for command in (save, use):
+        program, *arguments = shlex.split(command)
+        assert program == "wbc"
+        assert main(arguments) == 0
+    fitted = load_robot("fitted.toml")
+    read = [load_log(file) for file in files]
+    assert compare(fitted, read).error < 0.1 * compare(LEG, read).error
+
+
+def test_what_is_saved_already_is_not_saved_again(found: Diagnosis) -> None:
+    told = what_to_do(found, Commands.of(["a.csv"], "leg.toml", saved="new.toml", lossless=True))
+    assert commands_in(told) == ["wbc compare a.csv --robot new.toml"]
+    # --lossless would take the losses that were found out of the corrected model again.
+    assert "--lossless" not in told
+    assert told.endswith("Then use new.toml in place of leg.toml.")
+
+
+def test_logs_of_other_machines_keep_their_losses(found: Diagnosis) -> None:
+    """With --lossless, LOG@ROBOT is read without losses; beside the corrected robot it is not."""
+    told = what_to_do(found, Commands.of(["a.csv", "b.csv@other.toml"], "leg.toml", lossless=True))
+    (save,) = commands_in(told)
+    assert (
+        save == "wbc diagnose a.csv b.csv@other.toml --robot leg.toml --lossless --save fitted.toml"
+    )
+
+
+@pytest.mark.parametrize(
+    ("verdict", "begins", "last"),
+    [
+        ("named", "Nothing on the robot needs a change", "compare a.csv --robot fitted.toml"),
+        ("partial", "Nothing on the robot needs a change", "diagnose a.csv new.csv --robot leg"),
+        ("ambiguous", "Change neither the robot nor its model", "a.csv new.csv --robot leg"),
+        ("unknown", "Change neither the robot nor its model", "a.csv new.csv --robot leg"),
+        ("not_repeatable", "Look at the robot first", "a.csv new.csv --robot leg"),
+        ("none", "Neither the robot nor its model needs a change", ""),
+    ],
+)
+def test_every_answer_says_whether_the_robot_is_to_be_touched(
+    found: Diagnosis, verdict: str, begins: str, last: str
+) -> None:
+    one = replace(found, verdict=verdict, next_experiment="Turn the knee slowly.")  # type: ignore
+    told = what_to_do(one, Commands.of(["a.csv"], "leg"))
+    assert told.startswith(begins)
+    assert not last or commands_in(told)[-1].endswith(last)
+
+
+def test_in_python_the_way_out_is_a_line_of_python(
+    found: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (line,) = commands_in(what_to_do(found))
+    exec(line, {"found": found})
+    assert str(load_robot("fitted.toml").effects) == str(found.robot.effects)
+
+
+def test_one_word_and_one_number_for_the_noise(found: Diagnosis, logs: list[Log]) -> None:
+    """ "Noise floor" and "noise of the sensors" stood for two numbers that differed by a third."""
+    floor = {o.output: o.floor for o in compare(LEG, logs).outputs}
+    assert {o.output: o.floor for o in found.outputs} == pytest.approx(floor)
+    assert "noise floor" in str(found)
+    assert "sensors" not in str(found)
+
+
+def test_an_effect_that_gains_nothing_is_not_said_to_be_unneeded(found: Diagnosis) -> None:
+    row = found.ranking[0]
+    added = replace(
+        row, added=(("backlash", "knee"),), removed=(), standing="worse", error=0.90,
+        difference=0.81 - 0.9025, deviation=0.06,
+    )  # fmt: skip
+    assert added.judgement == "no gain beyond chance"
+    assert replace(added, difference=0.2).judgement == "fits worse"
+    assert added.beyond == pytest.approx((-0.05, 0.06 / 1.85))
+    assert np.isfinite(replace(added, error=0.0, difference=0.0).beyond).all()
