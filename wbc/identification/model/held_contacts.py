@@ -177,9 +177,7 @@ def _marginal(fit: Fit, noise: FloatArray, rows: Sequence[int]) -> FloatArray:
     return np.asarray(own - beside.T @ taken)
 
 
-def _changed(
-    fit: Fit, slots: Sequence[tuple[int, int]], change: FloatArray
-) -> tuple[Effect, ...]:
+def _changed(fit: Fit, slots: Sequence[tuple[int, int]], change: FloatArray) -> tuple[Effect, ...]:
     """Return the effects of a fit with parameters changed, in units of their scales."""
     changes = {}
     for (row, k), step in zip(slots, change, strict=True):

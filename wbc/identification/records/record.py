@@ -135,7 +135,8 @@ class Record:
         """The active contacts whose forces were not measured, None without any."""
         if not any(touches.any() for touches in self.active.values()):
             return None
-        return ContactBalance.of(self.robot, self.motion.position, self.active)
+        gears = self.scale[:, : self.robot.transmission.size]
+        return ContactBalance.of(self.robot, self.motion.position, self.active, gears)
 
     @cached_property
     def contacts(self) -> FloatArray:

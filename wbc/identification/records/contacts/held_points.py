@@ -7,7 +7,8 @@ that only asks for torque.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -39,11 +40,16 @@ def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -
     """
     space = Workspace(robot)
     names = [contact.name for contact in robot.contacts]
-    frames = [space.frames[names.index(name)] for name in holds]
+    numbers = [names.index(name) for name in holds]
+    frames = [space.frames[number] for number in numbers]
     points = np.empty((len(position), len(frames), 3))
+    turned = np.empty((len(position), len(frames), 3, 3))
     for row, q in enumerate(position):
         pin.framesForwardKinematics(space.model, space.data, q)
-        points[row] = [space.data.oMf[frame].translation for frame in frames]
+        for column, frame in enumerate(frames):
+            place = space.data.oMf[frame]
+            points[row, column], turned[row, column] = place.translation, place.rotation
+    points -= _rolled(turned, [robot.contacts[n].radius for n in numbers], _up(robot))
     for column, rows in enumerate(holds.values()):
         points[~rows, column] = 0.0
         for time in _times(rows):
@@ -67,6 +73,30 @@ def stray_noise(
         for name, rows in holds.items()
     ]
     return np.concatenate(parts, axis=1)
+
+
+def _rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatArray:
+    """Return (N, c, 3) how far [m] balls at contact points have rolled since the first row.
+
+    Args:
+        turned: (N, c, 3, 3) orientations.
+        radii: (c,) of the balls [m].
+        up: (3,) normal of the ground.
+    """
+    way = np.zeros(turned.shape[:3])
+    for column, radius in enumerate(radii):
+        if radius > 0.0:
+            frames = turned[:, column]
+            turns = [pin.log3(b @ a.T) for a, b in itertools.pairwise(frames)]
+            way[1:, column] = np.cumsum(np.cross(turns, radius * up), axis=0)
+    return way
+
+
+def _up(robot: Robot) -> FloatArray:
+    """Return (3,) the normal of level ground."""
+    gravity = np.asarray(robot.model.gravity.linear)
+    size = float(np.linalg.norm(gravity))
+    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
 def _times(rows: BoolArray) -> list[slice]:
