@@ -117,7 +117,7 @@ def diagnose(
     alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
     left = remainders(problem, fit) if more else ()
     correlation = correlation_of(problem, fit)
-    findings = describe_findings(problem, fit, support, alternatives, correlation)
+    findings = describe_findings(problem, fit, support, alternatives, correlation, classes)
     known = {c.name: c for c in classes}
     asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
     return Diagnosis(
