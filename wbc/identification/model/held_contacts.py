@@ -142,7 +142,10 @@ def _rows(
     edge = 1 + int(record.rate / record.bandwidth.kinematics)
     none = np.zeros(len(record.torque), dtype=bool)
     touches = {name: record.active.get(name, none) for name in names}
-    holds = {name: record.thinned(settled(rows, edge)) for name, rows in touches.items()}
+    holds = {
+        name: record.thinned(settled(rows, edge).astype(float)) > 0.5
+        for name, rows in touches.items()
+    }
     return record.thinned(motion.position), holds
 
 

@@ -60,8 +60,8 @@ _SEVERAL_SILENT = (
 )
 _ALL_SILENT = (
     "{}: no drive reports more than noise. The torques do not follow what the motion needs, so no "
-    "cause is looked for. Either the joints carried too little in these logs, or a torque constant, "
-    "unit, column or clock is wrong."
+    "cause is looked for. Either the joints carried too little in these logs, or a torque "
+    "constant, unit, column or clock is wrong."
 )
 
 
