@@ -135,8 +135,7 @@ class Record:
         """The active contacts whose forces were not measured, None without any."""
         if not any(touches.any() for touches in self.active.values()):
             return None
-        gears = self.scale[:, : self.robot.transmission.size]
-        return ContactBalance.of(self.robot, self.motion.position, self.active, gears)
+        return ContactBalance.of(self.robot, self.motion.position, self.active)
 
     @cached_property
     def contacts(self) -> FloatArray:

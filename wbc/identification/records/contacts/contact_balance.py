@@ -6,9 +6,7 @@ undriven base hold no motor, so they tell f as far as J_u' does:
     f = pinv(J_u') w + Z z,     w the wrench that the base lacks,   J_u' Z = 0.
 
 What is left of w lies in the null space of the contacts. Internal forces Z z move no base, so only
-motors feel them: z is what leaves least at the motors' outputs, and the rest is judged. Outputs
-count by the weights of their rows there. A joint that turns round would else hand what nobody knows
-of its dry friction on to all others.
+motors feel them: z is what leaves least at the motors' outputs, and the rest is judged.
 """
 
 from __future__ import annotations
@@ -47,11 +45,7 @@ class ContactBalance:
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        position: FloatArray,
-        active: Mapping[str, BoolArray],
-        weight: FloatArray,
+        cls, robot: Robot, position: FloatArray, active: Mapping[str, BoolArray]
     ) -> ContactBalance:
         """Return the balance along positions q (N, nq).
 
@@ -59,7 +53,6 @@ class ContactBalance:
             robot: whose contacts these are.
             position: q (N, nq).
             active: contact name -> (N,) whether it touches.
-            weight: (N, m) of the rows of the motors' outputs.
         """
         parts = [
             contact_jacobians(robot, position, name).transpose(0, 2, 1) * touches[:, None, None]
@@ -78,7 +71,7 @@ class ContactBalance:
         felt[np.abs(felt) < 1e-9 * size] = 0.0
         if not felt.any():
             return cls(push, from_base, None, None, np.concatenate([gears, base]))
-        back = np.linalg.pinv(weight[:, :, None] * felt, rcond=_RANK) * weight[:, None]
+        back = np.linalg.pinv(felt, rcond=_RANK)
         unseen = felt @ back
         gears = gears - np.einsum("nii->i", unseen) / len(position)
         seen = np.concatenate([gears, base])

@@ -49,7 +49,7 @@ def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -
         for column, frame in enumerate(frames):
             place = space.data.oMf[frame]
             points[row, column], turned[row, column] = place.translation, place.rotation
-    points -= _rolled(turned, [robot.contacts[n].radius for n in numbers], _up(robot))
+    points -= rolled(turned, [robot.contacts[n].radius for n in numbers], _up(robot))
     for column, rows in enumerate(holds.values()):
         points[~rows, column] = 0.0
         for time in _times(rows):
@@ -75,7 +75,7 @@ def stray_noise(
     return np.concatenate(parts, axis=1)
 
 
-def _rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatArray:
+def rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatArray:
     """Return (N, c, 3) how far [m] balls at contact points have rolled since the first row.
 
     Args:
