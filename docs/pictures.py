@@ -107,20 +107,27 @@ def residuals(diagnosis: Diagnosis) -> None:
     )
 
 
+ARM_POSE = ("--contact", "link_6", "--pose", "joint_2=0.5,joint_3=1.2,joint_5=0.6")
+
+
 def metrics() -> None:
-    """Draw the paper's two figures."""
+    """Draw the paper's two figures, and the first one of a quadruped and an arm."""
     for theme in ("light", "dark"):
         folder = OUT / theme
-        for robot in ("planar_leg_fixed", "planar_leg"):
-            wbc(["metrics", robot, "--figures", str(folder), "--theme", theme])
+        for robot, options in (
+            *(("planar_leg_fixed", ()), ("planar_leg", ())),
+            *(("solo12", ()), ("staubli_tx40", ARM_POSE)),
+        ):
+            wbc(["metrics", robot, *options, "--figures", str(folder), "--theme", theme])
         ending = "" if theme == "light" else "_dark"
         keep(folder / "planar_leg_fixed_leg.png", "ellipsoids" + ending)
         keep(folder / "planar_leg_tradeoff.png", "tradeoff" + ending)
+        keep(folder / "solo12_leg.png", "metrics_solo12" + ending)
+        keep(folder / "staubli_tx40_leg.png", "metrics_arm" + ending)
 
 
 ARM_DESIGN = [
-    *("design", "staubli_tx40", "--contact", "link_6", "--out", "arm.parquet"),
-    *("--pose", "joint_2=0.5,joint_3=1.2,joint_5=0.6"),
+    *("design", "staubli_tx40", *ARM_POSE, "--out", "arm.parquet"),
     *("--sweep", "reduction=20:160:15:log", "--sweep", "forward_efficiency=0.5:0.98:15"),
 ]
 
@@ -130,12 +137,14 @@ SOLO_DESIGN = [
     *("--sweep", "forward_efficiency=0.55:0.98:20"),
 ]
 EXPERIMENTS = {
-    "planar_leg_fixed": "--speed 6 --span 1 --rounds 40 --between rotor_inertia@knee "
+    "experiment": "planar_leg_fixed --speed 6 --span 1 --rounds 40 --between rotor_inertia@knee "
     "payload_mass@shin",
-    "solo12": "--speed 6 --span 0.6 --rounds 20 --between rotor_inertia@FL_KFE "
-    "payload_mass@FL_LOWER_LEG",
-    "staubli_tx40": "--speed 3 --span 1 --rounds 60 --noise 0.2 --between rotor_inertia@joint_3 "
-    "payload_mass@link_3",
+    "experiment_quadruped": "solo12 --speed 6 --span 0.6 --rounds 20 --between "
+    "rotor_inertia@FL_KFE payload_mass@FL_LOWER_LEG",
+    "experiment_arm": "staubli_tx40 --speed 3 --span 1 --rounds 60 --noise 0.2 --between "
+    "rotor_inertia@joint_3 payload_mass@link_3",
+    "experiment_link": "staubli_tx40 --speed 3 --span 1 --rounds 60 --noise 0.2 --between "
+    "center_of_mass@link_4+payload_mass@link_4",
 }
 
 
@@ -171,18 +180,12 @@ def designs() -> None:
 
 def experiments() -> None:
     """Plan the motions that decide."""
-    for robot, options in EXPERIMENTS.items():
+    for name, options in EXPERIMENTS.items():
         for theme, ending in (("light", ""), ("dark", "_dark")):
-            folder = OUT / theme
-            wbc(["experiment", robot, "--lossless", *options.split(), "--theme", theme,
+            folder, (robot, *rest) = OUT / theme, options.split()
+            wbc(["experiment", robot, "--lossless", *rest, "--theme", theme,
                  "--figures", str(folder)])  # fmt: skip
-            picture = folder / f"{robot}_experiment.png"
-            names = {
-                "planar_leg_fixed": "experiment",
-                "solo12": "experiment_quadruped",
-                "staubli_tx40": "experiment_arm",
-            }
-            keep(picture, names[robot] + ending)
+            keep(folder / f"{robot}_experiment.png", name + ending)
 
 
 def fleet() -> None:

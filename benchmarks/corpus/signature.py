@@ -1,4 +1,8 @@
-"""What a flaw does to the residual, in units of the noise floor, by the plant's own equations."""
+"""What a flaw does to the residual, in units of the noise floor, by the plant's own equations.
+
+Where no sensor measured the contact forces, logs show only what no force at the contacts can be:
+the signature is then projected out of what such forces do, in floors.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +34,20 @@ class Signatures:
     """Signatures of flaws along the reference motions of a set of runs."""
 
     def __init__(
-        self, machine: Machine, excitations: Sequence[Excitation], sensors: Sensors
+        self,
+        machine: Machine,
+        excitations: Sequence[Excitation],
+        sensors: Sensors,
+        withheld: bool = False,
     ) -> None:
+        """Prepare the reference motions.
+
+        Args:
+            machine: as drawn.
+            excitations: the runs.
+            sensors: how they were recorded.
+            withheld: whether the contact forces were not.
+        """
         self.machine = machine
         different = {(e.kind, e.seed): e for e in excitations}.values()
         self.motions = [prescribed_motion(machine, (), e, _RATE) for e in different]
@@ -42,14 +58,18 @@ class Signatures:
         ]
         driven = np.concatenate(self.torques)[:, : len(machine.driven)]
         self.torque_noise = sensors.torque * torque_size(driven)
-        self.floor = _floor(machine, sensors, self.motions, self.torque_noise)
+        self.floor = _floor(machine, sensors, self.motions, self.torque_noise, withheld)
+        self._pushes = [_pushes(machine, m, self.floor) if withheld else None for m in self.motions]
 
     def of(self, flaws: Sequence[Flaw]) -> np.ndarray:
         """Return (rows, m + b): the residual in floors of a machine without `flaws`."""
         parts = []
-        for motion, links, torque in zip(self.motions, self._links, self.torques, strict=True):
-            residual = self._residual(flaws, motion, links, torque)
-            parts.append(_low_pass(residual)[::_KEPT] / self.floor)
+        kept = zip(self.motions, self._links, self.torques, self._pushes, strict=True)
+        for motion, links, torque, pushes in kept:
+            residual = self._residual(flaws, motion, links, torque) / self.floor
+            if pushes is not None:
+                residual = residual - np.einsum("nij,nj->ni", pushes, residual)
+            parts.append(_low_pass(residual)[::_KEPT])
         return np.concatenate(parts)
 
     def _residual(
@@ -95,6 +115,7 @@ def _floor(
     sensors: Sensors,
     motions: Sequence[Motion],
     torque_noise: np.ndarray,
+    withheld: bool,
 ) -> np.ndarray:
     """Return the rms (m + b,) that white sensor noise leaves in the band."""
     b = machine.base_size
@@ -112,8 +133,18 @@ def _floor(
     mass, _ = rigid.mass_and_bias(motion.q[middle], motion.v[middle])
     mass[b:, b:] += np.diag(machine.reflected)
     variance = rise * np.sum(mass**2, axis=1)
-    if motion.forces:
+    if motion.forces and not withheld:
         jacobian = rigid.contact_jacobians(motion.q[middle])
         variance = variance + share * sensors.force**2 * np.sum(jacobian**2, axis=0)
     variance[b:] += share * torque_noise**2
     return np.sqrt(np.concatenate([variance[b:], variance[:b]]))
+
+
+def _pushes(machine: Machine, motion: Motion, floor: np.ndarray) -> np.ndarray:
+    """Return (N, m + b, m + b) the projectors on what forces at the contacts do, in floors."""
+    rigid, b = Rigid(machine), machine.base_size
+    # A force on the robot takes from the torque of joints and from what the base lacks alike.
+    jacobians = np.array([rigid.contact_jacobians(q) for q in motion.q]).transpose(0, 2, 1)
+    joints = np.einsum("nvk,vm->nmk", jacobians[:, b:], machine.topology)
+    push = np.concatenate([joints, jacobians[:, :b]], axis=1) / floor[:, None]
+    return push @ np.linalg.pinv(push, rcond=1e-6)

@@ -53,7 +53,7 @@ def try_cases(
     results, open_ends = [], []
     for case, recorded in zip(cases, tables, strict=True):
         logs = [without_forces(log) if withheld else log for log in logs_of(recorded)]
-        result, diagnosis = tried(case, logs, targets)
+        result, diagnosis = tried(case, logs, targets, withheld)
         result["simulation_seconds"] = spent
         results.append(result)
         if diagnosis is not None and diagnosis.verdict == "ambiguous" and not (withheld or targets):
@@ -95,10 +95,10 @@ def robot_of(case: Case) -> Robot:
 
 
 def tried(
-    case: Case, logs: Sequence[Log], targets: bool = False
+    case: Case, logs: Sequence[Log], targets: bool = False, withheld: bool = False
 ) -> tuple[Result, Diagnosis | None]:
     """Diagnose a case; return the result held against its truth, and the diagnosis if any."""
-    result, robot = described(case), robot_of(case)
+    result, robot = described(case, withheld), robot_of(case)
     if targets:
         robot, logs = with_targets(case, robot, logs)
     start = time.process_time()
@@ -131,9 +131,9 @@ def tried(
     return result, diagnosis
 
 
-def described(case: Case) -> Result:
+def described(case: Case, withheld: bool = False) -> Result:
     """Return what is hidden in a case, and how it was recorded."""
-    truth = truth_of(case)
+    truth = truth_of(case, withheld)
     return {
         "number": case.number,
         "family": case.machine.family,

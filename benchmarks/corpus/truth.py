@@ -75,9 +75,14 @@ class Truth:
     unexplained: float
 
 
-def truth_of(case: Case) -> Truth:
-    """Return what may rightly be said about a case."""
-    signatures = Signatures(case.machine, case.excitations, case.sensors)
+def truth_of(case: Case, withheld: bool = False) -> Truth:
+    """Return what may rightly be said about a case.
+
+    Args:
+        case: with its causes.
+        withheld: whether its contact forces are not in the logs.
+    """
+    signatures = Signatures(case.machine, case.excitations, case.sensors, withheld)
     typical = Typical.of(case.machine, signatures)
     groups = {name: [f for f in case.flaws if f.effect == name] for name in case.causes}
     if not groups:

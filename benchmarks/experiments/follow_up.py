@@ -52,7 +52,7 @@ def follow_ups(
 
 
 def planned_runs(
-    case: Case, rivals: Rivals
+    case: Case, rivals: Rivals, duration: float = DURATION
 ) -> tuple[dict[str, tuple[Excitation, ...]], dict[str, Designed]]:
     """Return the runs of a random, a D-optimal and a designed motion, and what is said of them.
 
@@ -63,14 +63,14 @@ def planned_runs(
     """
     limits, settings = _task(case, rivals.robot)
     rate, seed = settings["rate"], settings["seed"]
-    chance = next(random_paths(rivals, limits, DURATION, seed + 1, 1))
-    classic = design_experiment(rivals, limits, DURATION, aim=informing, **settings)
-    ours = design_experiment(rivals, limits, DURATION, starts=[classic.path], **settings)
+    chance = next(random_paths(rivals, limits, duration, seed + 1, 1))
+    classic = design_experiment(rivals, limits, duration, aim=informing, **settings)
+    ours = design_experiment(rivals, limits, duration, starts=[classic.path], **settings)
     said = {RANDOM: expected(rivals, limits, chance, rate), CLASSIC: classic, DESIGNED: ours}
-    first, time, runs = 2_000_000 + 100 * case.number, PlannedExcitation.times(DURATION), {}
+    first, time, runs = 2_000_000 + 100 * case.number, PlannedExcitation.times(duration), {}
     for k, (name, one) in enumerate(said.items()):
         q = one.path.at(time)[0]
-        runs[name] = (PlannedExcitation("planned", first + k, DURATION, first + k, 0.0, q),)
+        runs[name] = (PlannedExcitation("planned", first + k, duration, first + k, 0.0, q),)
     return runs, said
 
 
@@ -139,4 +139,4 @@ def _best(case: Case, rivals: Rivals, said: Mapping[str, Designed]) -> Designed:
         climbed and (lambda found, pairs: climbed(found, against)),
     )
     starts = [one.path for one in said.values()]
-    return design_experiment(rivals, limits, DURATION, aim=aim, starts=starts, **settings)
+    return design_experiment(rivals, limits, starts[0].duration, aim=aim, starts=starts, **settings)

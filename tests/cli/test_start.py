@@ -24,11 +24,12 @@ print("loaded:", *slow)
 """
 
 
-def loaded(*arguments: str) -> list[str]:
-    """Return which of the slow rooms one command has loaded."""
+def loaded(*arguments: str, refused: str = "") -> list[str]:
+    """Return which of the slow rooms one command has loaded, and check that it was refused."""
     run = [sys.executable, "-c", _RUN, *arguments]
-    output = subprocess.run(run, capture_output=True, text=True, check=True).stdout
-    return output.splitlines()[-1].split()[1:]
+    done = subprocess.run(run, capture_output=True, text=True, check=True)
+    assert refused in done.stderr
+    return done.stdout.splitlines()[-1].split()[1:]
 
 
 @pytest.mark.parametrize("command", ["", "diagnose", "compare", "design", "experiment", "metrics"])
@@ -56,6 +57,11 @@ def test_an_answer_does_not_wait_for_the_compiler(command: str) -> None:
     paths = [str(path) for path in sample_paths()]
     robot = ["--robot", "planar_leg_fixed", "--lossless"]
     assert loaded(*command.split(), *paths, *robot, "--quiet") == []
+
+
+def test_a_robot_of_another_kind_is_refused_before_the_simulation_is_loaded() -> None:
+    command = "design solo12 --sweep reduction=4:40:3 --simulate hop"
+    assert loaded(*command.split(), refused="no planar leg") == []
 
 
 def test_a_simulation_is_loaded_when_it_is_used() -> None:

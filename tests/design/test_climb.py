@@ -104,6 +104,14 @@ def test_effects_that_remember_have_no_slopes_row_by_row() -> None:
     np.testing.assert_array_equal(one.path.sine, other.path.sine)
 
 
+@pytest.mark.parametrize("duration", [2.0, 4.0, 10.0])
+def test_random_motions_hold_a_period_as_far_as_two_hertz_allow(duration: float) -> None:
+    site = site_of(LEG, ("rotor_inertia@knee",), duration)
+    for path in random_paths(site.rivals, site.limits, duration, 0, 6):
+        assert path.frequency >= min(1.0 / duration, 0.4)
+        assert path.frequency * path.sine.shape[1] <= 2.0 + 1e-9
+
+
 def planned(site: Site, aim: Aim, climb: bool) -> Designed:
     return design_experiment(
         site.rivals, site.limits, site.duration, rounds=15, aim=aim, climb=climb
@@ -128,6 +136,8 @@ def test_a_climb_is_never_worse_than_the_search_alone_and_keeps_the_limits(
         for one in (alone, climbed)
     ]
     assert values[1] > values[0]
+    if aim is shrinking:  # what is judged is what was climbed
+        assert climbed.width == pytest.approx(np.exp(-values[1]))
     assert_within(site, climbed)
     again = planned(site, aim, True)
     np.testing.assert_array_equal(again.path.sine, climbed.path.sine)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from benchmarks.corpus.case import Case
@@ -13,13 +14,16 @@ from benchmarks.corpus.families import draw_machine
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.sensors import Sensors
+from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.trial import logs_of, robot_of, without_forces
 from wbc import Robot, load_robot
 from wbc.dynamics import contact_torque
-from wbc.effects import EFFECTS
+from wbc.effects import EFFECTS, PayloadMass, PositionOffset
 from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
+from wbc.identification.records.contacts.held_points import rolled
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log
 
@@ -141,3 +145,47 @@ def test_rows_near_a_change_of_a_flag_are_not_judged(biped: tuple[Robot, list[Lo
     change = int(np.flatnonzero(np.diff(record.active["foot_h"].astype(int)))[0])
     assert np.all(record.weight[change - 2 : change + 2] == 0.0)
     assert replace(record, active={}).balance is None
+
+
+def biped_with(*flaws: Flaw) -> EstimationProblem:
+    """Return the problem of two standing legs with these flaws, without force sensors."""
+    machine = draw_machine(np.random.default_rng(4), "biped")
+    runs = (Excitation("multisine", 30, 4.0, 0),)
+    noise = Signatures(machine, runs, SENSORS).torque_noise
+    case = Case(0, machine, flaws, runs, "fair", SENSORS, noise)
+    logs = [without_forces(log) for log in logs_of(record_cases([(case, runs)])[0])]
+    return EstimationProblem.from_logs(robot_of(case), logs)
+
+
+def test_feet_that_hold_contradict_a_wrong_zero_that_is_not_there() -> None:
+    zero = PositionOffset("hip_f", offset=0.01)
+    heavy = biped_with(Flaw("payload_mass", "shin_f", {"mass": 0.3}))
+    # The zero explains a part of what the mass asks of the motors, and would move the foot.
+    assert heavy.held_contacts(heavy.fit([zero])) < -30.0
+    assert heavy.held_contacts(heavy.fit([PayloadMass("shin_f", mass=0.1)])) == 0.0
+    wrong = biped_with(Flaw("position_offset", "hip_f", {"offset": 0.03}))
+    fit = wrong.fit([zero])
+    assert fit.effects[0].values["offset"] == pytest.approx(0.03, abs=0.003)
+    assert wrong.held_contacts(fit) > 30.0
+
+
+def test_a_ball_that_rolls_moves_its_centre() -> None:
+    turns = 0.3 * np.sin(np.linspace(0.0, 3.0, 40))
+    about_y = np.array([pin.exp3(np.array([0.0, t, 0.0])) for t in turns])
+    way = rolled(about_y[:, None], [0.1], np.array([0.0, 0.0, 1.0]))[:, 0]
+    # A wheel that turns by +t about y, which points to the left, rolls forward by r t.
+    expected = 0.1 * np.stack([turns, 0.0 * turns, 0.0 * turns], axis=1)
+    np.testing.assert_allclose(way, expected, atol=1e-12)
+    assert not rolled(about_y[:, None], [0.0], np.array([0.0, 0.0, 1.0])).any()
+
+
+def test_the_truth_of_withheld_forces_is_what_logs_without_them_show() -> None:
+    machine = draw_machine(np.random.default_rng(4), "biped")
+    runs = (Excitation("multisine", 30, 4.0, 0),)
+    rubs = [Flaw("viscous_friction", "hip_f", {"coefficient": 2.0})]
+    size = {w: Signatures(machine, runs, SENSORS, w).of(rubs) for w in (True, False)}
+    problem = biped_with(*rubs)
+    shown = np.sqrt(problem.first.mean() - 1.0)
+    sizes = {w: float(np.sqrt(np.mean(signature[:, :4] ** 2))) for w, signature in size.items()}
+    assert sizes[True] == pytest.approx(shown, rel=0.35)
+    assert abs(np.log(sizes[False] / shown)) > abs(np.log(sizes[True] / shown))

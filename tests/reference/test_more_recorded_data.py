@@ -13,7 +13,7 @@ import pytest
 
 from wbc.cli import main
 from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFriction, load_robot
-from wbc.identification import open_loop
+from wbc.identification import diagnose, open_loop
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
@@ -48,6 +48,17 @@ def test_a_continuous_pendulum_is_described_and_its_friction_shows(tmp_path, cap
     assert 0.1 < fit.effects[0].values["level"] < 0.35
     before, after = open_loop(robot, read), open_loop(fit.robot, read)
     assert after.error[0, 1] < 0.8 * before.error[0, 1]
+
+
+def test_no_soft_gear_is_named_from_a_report_that_does_not_follow_the_motion() -> None:
+    robot = load_robot("simple_pendulum")
+    read = load_logs([recorded("simple_pendulum/pd_identification.parquet")])
+    # The chattering torque was explained by a spring of 81 N m/rad, at 0.999. With it, what the
+    # swing-up leaves is twice as much as without.
+    found = diagnose(robot, read)
+    assert found.silent == ("pendulum",)
+    assert found.verdict == "unknown"
+    assert not found.findings
 
 
 def test_the_arm_without_a_drive_gets_no_gear(tmp_path, capsys) -> None:

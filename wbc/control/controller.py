@@ -271,7 +271,8 @@ class Controller:
         if isinstance(ready, RefusedTick):
             raise ControlError(ready.complaint[1])
         first = ready.levels[0]
-        first.assemble(ready.motion, ready.references, ready.contacts, ready.dt, None)
+        tick = ready.motion, ready.references, ready.contacts, ready.dt, ready.gears
+        first.assemble(*tick, None)
         return first.built(ready.gears, self._output)
 
     def _admitted(self, state: State) -> Motion | Complaint:
@@ -323,7 +324,8 @@ class Controller:
     def _descend(self, ready: ReadyTick) -> Answer | Refusal:
         """Solve one level after the other; one that finds nothing leaves it at those above."""
         first, *lower = ready.levels
-        gears, tick = ready.gears, (ready.motion, ready.references, ready.contacts, ready.dt)
+        gears = ready.gears
+        tick = ready.motion, ready.references, ready.contacts, ready.dt, gears
         self._level, self._gears = first, gears
         first.assemble(*tick, None)
         answer = first.solve(gears, self._output)
@@ -331,7 +333,7 @@ class Controller:
             if isinstance(answer, Refusal):
                 break
             found = answer.found
-            level.assemble(*tick, found.solution.x)
+            level.assemble(*tick, answer)
             deeper = level.solve(gears, found.output)
             if isinstance(deeper, Refusal) and deeper.complaint is not None:
                 return answer.without_lower(deeper.complaint)

@@ -24,6 +24,7 @@ from wbc.control import (
     Reference,
     RestPolicy,
 )
+from wbc.design.robot_kinds import height_row, require_point_leg
 from wbc.dynamics import evaluate
 from wbc.errors import DesignError
 from wbc.robot import Robot
@@ -54,14 +55,7 @@ class PointLeg:
         Raises:
             DesignError: a robot of another kind.
         """
-        model = robot.model
-        kinds = [model.joints[j].shortname()[10:11] for j in range(1, model.njoints)]
-        driven = robot.transmission.size
-        if len(robot.contacts) != 1 or driven != 2 or kinds[:3] != ["P", "P", "R"]:
-            raise DesignError(
-                f"'{robot.name}' is no planar leg with one foot, a base of three joints and two "
-                "driven joints; only the drop can be simulated for it."
-            )
+        require_point_leg(robot)
         return cls(robot, contact, robot.bodies[2], height_row(robot))
 
     def balanced(self, q: FloatArray, lift: float = 0.0) -> FloatArray:
@@ -111,23 +105,6 @@ class PointLeg:
         backward = np.minimum(gears.backward_efficiency * (1.0 + share), 1.0)
         changed = gears.replace(forward_efficiency=forward, backward_efficiency=backward)
         return replace(self, robot=self.robot.with_transmission(changed))
-
-
-def height_row(robot: Robot) -> int:
-    """Return the row of q that moves the whole robot along z.
-
-    Raises:
-        DesignError: a robot whose base does not move along z.
-    """
-    model = robot.model
-    if robot.has_free_flyer:
-        return 2
-    for joint in range(1, model.njoints):
-        if model.joints[joint].shortname() == "JointModelPZ" and model.parents[joint] < joint:
-            if model.names[joint] not in robot.transmission.joints:
-                return int(model.joints[joint].idx_q)
-            break
-    raise DesignError(f"the base of '{robot.name}' cannot fall; only a floating base can.")
 
 
 def placed(robot: Robot, q: FloatArray, lift: float) -> FloatArray:

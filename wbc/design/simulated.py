@@ -5,10 +5,11 @@ Each has columns for one design; what a design cannot do is NaN, so that a sweep
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from wbc.arrays import FloatArray
+from wbc.design.robot_kinds import height_row, require_point_leg, require_quadruped
 from wbc.errors import DesignError, SimulationError
 from wbc.robot import Robot
 
@@ -20,10 +21,12 @@ class SimulatedMetric:
     Attributes:
         columns: column -> unit.
         needs: what a robot must be, for the help text.
+        require: raises DesignError for a robot of another kind; needs neither plant nor controller.
     """
 
     columns: Mapping[str, str]
     needs: str
+    require: Callable[[Robot], object]
 
 
 SIMULATIONS: dict[str, SimulatedMetric] = {
@@ -35,6 +38,7 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "drop_ground_loss": "J",
         },
         "a base that can fall",
+        height_row,
     ),
     "standing": SimulatedMetric(
         {
@@ -44,18 +48,22 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "standing_neutral_heat": "W",
         },
         "a planar leg with a point foot",
+        require_point_leg,
     ),
     "landing": SimulatedMetric(
         {"landing_error": "m", "landing_error_high": "m", "landing_error_low": "m"},
         "a planar leg with a point foot",
+        require_point_leg,
     ),
     "hop": SimulatedMetric(
         {"hop_height": "m", "hop_energy": "J", "hop_cost": "1"},
         "a planar leg with a point foot",
+        require_point_leg,
     ),
     "trot": SimulatedMetric(
         {"trot_speed": "m/s", "trot_cost": "1", "trot_work_cost": "1"},
         "a floating base on four feet, one in each corner",
+        require_quadruped,
     ),
 }
 
@@ -66,12 +74,12 @@ def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> dic
     Raises:
         DesignError: a robot of another kind than the simulation needs.
     """
+    metric = SIMULATIONS[name]
+    metric.require(robot)
     # Plant and controller are loaded by whoever simulates, not by whoever reads the list.
     from wbc.design.simulations import RUNS
 
-    metric, simulation = SIMULATIONS[name], RUNS[name]
-    simulation.require(robot, contact)
     try:
-        return simulation.run(robot, q, contact)
+        return RUNS[name](robot, q, contact)
     except (SimulationError, DesignError):
         return dict.fromkeys(metric.columns, float("nan"))

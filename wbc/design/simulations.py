@@ -6,16 +6,15 @@ Each returns its columns for one design; what a design cannot do is NaN, so that
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control import Reference, RestPolicy
-from wbc.design.point_leg import PointLeg, height_row, placed, standing_reference, total_mass
+from wbc.design.point_leg import PointLeg, placed, standing_reference, total_mass
+from wbc.design.robot_kinds import height_row
 from wbc.design.trot import trot
-from wbc.design.trotter import require_quadruped
 from wbc.dynamics import evaluate
 from wbc.errors import SimulationError
 from wbc.metrics import force_capability, link_length
@@ -211,23 +210,11 @@ def _com_rate(robot: Robot, state: SimState) -> FloatArray:
     return np.array(data.vcom[0])
 
 
-@dataclass(frozen=True)
-class DesignSimulation:
-    """How one simulation runs.
-
-    Attributes:
-        require: takes robot and contact; raises DesignError for a robot of another kind.
-        run: takes robot, pose q and contact.
-    """
-
-    require: Callable[[Robot, str], object]
-    run: Callable[[Robot, FloatArray, str], Row]
-
-
-RUNS = {
-    "drop": DesignSimulation(lambda robot, contact: height_row(robot), drop),
-    "standing": DesignSimulation(PointLeg.of, standing),
-    "landing": DesignSimulation(PointLeg.of, landing),
-    "hop": DesignSimulation(PointLeg.of, hop),
-    "trot": DesignSimulation(lambda robot, contact: require_quadruped(robot), trot),
+RUNS: dict[str, Callable[[Robot, FloatArray, str], Row]] = {
+    "drop": drop,
+    "standing": standing,
+    "landing": landing,
+    "hop": hop,
+    "trot": trot,
 }
+"""Simulation -> what runs it, given robot, pose q and contact."""

@@ -77,7 +77,7 @@ class Study:
     speed: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check names; the values are checked with the first designs."""
+        """Check names and the kind of robot; the values are checked with the first designs."""
         columns = [parameter.column for parameter in self.varied]
         if not columns:
             raise DesignError("a study varies at least one parameter; give --sweep NAME=LOW:HIGH.")
@@ -96,6 +96,8 @@ class Study:
         if self.efficiency and any("efficiency" in column for column in columns):
             raise DesignError("efficiencies are swept and read from a table; choose one.")
         robot = loaded(self.robot, self.contact)
+        for name in self.simulations:
+            SIMULATIONS[name].require(robot)
         for parameter in self.parameters:
             _check_place(robot, parameter)
 

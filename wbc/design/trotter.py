@@ -29,7 +29,7 @@ from wbc.control import (
     State,
     Task,
 )
-from wbc.errors import DesignError
+from wbc.design.robot_kinds import require_quadruped
 from wbc.robot import Robot
 
 SPEED = 0.5  # [m/s] at which Solo12 trots
@@ -251,26 +251,6 @@ class Trotter:
         target = swing.start + path * way + rise * up
         return Reference(
             target, (slope * way + climb * up) / length, (bend * way + curve * up) / length**2
-        )
-
-
-def require_quadruped(robot: Robot) -> None:
-    """Check that a robot floats and has one foot in each corner, seen from above.
-
-    Raises:
-        DesignError: it does not.
-    """
-    corners = set()
-    if robot.has_free_flyer:
-        data = robot.model.createData()
-        pin.framesForwardKinematics(robot.model, data, robot.pose())
-        for contact in robot.contacts:
-            place = data.oMi[1].actInv(data.oMf[robot.model.getFrameId(contact.frame)])
-            corners.add((place.translation[0] > 0.0, place.translation[1] > 0.0))
-    if len(corners) != 4 or len(robot.contacts) != 4:
-        raise DesignError(
-            f"'{robot.name}' cannot trot: that needs a floating base and four contacts, one in "
-            "each corner."
         )
 
 

@@ -14,11 +14,14 @@ from wbc.control import (
     FrameOrientationTask,
     PostureTask,
     RotorTorqueEffort,
+    SpeedBlend,
     Status,
     WarmStart,
 )
 from wbc.control.program.level import Level, Refusal
 from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.solvers import QPStatus
+from wbc.control.solvers.solver import make_solver
 from wbc.control.torque.direction_search import DirectionSearch
 from wbc.effects import load_robot
 from wbc.robot import Motion
@@ -56,6 +59,46 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
         scale = 1.0 + np.abs(one.acceleration).max()
         np.testing.assert_allclose(two.acceleration, one.acceleration, atol=1e-6 * scale)
     assert bound > TICKS // 10
+
+
+def test_bounds_that_are_locked_cost_nothing():
+    """Another solver finds nothing better where they stay bounds.
+
+    But for wedges that are narrow and open: one of these six, by 3e-4 of the cost.
+    """
+    robot = load_robot("talos")
+    trunk = FrameOrientationTask(name="trunk", frame=TRUNK["talos"])
+    tasks = [CenterOfMassTask(), trunk, PostureTask.of(robot, level=1)]
+    certain = SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
+    settings = ControllerSettings(speed_blend=certain, tolerance=1e-9, max_iterations=1000)
+    controller = Controller(robot, tasks, feet(robot), settings=settings)
+    more = []
+    for seed in range(3, 9):
+        for state in moving(robot, seed, 4, 0.005, 0.1):
+            command = controller.step(state)
+            assert command.status is Status.SOLVED
+            lower = controller._level.program
+            closed, (low, high) = controller.problem, lower.rows.stated
+            tasked = lower.unlocked + 6  # centre of mass and trunk
+            if len(closed.b) == tasked:
+                continue
+            x0 = lower.passing
+            opened = closed._replace(
+                A=closed.A[:tasked],
+                b=closed.b[:tasked],
+                lower=np.minimum(low, closed.C @ x0),
+                upper=np.maximum(high, closed.C @ x0),
+            )
+            size = len(opened.g), len(opened.b), len(opened.lower)
+            solver = make_solver("daqp", *size, tolerance=1e-9, max_iterations=1000)
+            third = solver.solve(opened)
+            if third.status is not QPStatus.SOLVED:
+                continue  # a wedge too narrow for it
+            cost = [0.5 * x @ closed.H @ x + closed.g @ x for x in (third.x, command.solution.x)]
+            more.append((cost[1] - cost[0]) / abs(cost[0]))
+    assert len(more) >= 5
+    assert np.median(np.abs(more)) < 1e-7
+    assert max(more) < 1e-3
 
 
 def test_basis_says_the_same_as_rows_that_depend_on_one_another():

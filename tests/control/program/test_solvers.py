@@ -143,6 +143,33 @@ def test_no_other_solver_for_numbers_beyond_its_reach(monkeypatch, size, asked):
     assert len(made) == asked
 
 
+@pytest.mark.parametrize("most", [144, 1000])
+def test_behind_the_own_solver_another_has_the_rest_of_the_budget(monkeypatch, most):
+    """Its iterations take longer on a larger program: it has fewer, and all take the same time."""
+    granted = []
+
+    def counted(*arguments, **settings):
+        granted.append(settings["max_iterations"])
+        return make_solver(*arguments, **settings)
+
+    monkeypatch.setattr("wbc.control.solvers.cascade.make_solver", counted)
+    measured = {7: 5.5, 20: 10.0, 30: 22.0, 48: 38.0}  # us an iteration of ProxQP
+    for n in measured:
+        twice = np.ones((18 if n > 20 else 5, n))  # rows that repeat each other
+        k = len(twice)
+        own = DualActiveSet(n, k, 1, tolerance=1e-7, max_iterations=most)
+        cascade = Cascade(own, "proxqp", own_first=True, tolerance=1e-7, max_iterations=most)
+        program = BlockProblem(
+            *(np.ones(n), np.zeros(n), twice, np.ones(k), np.zeros(k), 0),
+            *(np.eye(n)[:1], np.full(1, -1e9), np.full(1, 1e9)),
+        )
+        cascade.solve(program)
+    assert len(granted) == len(measured)
+    taken = np.array(granted) * np.array(list(measured.values()))
+    assert (taken < 2.0 * most * 1.25).all()  # 2 us a unit
+    assert taken.max() < 2.0 * taken.min()
+
+
 def test_the_same_budget_is_the_same_work_and_fewer_steps_on_a_larger_program():
     """x = 10 is wanted, x <= 1 allowed: every variable takes one step."""
 

@@ -182,9 +182,11 @@ def test_two_solvers_and_the_guess_agree(name, kind):
 
 @pytest.mark.parametrize("name", LEGGED)
 def test_two_solvers_and_the_guess_agree_on_a_lower_level(name):
+    """Also where the upper level's optimum lies on as many bounds as there are freedoms."""
     robot = load_robot(name)
     tasks = [CenterOfMassTask(), frame(robot, FrameOrientationTask), PostureTask.of(robot, level=1)]
-    assert agree(robot, tasks, feet(robot), None, moving_slowly(robot, 2), {}) == TICKS
+    states = [state for seed in range(2, 12) for state in moving_slowly(robot, seed)]
+    assert agree(robot, tasks, feet(robot), None, states, {}) == len(states)
 
 
 def test_a_leg_balances_the_same_by_every_way():

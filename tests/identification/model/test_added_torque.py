@@ -18,7 +18,7 @@ from wbc.robot import Effect, Robot
 
 ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
 CASES: dict[str, Callable[[], tuple[Robot, list[Log]]]] = {
-    "an arm with a coupled wrist": lambda: arm(4.0, 100.0, 1, 0.0),
+    "an arm with a coupled wrist": lambda: arm("staubli_tx40", 4.0, 100.0, 1, 0.0),
     "a quadruped on its feet": lambda: quadruped(4.0, 100.0, 0.0),
 }
 

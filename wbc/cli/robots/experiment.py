@@ -239,6 +239,8 @@ def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Consol
             cells = [f"{one.widths[number][row]:.3g}" for one in found.values()]
             unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
             table.add_row(f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells)
+    shares = [f"{one.width / found[RANDOM].width:.2f}" for one in found.values()]
+    table.add_row("geometric mean, over the random one's", *shares)
     console.print(table)
 
 

@@ -14,7 +14,7 @@ from wbc.control.output_torques import OutputTorques, TorqueTerms
 from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
-from wbc.control.program.inequality_rows import InequalityRows
+from wbc.control.program.inequality_rows import InequalityRows, place_passing
 from wbc.control.program.placing import TASKS, place_tasks, place_tasks_fixed
 from wbc.control.program.row_basis import RowBasis
 from wbc.control.program.task_stack import TaskStack
@@ -25,6 +25,8 @@ from wbc.fixed_arrays import FixedArrays
 
 _NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
 _NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
+_Views = tuple[BlockProblem, BlockProblem, BlockProblem]
+"""The whole program, the one whose directions are searched, and the one without torque limits."""
 
 
 class ContactForceProgram:
@@ -48,9 +50,11 @@ class ContactForceProgram:
         force_cost: cost of the contact forces.
         effort_cost: cost of the efforts, with its rows below those of tasks.
         A, b: the equalities.
-        cost_rows: rows of tasks and efforts, above the equalities.
-        most_rows: greatest number of rows, tasks, efforts and equalities.
-        blocks: the whole program.
+        cost_rows: most rows of tasks and efforts, above the equalities.
+        most_rows: greatest number of rows, tasks, efforts and equalities, without bounds.
+        more_rows: how many bounds may be equalities below a more important level.
+        passing: x (n,) of the level above, which the bounds let pass; None where there is none.
+        blocks: the whole program, without rows of tasks that have no weight.
         unbound: the program without its torque limits.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
@@ -84,7 +88,7 @@ class ContactForceProgram:
             force_tasks: costs on contact forces; those of inactive contacts stay idle.
             locked: greatest number of equality rows that a more important level hands down.
             task_rows: rows of the tasks.
-            slack: how far every inequality's bound lies beyond what it stands for.
+            slack: how far an inequality's bound may lie beyond what it stands for.
             hardens: whether a task has an infinite weight.
             collision: distances to keep, filled by the controller; or None.
         """
@@ -109,8 +113,10 @@ class ContactForceProgram:
         rest = self.undriven + contacts.rank
         cost_rows = task_rows + robot.transmission.size * len(self.efforts)
         self.unlocked, self.cost_rows = rest, cost_rows
-        size = cost_rows + rest + locked
-        self.most_rows = size
+        self.most_rows = cost_rows + rest + locked
+        self.more_rows = max(self.n - locked, 0) if locked else 0
+        self.passing: FloatArray | None = None
+        size = self.most_rows + self.more_rows
         self._stacked, self._right = np.zeros((size, self.n)), np.zeros(size)
         self._softness = np.zeros(size)
         self._softness[:cost_rows] = 1.0
@@ -138,6 +144,8 @@ class ContactForceProgram:
         self._tasks: TaskStack | None = None
         self._fixed: FixedArrays
         self._write_normal_bounds(None)
+        self._off = 0
+        self._views: dict[int, _Views] = {}
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
 
@@ -185,6 +193,9 @@ class ContactForceProgram:
             the sum of the sizes of all that tasks and equalities want, not finite if one is not.
         """
         locked = len(self.b) > self.unlocked  # then b is another view in every tick
+        if tasks.rows_off != self._off:
+            self._off = tasks.rows_off
+            self._take_views()
         if not locked and tasks is self._tasks:
             return place_tasks_fixed(self._fixed.table, self.weights[0])
         asked = tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b
@@ -192,6 +203,12 @@ class ContactForceProgram:
         if not locked:
             self._tasks, self._fixed = tasks, FixedArrays(TASKS, asked + results)
         return place_tasks(*asked, self.weights[0], *results)
+
+    def weights_of(self, tasks: TaskStack) -> FloatArray:
+        """Return what the variables (n,) cost by themselves, never nothing."""
+        weights = np.concatenate([tasks.diagonal, self.diagonal[self.nv :]])
+        weights += self.weights[0]
+        return weights
 
     def assemble_forces(self, references: Mapping[str, Reference]) -> None:
         """Take what the force tasks ask, where there are any."""
@@ -221,20 +238,35 @@ class ContactForceProgram:
         if self.efforts:
             self.effort_cost.fill(self.torque_map, slopes, speed, last)
 
-    def assemble_lock(self, matrix: FloatArray, values: FloatArray) -> None:
-        """Write the rows (k, n) that a more important level has decided, and values (k,)."""
-        self._count_equalities(self.unlocked + len(values))
-        self.A[self.unlocked :], self.b[self.unlocked :] = matrix, values
+    def assemble_lock(self, matrix: FloatArray, solution: FloatArray) -> None:
+        """Hold what rows (k, n) give x (n,) of the level above, which the bounds let pass."""
+        self._count_equalities(self.unlocked + len(matrix))
+        self.A[self.unlocked :], self.b[self.unlocked :] = matrix, matrix @ solution
+        self.passing = solution
+        self.rows.let_pass(solution, slice(self.rows.torque.stop, None))
 
     def _count_equalities(self, count: int) -> None:
-        top, end, rows = self.cost_rows, self.cost_rows + count, self.rows
+        """Make the views of a program with as many equalities."""
+        top, end = self.cost_rows, self.cost_rows + count
         self.A, self.b = self._stacked[top:end], self._right[top:end]
-        self.blocks = BlockProblem(
+        self._views.clear()
+        self._take_views()
+
+    def _take_views(self) -> None:
+        """Take the views that leave out the rows of tasks without weight."""
+        views = self._views.get(self._off)
+        if views is None:
+            views = self._views[self._off] = self._made_views()
+        self.blocks, self._directed_blocks, self.unbound = views
+
+    def _made_views(self) -> _Views:
+        rows, used = self.rows, slice(self._off, self.cost_rows + len(self.b))
+        blocks = BlockProblem(
             *(self.diagonal, self.pull),
-            rows=self._stacked[:end],
-            right=self._right[:end],
-            softness=self._softness[:end],
-            soft=top,
+            rows=self._stacked[used],
+            right=self._right[used],
+            softness=self._softness[used],
+            soft=self.cost_rows - self._off,
             C=rows.C,
             lower=rows.lower,
             upper=rows.upper,
@@ -242,10 +274,9 @@ class ContactForceProgram:
         )
         free = slice(rows.torque.stop, None)
         C, lower, upper = self._directed
-        self._directed_blocks = self.blocks._replace(C=C, lower=lower, upper=upper)
-        self.unbound = self.blocks._replace(
-            C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free]
-        )
+        directed = blocks._replace(C=C, lower=lower, upper=upper)
+        unbound = blocks._replace(C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free])
+        return blocks, directed, unbound
 
     def assemble_torque_limits(
         self, slopes: FloatArray, lower: FloatArray, upper: FloatArray
@@ -257,7 +288,9 @@ class ContactForceProgram:
             lower, upper: least and greatest N tau_phi (m,) [N m].
         """
         rows = self.rows
-        place_torque_rows(*self._gear_terms(), slopes, lower, upper, rows.slack, *rows.of_torque)
+        place_torque_rows(*self._gear_terms(), slopes, lower, upper, *rows.of_torque)
+        if self.passing is not None:
+            rows.let_pass(self.passing, rows.torque)
 
     def directed(
         self,
@@ -282,9 +315,12 @@ class ContactForceProgram:
         np.copyto(lower[:size], rows.lower)
         np.copyto(upper[:size], rows.upper)
         place_directed_rows(
-            *(*self._gear_terms(), *slopes, *limits, choice, rows.slack),
+            *(*self._gear_terms(), *slopes, *limits, choice),
             *(C[torque], lower[torque], upper[torque], C[size:], lower[size:], upper[size:]),
         )
+        if self.passing is not None:
+            decided = np.concatenate([rows.decided, rows.decided[torque]])
+            place_passing(C, lower, upper, self.passing, rows.slack, decided, lower, upper)
         return self._directed_blocks
 
     def _gear_terms(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:

@@ -113,7 +113,8 @@ class Level:
         references: Mapping[str, Reference],
         contacts: Mapping[str, float] | None,
         dt: float,
-        decided: FloatArray | None,
+        gears: GearState,
+        above: Answer | None,
     ) -> None:
         """Write what both ways of solving need.
 
@@ -122,14 +123,25 @@ class Level:
             references: of the tick.
             contacts: greatest normal force [N] of each active contact, or None.
             dt: time until the next tick [s].
-            decided: x (n,) of the level above.
+            gears: of the tick.
+            above: what the level above has decided.
         """
         program = self.program
         program.assemble_constraints(motion.position, motion.velocity, dt, contacts)
         program.assemble_forces(references)
-        if self._lock is not None and decided is not None:
-            self._lock.assemble(decided)
+        if self._lock is not None and above is not None:
+            self._lock_decided(self._lock, above.found, gears)
         self._solvable = program.assemble_tasks(self._tasks) < self._greatest
+
+    def _lock_decided(self, lock: LevelLock, found: DirectedSolution, gears: GearState) -> None:
+        """Hold what the level above has decided, with the rows of torque limits that bound it."""
+        push, rows = found.solution.z, self.program.rows
+        limited = bool(push[rows.torque].any() or push[len(rows.lower) :].any())
+        if limited:
+            self._assemble_whole()
+            slope = self._law.slopes(gears.sigma).at(found.output > 0.0)
+            self.program.assemble_torque_limits(slope, *gears.limits)
+        lock.assemble(found.solution.x, limited=limited)
 
     def solve(self, gears: GearState, first: FloatArray) -> Answer | Refusal:
         """Return the solution with the directions of its own torques, or why there is none.

@@ -28,7 +28,7 @@ from wbc.control.torque.direction_search import DirectionSearch
 from wbc.control.torque.gears import GearLaw
 from wbc.control.torque.torque_stage import RotorTorqueStage
 
-# A level decides up to the tolerance; what binds it must still let the next one keep that.
+# Tolerances by which a level may at most be beyond a bound, which the next one then lets pass.
 _SLACK = 30.0
 _FEW = 4
 
@@ -140,7 +140,7 @@ class ProgramLibrary:
             settings.max_rounds,
         )
         guess = _own_solver(program, settings, whole - gears) if own_first else None
-        lock = LevelLock(program, above) if above else None
+        lock = LevelLock(program, tasks, above, settings.tolerance) if above else None
         return Level(
             tasks,
             program,
@@ -163,6 +163,7 @@ def _own_solver(
         program.n,
         program.most_rows,
         inequalities,
+        program.more_rows,
         tolerance=settings.tolerance,
         max_iterations=settings.max_iterations,
     )

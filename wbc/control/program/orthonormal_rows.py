@@ -12,8 +12,8 @@ _PASSES = 2  # the first leaves rounding along rows nearly parallel to those rem
 
 
 @compiled(Nothing, Dense, Count, OutDense, Count)
-def _remove(kept: FloatArray, count: int, rows: FloatArray, row: int) -> None:
-    """Take the directions of `kept` out of a row."""
+def remove(kept: FloatArray, count: int, rows: FloatArray, row: int) -> None:
+    """Take the directions of the first `count` orthonormal rows of `kept` out of a row."""
     n = rows.shape[1]
     for i in range(count):
         along = 0.0
@@ -48,7 +48,7 @@ def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: in
         for j in range(n):
             left[i, j] = scale * rows[i, j]
         for _ in range(_PASSES):
-            _remove(kept, count, left, i)
+            remove(kept, count, left, i)
     for done in range(total):
         best, longest = done, -1.0
         for i in range(done, total):
@@ -62,7 +62,7 @@ def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: in
         for j in range(n):
             kept[count, j] = left[best, j]
             left[best, j] = left[done, j]
-        _remove(kept, count, kept, count)
+        remove(kept, count, kept, count)
         length = 0.0
         for j in range(n):
             length += kept[count, j] * kept[count, j]

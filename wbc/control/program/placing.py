@@ -31,7 +31,7 @@ def place_tasks(
 ) -> float:
     """Write task rows (k, nv) = `wanted` (k,), and the diagonal of the accelerations (nv,).
 
-    Rows of no weight are written as nothing, 0 = 0.
+    Rows of no weight are left out: the others stand together, the last one in place k - 1.
 
     Args:
         jacobian, wanted, weight: of the tasks with rows.
@@ -44,18 +44,15 @@ def place_tasks(
     Returns:
         the sum of the sizes of everything wanted, and of the equalities.
     """
-    nv = len(chosen)
+    nv, place = len(chosen), len(wanted)
     total = 0.0
-    for i in range(len(wanted)):
+    for i in range(len(wanted) - 1, -1, -1):
         total += abs(wanted[i])
         if weight[i] > 0.0:
-            right[i], softness[i] = wanted[i], 1.0 / weight[i]
+            place -= 1
+            right[place], softness[place] = wanted[i], 1.0 / weight[i]
             for j in range(nv):
-                rows[i, j] = jacobian[i, j]
-        else:
-            right[i], softness[i] = 0.0, 1.0
-            for j in range(nv):
-                rows[i, j] = 0.0
+                rows[place, j] = jacobian[i, j]
     for j in range(nv):
         diagonal[j] = chosen[j] + regularisation
         pull[j] = chosen_pull[j]

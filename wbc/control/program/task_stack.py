@@ -63,6 +63,7 @@ class TaskStack:
         jacobian: J (k, nv) of the tasks with rows.
         wanted: wanted - drift (k,).
         weight: w (k,) of the rows.
+        rows_off: how many of the rows have no weight.
         chosen: (c,) coordinates of the selecting tasks, one for each of their rows.
         diagonal: (nv,) summed weights of the selecting tasks.
         pull: (nv,) their weighted wanted accelerations.
@@ -177,6 +178,7 @@ class TaskStack:
                 self._idle.append(entry)
                 self._parts[:, rows] = 0.0
         self._own = [entry for entry in self._active if entry.own]
+        self.rows_off = len(self.weight) - int(np.count_nonzero(self.weight > 0.0))
         self.diagonal[:] = 0.0
         np.add.at(self.diagonal, self.chosen, self._chosen_weight)
 

@@ -32,7 +32,7 @@ def _place_row(
 
 @compiled(
     Nothing,
-    *(Dense, Dense, Vector, Vector, Places, Vector, Vector, Vector, Number),
+    *(Dense, Dense, Vector, Vector, Places, Vector, Vector, Vector),
     *(OutMatrix, OutVector, OutVector),
 )
 def place_torque_rows(
@@ -44,7 +44,6 @@ def place_torque_rows(
     slopes: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    slack: float,
     C: FloatArray,
     low: FloatArray,
     high: FloatArray,
@@ -58,19 +57,18 @@ def place_torque_rows(
         gears: numbers of the gears that have a limit (g,).
         slopes: e (m,).
         lower, upper: least and greatest N tau_phi (m,) [N m].
-        slack: how far every bound lies beyond what it stands for.
         C, low, high: results (g, n), (g,), (g,).
     """
     for row in range(len(gears)):
         i = gears[row]
         _place_row(torque_map, rotor, slopes[i], i, row, C)
         offset = slopes[i] * output_bias[i] + rotor_bias[i]
-        low[row], high[row] = (lower[i] - offset) - slack, (upper[i] - offset) + slack
+        low[row], high[row] = lower[i] - offset, upper[i] - offset
 
 
 @compiled(
     Nothing,
-    *(Dense, Dense, Vector, Vector, Places, Vector, Vector, Vector, Vector, Vector, Number),
+    *(Dense, Dense, Vector, Vector, Places, Vector, Vector, Vector, Vector, Vector),
     *(OutMatrix, OutVector, OutVector) * 2,
 )
 def place_directed_rows(
@@ -84,7 +82,6 @@ def place_directed_rows(
     lower: FloatArray,
     upper: FloatArray,
     choice: FloatArray,
-    slack: float,
     C: FloatArray,
     low: FloatArray,
     high: FloatArray,
@@ -98,7 +95,7 @@ def place_directed_rows(
     lower one a union. In a gear that turns the other way it is the reverse.
 
     Args:
-        torque_map, rotor, output_bias, rotor_bias, gears, lower, upper, slack: as for
+        torque_map, rotor, output_bias, rotor_bias, gears, lower, upper: as for
             `place_torque_rows`.
         positive, negative: slopes (m,) for either sign of T.
         choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
@@ -114,13 +111,13 @@ def place_directed_rows(
         _place_row(torque_map, rotor, negative[i], i, row, C)
         offset = negative[i] * output_bias[i] + rotor_bias[i]
         own = choice[i] < 0.0
-        low[row] = ((lower[i] if own else least) - offset) - slack
-        high[row] = ((upper[i] if own else most) - offset) + slack
+        low[row] = (lower[i] if own else least) - offset
+        high[row] = (upper[i] if own else most) - offset
         _place_row(torque_map, rotor, positive[i], i, row, more_C)
         offset = positive[i] * output_bias[i] + rotor_bias[i]
         own = choice[i] > 0.0
-        more_low[row] = ((lower[i] if own else least) - offset) - slack
-        more_high[row] = ((upper[i] if own else most) - offset) + slack
+        more_low[row] = (lower[i] if own else least) - offset
+        more_high[row] = (upper[i] if own else most) - offset
 
 
 @compiled(Nothing, *[Row] * 2, *[Vector] * 4, OutFlags)

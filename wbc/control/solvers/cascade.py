@@ -8,15 +8,13 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.solvers.budget import PROGRAM
+from wbc.control.solvers.budget import PROGRAM, foreign_iterations
 from wbc.control.solvers.dual_active_set import DualActiveSet
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.solver import Solver, make_solver
 
-# Behind the own solver: as long as twenty good ticks last. ProxQP takes 5 to 45 us an iteration
-# (planar leg, Talos), a fifth to a third of a good tick on the same machine.
-_RELIEF = 40
-# Share of the budget up to which the own solver may fail early, on rows that repeat each other.
+# Share of the budget up to which the own solver may fail early, on rows that repeat each other;
+# the other one has the rest.
 _EARLY = 0.25
 
 NEARBY = 0.4
@@ -67,7 +65,8 @@ class Cascade:
                 the other could not solve has a solution.
             tolerance: of the other solver.
             max_iterations: of all solvers in one tick; ten times as many where the other one is
-                asked first, which takes smaller steps. Behind the own solver it has few.
+                asked first, which takes smaller steps. Behind the own solver it has as many as the
+                rest of the budget pays for.
         """
         self._own, self._name, self._own_first = own, name, own_first
         self._tolerance = tolerance
@@ -156,13 +155,16 @@ class Cascade:
         dense = problem.dense()
         size = len(dense.b), len(dense.lower)
         if self._other is None or size != self._size:
-            self._size = size
+            self._size, most = size, self._most
+            if self._own_first:
+                rest = (1.0 - _EARLY) * most
+                most = foreign_iterations(rest, len(dense.g), size[0])
             self._other = make_solver(
                 self._name,
                 len(dense.g),
                 *size,
                 tolerance=self._tolerance,
-                max_iterations=_RELIEF if self._own_first else self._most,
+                max_iterations=most,
             )
         solution = self._other.solve(dense)
         self.iterations += solution.iterations if not self._own_first else self._most

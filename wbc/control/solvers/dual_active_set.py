@@ -59,7 +59,14 @@ class DualActiveSet:
     """
 
     def __init__(
-        self, n: int, rows: int, inequalities: int, *, tolerance: float, max_iterations: int
+        self,
+        n: int,
+        rows: int,
+        inequalities: int,
+        more: int = 0,
+        *,
+        tolerance: float,
+        max_iterations: int,
     ) -> None:
         """Make room.
 
@@ -67,6 +74,7 @@ class DualActiveSet:
             n: number of variables.
             rows: greatest number of rows of G.
             inequalities: number of rows of C.
+            more: bounds that may be further rows of G; they count as bounds that bind.
             tolerance: how far a row may be beyond its bound, and a push below zero.
             max_iterations: budget of a solve, see `UNIT`.
         """
@@ -74,7 +82,7 @@ class DualActiveSet:
         system = system_work(n, rows)
         self._systems = [units(count * system) for count in range(ROUNDS + 1)]
         self._allowed = (_ROUNDING * tolerance) ** 2
-        room, size = n, rows + n
+        room, size = n, rows + more + n
         self._rows = np.zeros((size, n)), np.zeros(size), np.zeros(size)
         self._diagonal = np.zeros(n), np.zeros(n)
         self._force, self._values = np.zeros(size), np.zeros(inequalities)
@@ -95,6 +103,7 @@ class DualActiveSet:
         self._last: BlockProblem | None = None  # a second time it is worth describing
         self._fixed: FixedArrays | None = None
         self._reached = np.full(n, np.nan)
+        self._known = 0  # rows of the present program whose factor is known
         self.steps, self.blocking = 0, -1
 
     def forget(self) -> None:
@@ -163,19 +172,20 @@ class DualActiveSet:
         """Copy what climbing needs of a program."""
         diagonal, pull, rows, right, softness, *_ = problem
         place_blocks(rows, right, softness, diagonal, pull, *self._rows, *self._diagonal)
+        self._known = 0
 
     def _settled(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
         """Correct the binding rows a few times; return the solution where that ends."""
         x = np.empty(len(problem.pull))
         diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
         if self._fixed is not None and problem is self._last:
-            size, rounds = settle_fixed(
-                self._fixed.table, self._tolerance, self._allowed, ROUNDS, x
+            size, rounds, self._known = settle_fixed(
+                self._fixed.table, self._tolerance, self._allowed, ROUNDS, self._known, x
             )
         else:
-            size, rounds = settle(
+            size, rounds, self._known = settle(
                 *(rows, right, softness, diagonal, pull, C, lower, upper),
-                *(self._tolerance, self._allowed, ROUNDS),
+                *(self._tolerance, self._allowed, ROUNDS, self._known),
                 *self._memory_of_rows,
                 x,
                 *self._memory_of_settling,
@@ -188,6 +198,7 @@ class DualActiveSet:
 
     def _recognise(self, problem: BlockProblem) -> None:
         """Describe the memory of a program that comes a second time, as it will in every tick."""
+        self._known = 0
         if problem is not self._last:
             self._last, self._fixed = problem, None
         elif self._fixed is None:
@@ -205,10 +216,12 @@ class DualActiveSet:
             bounds: tuple[Any, ...] = problem.C, problem.lower, problem.upper
             self._climb = FixedArrays(CLIMB, bounds + self._memory_of_climbing)
         ended, work, self.blocking = climb_fixed(
-            *(self._climb.table, len(problem.right), self._allowed, 0.5 * self._tolerance),
+            *(self._climb.table, self._known, len(problem.right)),
+            *(self._allowed, 0.5 * self._tolerance),
             *(most * UNIT, x),
         )
         self.steps += units(work)
+        self._known = 0 if ended == UNMET else len(problem.right) // 2 * 2
         return _ENDED[ended]
 
     def _solution(

@@ -338,15 +338,21 @@ scaled, system, left, active, taken; and the memory of `climb`.
 """
 
 
-@compiled(types.UniTuple(Count, 3), FixedTable, Count, Number, Number, Count, OutRow)
+@compiled(types.UniTuple(Count, 3), FixedTable, Count, Count, Number, Number, Count, OutRow)
 def climb_fixed(
-    memory: IntArray, size: int, allowed: float, tolerance: float, most: int, x: FloatArray
+    memory: IntArray,
+    known: int,
+    size: int,
+    allowed: float,
+    tolerance: float,
+    most: int,
+    x: FloatArray,
 ) -> tuple[int, int, int]:
     """Find the optimum without inequalities, and `climb` from it, in the memory of CLIMB.
 
     Args:
         memory: where the arrays lie.
-        size, allowed: as for `meet_rows`.
+        known, size, allowed: as for `meet_rows`.
         tolerance, most: as for `climb`.
         x: result (n,).
 
@@ -365,6 +371,7 @@ def climb_fixed(
         softness,
         inverse,
         array_at(memory, 7, OutRow),
+        known,
         size,
         allowed,
         x,

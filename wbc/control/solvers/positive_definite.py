@@ -20,18 +20,22 @@ def _place_diagonal(matrix: FloatArray, i: int) -> bool:
     return True
 
 
-@compiled(Flag, OutDense, Count)
-def factorise(matrix: FloatArray, size: int) -> bool:
-    """Overwrite the lower half of the leading block with its Cholesky factor.
+@compiled(Flag, OutDense, Count, Count)
+def factorise_from(matrix: FloatArray, start: int, size: int) -> bool:
+    """Overwrite the lower half of the leading block with its Cholesky factor, from a row on.
 
     The diagonal holds the inverses of the factor's. Only the lower half is read. Two rows are
     worked out at a time: both need the rows above them, which are then read once (24 rows take
     1.24 instead of 1.87 us, 48 rows 4.2 instead of 7.1 us).
 
+    Args:
+        matrix: its rows before `start`, an even number, hold the factor already.
+        start, size: rows.
+
     Returns:
         whether the block is positive definite.
     """
-    for i in range(0, size, 2):
+    for i in range(start, size, 2):
         pair = i + 1 < size
         for j in range(i):
             left, below = matrix[i, j], 0.0
@@ -55,6 +59,12 @@ def factorise(matrix: FloatArray, size: int) -> bool:
             if not _place_diagonal(matrix, i + 1):
                 return False
     return True
+
+
+@compiled(Flag, OutDense, Count)
+def factorise(matrix: FloatArray, size: int) -> bool:
+    """Overwrite the lower half of the leading block with its factor, see `factorise_from`."""
+    return factorise_from(matrix, 0, size)
 
 
 @compiled(Nothing, Dense, Count, OutRow)

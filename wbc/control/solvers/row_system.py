@@ -17,7 +17,7 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.solvers.positive_definite import factorise, substitute
+from wbc.control.solvers.positive_definite import factorise_from, substitute
 from wbc.fixed_arrays import FixedTable, array_at
 
 _SOLVES = 4  # two suffice but where rows all but repeat each other
@@ -25,7 +25,7 @@ _SOLVES = 4  # two suffice but where rows all but repeat each other
 
 @compiled(
     Flag,
-    *(Dense, Row, Row, Row, Row, Count, Number),
+    *(Dense, Row, Row, Row, Row, Count, Count, Number),
     *(OutRow, OutRow, OutDense, OutDense, OutRow),
 )
 def meet_rows(
@@ -34,6 +34,7 @@ def meet_rows(
     softness: FloatArray,
     inverse: FloatArray,
     free: FloatArray,
+    known: int,
     size: int,
     allowed: float,
     x: FloatArray,
@@ -48,6 +49,7 @@ def meet_rows(
         G, right, softness: rows (.., n), (..,) and the diagonal S, of which `size` count.
         inverse: diagonal of D^-1 (n,).
         free: x without any row (n,).
+        known: rows, an even number, of which `scaled` and `system` know from an earlier call.
         size: number of rows.
         allowed: greatest sum of squares of what the rows may miss.
         x, force: results (n,), (..,).
@@ -57,7 +59,12 @@ def meet_rows(
         whether the rows are met; they are not where they depend on one another.
     """
     n = len(x)
-    for i in range(size):
+    for i in range(known):
+        missing = right[i]
+        for j in range(n):
+            missing -= G[i, j] * free[j]
+        force[i], left[i] = 0.0, missing
+    for i in range(known, size):
         missing = right[i]
         for j in range(n):
             scaled[i, j] = G[i, j] * inverse[j]
@@ -69,7 +76,7 @@ def meet_rows(
                 product += scaled[i, j] * G[k, j]
             system[i, k] = product
         system[i, i] += softness[i]
-    if not factorise(system, size):
+    if not factorise_from(system, known, size):
         return False
     x[:] = free
     for _ in range(_SOLVES):
@@ -200,8 +207,8 @@ def place_values(rows: FloatArray, x: FloatArray, values: FloatArray) -> None:
 
 
 @compiled(
-    types.UniTuple(Count, 2),
-    *(Dense, *[Row] * 4, Dense, *[Row] * 2, Number, Number, Count),
+    types.UniTuple(Count, 3),
+    *(Dense, *[Row] * 4, Dense, *[Row] * 2, Number, Number, Count, Count),
     *(OutDense, *[OutRow] * 7, OutPlaces, OutPlaces, OutDense, OutDense, OutRow),
 )
 def settle(
@@ -216,6 +223,7 @@ def settle(
     tolerance: float,
     allowed: float,
     rounds: int,
+    known: int,
     G: FloatArray,
     all_right: FloatArray,
     all_softness: FloatArray,
@@ -229,7 +237,7 @@ def settle(
     scaled: FloatArray,
     system: FloatArray,
     left: FloatArray,
-) -> tuple[int, int]:
+) -> tuple[int, int, int]:
     """Solve with the rows taken as binding, and correct these until nothing changes.
 
     One call for a whole tick where few rows bind: handing arrays over takes as long as the work.
@@ -238,15 +246,20 @@ def settle(
         rows, right, softness, diagonal, pull, C, lower, upper: of the program.
         tolerance, allowed: as for `revise` and `meet_rows`.
         rounds: systems solved at most.
+        known: as for `meet_rows`; not 0 where the program is that of an earlier call.
         G, all_right, all_softness, inverse, free: results, as of `place_blocks`.
         x, force, values: results.
         active, taken: as for `revise`; `taken` is what to start from, and the result.
         scaled, system, left: memory of `meet_rows`.
 
     Returns:
-        how many rows G has in the end, -1 where the rows do not settle; systems solved.
+        how many rows G has in the end, -1 where the rows do not settle; systems solved; `known`
+        for the next call.
     """
-    place_blocks(rows, right, softness, diagonal, pull, G, all_right, all_softness, inverse, free)
+    if known == 0:
+        place_blocks(
+            rows, right, softness, diagonal, pull, G, all_right, all_softness, inverse, free
+        )
     base = len(right)
     freedoms, before = len(pull), len(taken)
     for i in range(base):
@@ -257,13 +270,14 @@ def settle(
         # more hard rows than variables depend on one another; of the starts that do not settle,
         # two thirds on Talos and Solo12 end so, on a system twice as large as a good one's
         if size < 0 or size - base > freedoms:
-            return -1, count
+            return -1, count, known
         if not meet_rows(
             G,
             all_right,
             all_softness,
             inverse,
             free,
+            known,
             size,
             allowed,
             x,
@@ -272,15 +286,16 @@ def settle(
             system,
             left,
         ):
-            return -1, count + 1
+            return -1, count + 1, known
+        known = base - base % 2
         place_values(C, x, values)
         changed = revise(lower, upper, tolerance, values, force, base, size, active, taken)
         if changed == 0:
-            return size, count + 1
+            return size, count + 1, known
         if changed > before:  # 6 of 1572 hostile starts settle after that, and 422 do not
-            return -1, count + 1
+            return -1, count + 1, known
         before = changed
-    return -1, rounds
+    return -1, rounds, known
 
 
 SYSTEM = (
@@ -291,10 +306,10 @@ SYSTEM = (
 """Kinds of the arrays of `settle` but x, in its order."""
 
 
-@compiled(types.UniTuple(Count, 2), FixedTable, Number, Number, Count, OutRow)
+@compiled(types.UniTuple(Count, 3), FixedTable, Number, Number, Count, Count, OutRow)
 def settle_fixed(
-    memory: IntArray, tolerance: float, allowed: float, rounds: int, x: FloatArray
-) -> tuple[int, int]:
+    memory: IntArray, tolerance: float, allowed: float, rounds: int, known: int, x: FloatArray
+) -> tuple[int, int, int]:
     """Do as `settle` does in the memory of SYSTEM."""
     return settle(
         array_at(memory, 0, Dense),
@@ -308,6 +323,7 @@ def settle_fixed(
         tolerance,
         allowed,
         rounds,
+        known,
         array_at(memory, 8, OutDense),
         array_at(memory, 9, OutRow),
         array_at(memory, 10, OutRow),

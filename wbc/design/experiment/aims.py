@@ -158,4 +158,10 @@ informing = Aim(_information, _information_slopes)
 """A D-optimal experiment."""
 
 shrinking = Aim(_narrowness, _narrowness_slopes)
-"""Narrow intervals: minus the mean logarithm of their widths."""
+"""Narrow intervals: minus the mean logarithm of their widths.
+
+The motion with the smallest geometric mean of relative widths, whatever widths they are relative to
+and whatever the units: each number counts, and halving any of them is worth the same. A median of
+relative widths would let the wider half of the numbers go: climbing it for the shin of the sample
+leg takes the middle one of three from 0.52 to 0.47 of a random motion's width, and the mass from
+0.62 to 0.81."""

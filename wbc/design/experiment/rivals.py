@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -10,53 +9,24 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wbc.arrays import FloatArray
+from wbc.design.experiment.causes import (
+    Cause,
+    cause_parameters,
+    cause_values,
+    with_cause_values,
+)
 from wbc.design.experiment.readable import BAND, ReadableRows
 from wbc.dynamics import link_torque, rotor_torque
-from wbc.effects import effect_class
 from wbc.errors import DesignError, EffectError
-from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.robot import Motion, Robot
 
 _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
 _IMPOSSIBLE = 1e6  # misfit in units of the noise, far beyond any that a fit would accept
 _DRAWS = 64  # values of a true cause that earlier logs leave open
 _SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
 
-Cause = tuple[Effect, ...]
-"""Effects that act together; often one."""
 Pair = tuple[int, int]
 """Numbers of the cause that is true and of the one that is fitted in its place."""
-
-
-def parse_cause(text: str, robot: Robot) -> Cause:
-    """Return the cause of `EFFECT@PLACE[:PARAMETER=VALUE,...]`, several joined by `+`.
-
-    Parameters that are left out lie one typical size away from where the effect is not there.
-
-    Raises:
-        DesignError: text of another form, or an effect that acts through a soft gear.
-        EffectError: an unknown effect, place or parameter.
-    """
-    return tuple(_effect(part, robot) for part in text.split("+"))
-
-
-def _effect(text: str, robot: Robot) -> Effect:
-    head, _, tail = text.partition(":")
-    name, at, where = head.strip().partition("@")
-    if not at or not where:
-        raise DesignError(f"--between '{text}': use EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE.")
-    given: dict[str, float] = {}
-    for item in filter(None, tail.split(",")):
-        key, _, value = item.partition("=")
-        try:
-            given[key.strip()] = float(value)
-        except ValueError as cause:
-            raise DesignError(f"--between '{text}': '{item}' is not PARAMETER=VALUE.") from cause
-    kind = effect_class(name)
-    typical = typical_values(name, kind.null_values(robot, where))
-    effect = kind.at(where, {**typical, **given})
-    effect.check_place(robot)
-    require_predictable(effect, robot)
-    return effect
 
 
 def passive_joints(robot: Robot) -> tuple[str, ...]:
@@ -71,36 +41,6 @@ def passive_joints(robot: Robot) -> tuple[str, ...]:
     above = {k: set(model.supports[k]) - {0, k} for k in numbers}
     base = {k for k in numbers if any(k in above[g] for g in geared) and not above[k] & geared}
     return tuple(model.names[k] for k in numbers if k not in geared | base)
-
-
-def typical_values(name: str, null: Mapping[str, float]) -> dict[str, float]:
-    """Return the parameters of an effect one typical size away from where it is not there."""
-    values = dict(null)
-    for parameter in effect_class(name).parameters:
-        up = values[parameter.name] + parameter.scale
-        inside = up <= parameter.high
-        values[parameter.name] = up if inside else values[parameter.name] - parameter.scale
-    return values
-
-
-def require_predictable(effect: Effect, robot: Robot) -> None:
-    """Check that the torque of an effect follows from a planned motion.
-
-    Raises:
-        DesignError: it does not; a link behind a soft gear follows no plan, and a motor at its
-            limit does not either.
-    """
-    if "drive" in effect.acts_by and "drive_inverse" not in effect.acts_by:
-        raise DesignError(
-            f"'{effect.name}' shows only where a motor cannot follow, which a planned motion "
-            "avoids. Leave it out of --between."
-        )
-    gears = effect.change(robot).transmission
-    if np.isfinite(gears.stiffness).any() or np.any(gears.backlash > 0.0):
-        raise DesignError(
-            f"'{effect.name}' is a soft or loose gear: its link moves as it likes, so that a "
-            "planned motion of the motors does not tell its torque. Leave it out of --between."
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +90,7 @@ class Rivals:
         if not self.band > 0.0:
             raise DesignError("the band of the diagnosis must be > 0; give --band.")
         for cause, open_part in zip(self.causes, self.covariances, strict=False):
-            count = len(_parameters(cause))
+            count = len(cause_parameters(cause))
             if open_part is not None and open_part.shape != (count, count):
                 raise DesignError(
                     f"the covariance of a cause with {count} parameters must be "
@@ -165,7 +105,7 @@ class Rivals:
     @property
     def torque_count(self) -> int:
         """Torques that the predictions take: without any cause, with each, and its parameters."""
-        return 1 + sum(1 + len(_parameters(cause)) for cause in self.causes)
+        return 1 + sum(1 + len(cause_parameters(cause)) for cause in self.causes)
 
     def open_part(self, number: int) -> FloatArray | None:
         """Return (p, p) a square root of what is open of a cause, in typical sizes; None if fixed.
@@ -175,7 +115,9 @@ class Rivals:
         found = self.covariances[number] if number < len(self.covariances) else None
         if found is None:
             return None
-        scales = np.array([parameter.scale for _, parameter in _parameters(self.causes[number])])
+        scales = np.array(
+            [parameter.scale for _, parameter in cause_parameters(self.causes[number])]
+        )
         size, axes = np.linalg.eigh(found / np.outer(scales, scales))
         size = np.maximum(size, 0.0)
         return np.asarray(axes * np.sqrt(size / (1.0 + size)))
@@ -187,11 +129,11 @@ class Rivals:
         `Predictions.sensitivity`.
         """
         cause, found = self.causes[number], []
-        for row, (owner, parameter) in enumerate(_parameters(cause)):
-            values, step = _values(cause), _STEP * parameter.scale
+        for row, (owner, parameter) in enumerate(cause_parameters(cause)):
+            values, step = cause_values(cause), _STEP * parameter.scale
             inside = cause[owner].values[parameter.name] + step <= parameter.high
             values[row] += step if inside else -step
-            found.append((_moved(cause, values), 1.0 / (_STEP if inside else -_STEP)))
+            found.append((with_cause_values(cause, values), 1.0 / (_STEP if inside else -_STEP)))
         return found
 
     def predictions(self, motion: Motion) -> Predictions:
@@ -254,19 +196,19 @@ class Predictions:
         """
         true, other = pair
         target, cause = self.expected_torque(true), self.rivals.causes[other]
-        parameters = [parameter for _, parameter in _parameters(cause)]
+        parameters = [parameter for _, parameter in cause_parameters(cause)]
         scales = np.array([parameter.scale for parameter in parameters])
         low = np.array([parameter.low for parameter in parameters]) / scales
         high = np.array([parameter.high for parameter in parameters]) / scales
 
         def misfit(values: FloatArray) -> FloatArray:
             try:
-                torque = self.torque(_moved(cause, values * scales))
+                torque = self.torque(with_cause_values(cause, values * scales))
             except EffectError:  # a step to what no robot can have, a negative mass for one
                 return np.full(target.size, _IMPOSSIBLE)
             return self.in_noise(torque - target).ravel()
 
-        inside = np.clip(_values(cause) / scales, low + 1e-9, high - 1e-9)
+        inside = np.clip(cause_values(cause) / scales, low + 1e-9, high - 1e-9)
         found = least_squares(misfit, inside, bounds=(low, high), max_nfev=12)
         return float(found.cost)
 
@@ -336,15 +278,15 @@ class Predictions:
         if number in self._drawn:
             return self._drawn[number]
         cause, spread = self.rivals.causes[number], self.rivals.open_part(number)
-        parameters = [parameter for _, parameter in _parameters(cause)]
+        parameters = [parameter for _, parameter in cause_parameters(cause)]
         scales = np.array([parameter.scale for parameter in parameters])
         low, high = ([getattr(p, end) for p in parameters] for end in ("low", "high"))
         steps = np.random.default_rng(0).normal(size=(_DRAWS, len(scales)))
         torques = []
         for step in steps if spread is not None else ():
-            values = np.clip(_values(cause) + scales * (spread @ step), low, high)
+            values = np.clip(cause_values(cause) + scales * (spread @ step), low, high)
             try:
-                torques.append(self.torque(_moved(cause, values)))
+                torques.append(self.torque(with_cause_values(cause, values)))
             except EffectError:  # values that no robot can have
                 continue
         torques = torques or [self.expected_torque(number)]
@@ -373,26 +315,6 @@ class Predictions:
         show keeps the width that it had.
         """
         slopes = self.sensitivity(number)
-        scales = np.array([p.scale for _, p in _parameters(self.rivals.causes[number])])
+        scales = np.array([p.scale for _, p in cause_parameters(self.rivals.causes[number])])
         spread = np.linalg.inv(np.eye(len(scales)) + slopes.T @ slopes)
         return np.asarray(_SIDES * scales * np.sqrt(np.diag(spread)))
-
-
-def parameter_names(cause: Cause) -> tuple[tuple[Effect, Parameter], ...]:
-    """Return effect and parameter of every number of a cause, in the order of `widths`."""
-    return tuple((cause[owner], parameter) for owner, parameter in _parameters(cause))
-
-
-def _parameters(cause: Cause) -> list[tuple[int, Parameter]]:
-    return [(k, parameter) for k, effect in enumerate(cause) for parameter in effect.parameters]
-
-
-def _values(cause: Cause) -> FloatArray:
-    return np.array([cause[k].values[parameter.name] for k, parameter in _parameters(cause)])
-
-
-def _moved(cause: Cause, values: Sequence[float] | FloatArray) -> Cause:
-    parts: list[dict[str, float]] = [{} for _ in cause]
-    for (k, parameter), value in zip(_parameters(cause), values, strict=True):
-        parts[k][parameter.name] = float(value)
-    return tuple(effect.with_values(part) for effect, part in zip(cause, parts, strict=True))

@@ -19,7 +19,7 @@ from wbc.design.experiment.slopes import slopes_are_exact
 from wbc.errors import DesignError
 
 HARMONICS = 5  # of the first one: Swevers' choice for robot identification
-_BASE = 0.1  # [Hz] first harmonic, so that a run of 10 s holds one period
+_BASES = (0.1, 0.2, 0.4)  # [Hz] first harmonics; with five, up to 2 Hz
 _DRAWN = 40  # random motions, of which the best are improved
 _KEPT = 4
 _CLIMB = 12  # torques that the climb may evaluate for each that one pass of the rounds does
@@ -55,6 +55,14 @@ class Designed:
         """The smallest of the expected log-odds of pairs that a motion can tell apart."""
         told = [value for pair, value in self.odds.items() if pair not in self.alike]
         return min(told, default=0.0)
+
+    @property
+    def width(self) -> float:
+        """The geometric mean of all half widths, which `shrinking` makes small.
+
+        Its unit is a mixture: only its ratio to that of another motion means something.
+        """
+        return float(np.exp(np.mean(np.log(np.concatenate(self.widths)))))
 
 
 def random_paths(
@@ -242,7 +250,8 @@ def _drawn(site: Site, random: np.random.Generator) -> FourierPath:
     # One size per joint: what tells two causes apart may need another joint to move little.
     size = random.uniform(0.2, 1.0, (m, 1))
     sine, cosine = random.normal(size=(2, m, HARMONICS)) * weight * size
-    base = _BASE * random.choice([1.0, 2.0, 4.0])
+    # A short run holds a whole period of the first harmonic, as far as the last one allows.
+    base = float(np.clip(random.choice(_BASES), min(1.0 / site.duration, _BASES[-1]), None))
     return FourierPath(centre, sine, cosine, base, site.duration)
 
 

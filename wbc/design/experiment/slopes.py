@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.design.experiment.aims import Pulls
-from wbc.design.experiment.rivals import Cause, Predictions, Rivals
+from wbc.design.experiment.causes import Cause
+from wbc.design.experiment.rivals import Predictions, Rivals
 from wbc.dynamics import rotor_torque
 from wbc.robot import Motion, Robot
 

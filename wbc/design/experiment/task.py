@@ -14,10 +14,11 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.design.experiment.aims import informing
+from wbc.design.experiment.causes import parse_cause
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.limits import MotionLimits
 from wbc.design.experiment.readable import BAND
-from wbc.design.experiment.rivals import Rivals, parse_cause
+from wbc.design.experiment.rivals import Rivals
 from wbc.design.experiment.search import Designed, design_experiment, expected, random_paths
 from wbc.design.experiment.tied import tied_rivals
 from wbc.effects import load_robot
@@ -147,8 +148,7 @@ def compare_motions(
 
 def _said(one: Designed) -> float:
     """Return by what random motions are put in order: the least odds, or narrow intervals."""
-    narrow = -float(np.mean(np.log(np.concatenate(one.widths))))
-    return one.worst if one.odds else narrow
+    return one.worst if one.odds else -one.width
 
 
 def plan_experiments(

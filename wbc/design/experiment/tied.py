@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.design.experiment.causes import Cause, require_predictable, typical_values
 from wbc.design.experiment.readable import BAND
-from wbc.design.experiment.rivals import Cause, Rivals, require_predictable, typical_values
+from wbc.design.experiment.rivals import Rivals
 from wbc.effects import effect_class
 from wbc.errors import DesignError
 from wbc.robot import Effect, Robot

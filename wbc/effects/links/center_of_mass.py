@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
 
-from wbc.effects.links.inertia import require_physical, with_shifted_center
-from wbc.robot import Effect, Parameter, Robot
+from wbc.effects.links.inertia import reach, require_physical, with_shifted_center
+from wbc.robot import Effect, Motion, Parameter, Robot
+
+_SPREAD = 0.2  # of the reach of a link: what drawings are usually wrong by (`link_inertia`)
 
 
 @final
@@ -50,6 +53,12 @@ class CenterOfMass(Effect):
     def freedom(self) -> int:
         """The number of directions in which it moved."""
         return max(1, sum(value != 0.0 for value in self.values.values()))
+
+    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
+        """Return what a centre costs that is shifted by much of the link's reach [nats]."""
+        shift = float(np.linalg.norm([self.x, self.y, self.z]))
+        size = reach(robot, robot.body_joint(self.where))
+        return 0.5 * (shift / (_SPREAD * size)) ** 2 if size > 0.0 else 0.0
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with the centre of mass moved."""

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError
+from wbc.robot import Robot
 
 
 def point_mass(mass: float, point: FloatArray) -> FloatArray:
@@ -63,3 +64,30 @@ def _smallest(inertia: pin.Inertia) -> float:
 def _steiner(point: FloatArray) -> FloatArray:
     """Return |p|^2 1 - p p' (3, 3)."""
     return np.asarray(point @ point * np.eye(3) - np.outer(point, point))
+
+
+def reach(robot: Robot, joint: int) -> float:
+    """Return how far [m] a link is known to reach from its joint, or from its centre of mass.
+
+    To the joints and contact points that it carries, to its drawn centre of mass, and by two radii
+    of gyration about that.
+
+    Args:
+        robot: as drawn.
+        joint: of the model, which moves the link.
+    """
+    model = robot.model
+    inertia = model.inertias[joint]
+    carried = [
+        model.jointPlacements[child].translation
+        for child in range(1, model.njoints)
+        if model.parents[child] == joint
+    ]
+    for contact in robot.contacts:
+        frame = model.frames[model.getFrameId(contact.frame)]
+        if frame.parentJoint == joint:
+            carried.append(frame.placement.act(np.asarray(contact.offset)))
+    sizes = [float(np.linalg.norm(point)) for point in (*carried, inertia.lever)]
+    if inertia.mass > 0.0:
+        sizes.append(2.0 * float(np.sqrt(0.5 * np.trace(inertia.inertia) / inertia.mass)))
+    return max(sizes)

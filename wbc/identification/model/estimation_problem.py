@@ -14,6 +14,7 @@ from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.columns.kept_columns import KeptColumns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
+from wbc.identification.model.held_contacts import HeldContacts
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import (
     ROWS_PER_SAMPLE,
@@ -154,6 +155,20 @@ class EstimationProblem:
         """Return held-out squares (rows, outputs) beside what is open, and its cost [nats]."""
         held = fit.held_out_residual(self.folds)
         return fit.usual.beside_open(held, fit.jacobian, self.folds)
+
+    @cached_property
+    def _contacts(self) -> HeldContacts | None:
+        return HeldContacts.of(self.robot, self.records)
+
+    def held_contacts(self, fit: Fit) -> float:
+        """Return by how much a fit makes it more probable that contacts hold [nats].
+
+        Zero where all forces at contacts were measured, or where no cause changes what encoders
+        say.
+        """
+        if self._contacts is None:
+            return 0.0
+        return self._contacts.evidence(fit, self.row_noise(fit.residual))
 
     def distortion(self, fit: Fit) -> FloatArray:
         """Return (p,) by how much parameters are off, in their scales, beside what noise does.

@@ -66,7 +66,7 @@ def _draw_relation(ax: Axes, robot: Robot, eta: FloatArray, theme: Theme) -> Non
         textcoords="offset points",
         fontsize=8,
     )
-    ax.scatter(forward, backward, color=theme.ink, zorder=3)
+    ax.scatter(forward, backward, color=theme.ink, zorder=3, clip_on=False)  # 1 is the edge
     for f, b in dict.fromkeys(zip(forward.tolist(), backward.tolist(), strict=True)):
         same = np.flatnonzero((forward == f) & (backward == b))
         text = "\n".join(gears.joints[j] for j in same) if len(same) < gears.size else "all gears"

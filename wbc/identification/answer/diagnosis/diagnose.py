@@ -59,8 +59,9 @@ _SEVERAL_SILENT = (
     "logs to be judged, or a torque constant, unit or column is wrong at each."
 )
 _ALL_SILENT = (
-    "{}: no drive reports more than noise. The torques do not follow what the motion needs: do not "
-    "believe a cause that is found here."
+    "{}: no drive reports more than noise. The torques do not follow what the motion needs, so no "
+    "cause is looked for. Either the joints carried too little in these logs, or a torque "
+    "constant, unit, column or clock is wrong."
 )
 
 
@@ -93,14 +94,16 @@ def diagnose(
     problem = EstimationProblem.from_logs(robot, different)
     still = still_joints(problem.records)
     nothing_moves = len(still) == robot.transmission.size
+    all_silent = bool(problem.silent) and set(problem.judged_joints) <= set(problem.silent)
     warnings += [
         *problem.warnings,
-        *about_silent(problem.silent, every=not set(problem.judged_joints) - set(problem.silent)),
+        *about_silent(problem.silent, every=all_silent),
         *map(_STILL.format, still),
     ]
-    # A robot at rest shows one torque per joint, which anything explains.
+    # A robot at rest shows one torque per joint, which anything explains. So does what is no torque
+    # of the motion: on a recorded pendulum a soft gear that its other logs contradict was certain.
     wanted = EFFECTS.values() if candidates is None else candidates
-    classes = () if nothing_moves else tuple(wanted)
+    classes = () if nothing_moves or all_silent else tuple(wanted)
     found = find_causes(problem, classes, progress, until)
     found = look_closer(found, robot, different, classes, progress)
     warnings += _about_the_search(found)
@@ -114,7 +117,7 @@ def diagnose(
     alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
     left = remainders(problem, fit) if more else ()
     correlation = correlation_of(problem, fit)
-    findings = describe_findings(problem, fit, support, alternatives, correlation)
+    findings = describe_findings(problem, fit, support, alternatives, correlation, classes)
     known = {c.name: c for c in classes}
     asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
     return Diagnosis(

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.effects.gear.yielding_gear import YieldingGear
+from wbc.identification.answer.diagnosis.absent_ties import absent_ties
 from wbc.identification.answer.diagnosis.correlation import Correlation
 from wbc.identification.answer.diagnosis.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.diagnosis.quantities import quantities_of
@@ -36,6 +37,7 @@ def describe_findings(
     support: Mapping[Key, Support],
     alternatives: Sequence[Sequence[Key]],
     correlation: Correlation,
+    classes: Sequence[type[Effect]] = (),
 ) -> tuple[Finding, ...]:
     """Return the effects of a model with intervals, alternatives and warnings.
 
@@ -45,12 +47,14 @@ def describe_findings(
         support: of its causes.
         alternatives: for each effect, names and places of what it cannot be told from.
         correlation: of the parameters.
+        classes: the candidates, of which some may be tied to what was found.
     """
     distortion = problem.distortion(fit)
     bounds = interval_bounds(fit, problem.blocks, distortion)
     related = _moving_together(fit, correlation)
     stray = disagreements(problem.records, fit)
     sensors = force_sensor_doubts(problem, fit)
+    tied = absent_ties(problem, fit, classes)
     findings = []
     for k, effect in enumerate(fit.effects):
         estimates: dict[str, Estimate] = {}
@@ -80,7 +84,8 @@ def describe_findings(
         if about:
             warnings = []  # they are about parameters that nobody checks
         warnings += [*about, *effect.remarks(problem.robot)]
-        warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k], *sensors[k]]
+        warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k]]
+        warnings += [*stray[k], *sensors[k]]
         rivals = tuple(Alternative(*key) for key in alternatives[k])
         own = support[effect.key]
         findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))

@@ -33,13 +33,15 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
     hypothesis that leaves least there says how much, for all of them, or else the differences
     would mean nothing. What filters distort is the same in all folds: with N samples altogether,
     n_fo is divided by 1 + N (a d first)^2 / v, a being the share that may look like one cause.
+    Where no sensor measured the forces of contacts, what makes these contacts move is less
+    probable, too (`HeldContacts.evidence`).
 
     Args:
         problem: the logs.
         hypotheses: at least one.
     """
-    priors = np.array([h.prior - h.open for h in hypotheses])
-    return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + priors)
+    beside = np.array([h.prior - h.open + h.contacts for h in hypotheses])
+    return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + beside)
 
 
 def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> FloatArray:

@@ -31,6 +31,8 @@ class Hypothesis:
         rows: (F,) rows of each fold.
         asked: what its names, places and numbers cost [nats].
         implausible: what each effect's numbers cost that no machine is likely to have [nats].
+        contacts: by how much it is more probable that contacts hold, whose forces no sensor
+            measured [nats].
     """
 
     effects: tuple[Effect, ...]
@@ -42,6 +44,7 @@ class Hypothesis:
     rows: FloatArray
     asked: float
     implausible: tuple[float, ...]
+    contacts: float = 0.0
 
     @property
     def prior(self) -> float:

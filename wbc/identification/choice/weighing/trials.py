@@ -163,4 +163,5 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         rows=rows,
         asked=asked(fit.effects),
         implausible=implausible(problem, fit),
+        contacts=problem.held_contacts(fit),
     )

@@ -54,8 +54,9 @@ def added_torque(robot: Robot, effect: Effect, record: Record) -> FloatArray | N
 def condensed(record: Record, values: FloatArray) -> FloatArray:
     """Return `values` (N, m + b + s) condensed (rows, m + b + s); outputs of zeros stay zero."""
     result = np.zeros((record.rows, values.shape[1]))
-    for output in np.flatnonzero(values.any(axis=0)):
-        result[:, output] = record.condensed_at(values[:, [output]], int(output))[:, 0]
+    for output in range(values.shape[1]):
+        if values[:, output].any():  # mostly known from the first rows
+            result[:, output] = record.condensed_at(values[:, [output]], output)[:, 0]
     return result
 
 

@@ -29,7 +29,8 @@ class SparseColumns:
     @classmethod
     def of(cls, columns: FloatArray) -> SparseColumns:
         """Return columns (rows, outputs, r) without zeros; nothing is shared with them."""
-        outputs = np.flatnonzero(columns.any(axis=(0, 2)))
+        some = [columns[:, output].any() for output in range(columns.shape[1])]
+        outputs = np.flatnonzero(some)
         return cls(outputs, columns[:, outputs], columns.shape[1])
 
     @classmethod

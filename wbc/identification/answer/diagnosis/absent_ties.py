@@ -1,0 +1,147 @@
+"""Numbers that would be others if a cause were there that the answer does not hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
+from wbc.identification.model.derivatives import evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import TAIL, WIDER
+from wbc.identification.records.noise.synthetic_noise import synthetic_noise
+from wbc.identification.records.record import Record
+from wbc.robot import Effect
+from wbc.robot.coordinates import unit_at
+
+_STEP = 1e-2  # of a parameter's scale, by which an absent cause is tried
+# Factor by which the variance of a number grows where a cause is added, from which on the two are
+# said to be tied: then more of what is known of the number comes from the cause's absence than from
+# the logs.
+_TIED = 2.0
+_MOST = 4.0  # scales of an absent cause that are called open at most
+_MATTERS = 0.1  # share of a number that what is open of the cause must change
+
+
+@dataclass(frozen=True)
+class _Tie:
+    """A number found that rests on the absence of a cause.
+
+    Attributes:
+        row: number of the parameter.
+        amount: of the absent cause that the logs leave open, in its unit.
+        value: that the parameter would then have.
+    """
+
+    row: int
+    amount: float
+    value: float
+
+
+def absent_ties(
+    problem: EstimationProblem, fit: Fit, classes: Sequence[type[Effect]]
+) -> list[list[str]]:
+    """Return for every effect a sentence per absent cause at its place that is tied to a number.
+
+    Causes of one number in the drive are tried: they act on the torque that everything else is
+    judged by, such as its delay.
+
+    Args:
+        problem: the logs.
+        fit: of the hypothesis chosen.
+        classes: the candidates.
+    """
+    found: list[list[str]] = [[] for _ in fit.effects]
+    if not fit.parameters or fit.failed or fit.swings:
+        return found
+    known = _Known(problem, fit)
+    present = {effect.key for effect in fit.effects}
+    places = dict.fromkeys(effect.where for effect in fit.effects)
+    for kind in classes:
+        if "drive" not in kind.acts_by or len(kind.parameters) != 1 or kind.parameters[0].shape:
+            continue
+        for where in places:
+            if (kind.name, where) in present or where not in kind.places(problem.robot):
+                continue
+            for tie in known.beside(kind, where):
+                owner, parameter = fit.parameters[tie.row]
+                if fit.effects[owner].where != where:
+                    continue
+                amount = _with_unit(tie.amount, kind.parameters[0].unit)
+                value = _with_unit(tie.value, unit_at(problem.robot, where, parameter.unit))
+                found[owner].append(
+                    f"{parameter.name} rests on the absence of {kind.name}: these logs leave "
+                    f"{kind.parameters[0].name} {amount} open, and beside that it would be {value}"
+                )
+    return found
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.2g}" if unit == "1" else f"{value:.2g} {unit}"
+
+
+class _Known:
+    """What a fit knows of its parameters, and would know beside one cause more."""
+
+    def __init__(self, problem: EstimationProblem, fit: Fit) -> None:
+        self.problem, self.fit = problem, fit
+        self.weights = 1.0 / np.sqrt(problem.row_noise(fit.residual))
+        self.columns = (fit.jacobian * self.weights[:, None]).reshape(-1, len(fit.parameters))
+        usual = fit.usual.jacobian
+        self.inverse = np.linalg.pinv(self.columns.T @ self.columns + usual.T @ usual, rcond=1e-12)
+        self.noisy = [_with_more_noise(record) for record in problem.records]
+
+    def beside(self, kind: type[Effect], where: str) -> list[_Tie]:
+        """Return the parameters that are tied to an absent cause."""
+        parameter = kind.parameters[0]
+        way = 1.0 if parameter.null + parameter.scale <= parameter.high else -1.0
+        changed = parameter.null + way * _STEP * parameter.scale
+        effect = kind(where, **{parameter.name: changed})
+        fit, problem = self.fit, self.problem
+        try:
+            column = self._change(effect, problem.records)
+            by_noise = self._change(effect, self.noisy) - column
+        except IMPOSSIBLE:
+            return []
+        along = self.inverse @ (self.columns.T @ column)
+        # What the noise of the report changes is no sign of the cause.
+        told = column @ column - (self.columns.T @ column) @ along - by_noise @ by_noise
+        least = (WIDER * TAIL / _MOST) ** 2
+        still_open = WIDER * TAIL / np.sqrt(max(float(told), least))  # in scales, as intervals are
+        own_variance = np.maximum(np.diagonal(self.inverse), 1e-300)
+        grown = 1.0 + along**2 / max(float(told), least) / own_variance
+        tied = []
+        for row in np.flatnonzero(grown > _TIED):
+            owner, own = fit.parameters[row]
+            value = fit.effects[owner].values[own.name]
+            change = -float(along[row]) * still_open * own.scale
+            if not own.shape and abs(change) > _MATTERS * abs(value):
+                amount = parameter.null + way * still_open * parameter.scale
+                beside = float(np.clip(value + change, own.low, own.high))
+                tied.append(_Tie(int(row), amount, beside))
+        return tied
+
+    def _change(self, effect: Effect, records: Sequence[Record]) -> FloatArray:
+        """Return (rows * outputs,) the weighted change of what is left per scale of a cause."""
+        robot, whitening, effects = self.problem.robot, self.problem.whitening, self.fit.effects
+        with_it = evaluate(robot, (*effects, effect), records, whitening).residual
+        without = evaluate(robot, effects, records, whitening).residual
+        return np.asarray(((with_it - without) * self.weights).ravel() / _STEP)
+
+
+def _with_more_noise(record: Record) -> Record:
+    """Return a record with the noise of its reported torques a second time.
+
+    What a drive makes of its own measurement carries that noise, a target has none.
+    """
+    drawn, _ = synthetic_noise(record)
+    gears = record.robot.transmission
+    noise = drawn[:, : gears.size] / np.abs(gears.gear_ratio)
+    motion, feedback = record.motion, record.motion.feedback_torque
+    if feedback is not None:
+        motion = motion.replace(feedback_torque=feedback + noise)
+    return replace(record, torque=record.torque + noise, motion=motion)
