@@ -154,6 +154,11 @@ FIXES: list[tuple[str, str, str]] = [
         "design planar_leg_fixed --out d.parquet",
         f"{STUDY} --out d.parquet",
     ),
+    (
+        "Leave these out of --simulate.",
+        f"{STUDY} --simulate standing",
+        STUDY,
+    ),
     ("--sweep '{}': {}.", "design planar_leg_fixed --sweep reduction=1:2:3:4", STUDY),
     ("--sweep '{}': {}; {}.", "design planar_leg_fixed --sweep reduction=a:b", STUDY),
     ("--efficiency '{}' cannot", f"{STUDY} --efficiency no.csv", f"{STUDY} --efficiency good.csv"),
