@@ -150,3 +150,13 @@ def test_the_whole_motion_of_a_machine_with_a_fixed_base_is_framed(tmp_path: Pat
     written = write_playback(tmp_path / "g.html", load_robot("emps"), log, ghost=ahead)
     along = np.array(scene_of(written)["camera"]["points"])[:, 0]
     assert along.max() == pytest.approx(0.65, abs=1e-3)
+
+
+def test_a_swing_between_a_dozen_frames_is_framed(tmp_path: Path) -> None:
+    """Twelve frames of a recorded arm missed where it reached furthest: a phone cut it off."""
+    time = np.linspace(0.0, 1.1, 221)
+    place = 0.25 * np.sin(10.0 * np.pi * time) ** 2  # 0 at each twelfth
+    log = Log(time, {"slide.position": place})
+    scene = scene_of(write_playback(tmp_path / "slide.html", load_robot("emps"), log))
+    along = np.array(scene["camera"]["points"])[:, 0]
+    assert along.max() == pytest.approx(0.30, abs=5e-3)

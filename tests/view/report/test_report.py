@@ -427,7 +427,7 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         wide += "e.querySelector('svg').clientWidth > e.parentElement.clientWidth + 1).length"
         for width in (900, 700, 390):
             tab.set_viewport_size({"width": width, "height": 800})
-            tab.wait_for_function(f"{wide} === 0", timeout=5000)
+            tab.wait_for_function(f"{wide} === 0", timeout=30000)
         # Logs have long names.
         tab.evaluate("document.querySelector('#motion h2').textContent = 'run_'.repeat(30)")
         tab.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=5000)

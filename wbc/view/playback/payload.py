@@ -9,7 +9,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
@@ -34,7 +33,7 @@ from wbc.view.scene.shapes import LinkShape
 _LEAST_SPAN = 6.0
 _LOADED = 0.02  # weights above which a contact bears something
 _LEAVES = 1.2  # sizes of the robot: one that moves on further is followed, not framed as a whole
-_FRAMED = 12  # frames whose bodies the camera frames: more hardly move its borders
+_FRAMED = 200  # frames whose bodies the camera frames: twelve missed the furthest swing of an arm
 _COLOURS = {
     "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
     "quiet": "#C9CED6",
@@ -43,6 +42,9 @@ _COLOURS = {
     "under": RESIDUAL_UNDER,
     "cone": YELLOW,
     "force": GREEN,
+    # While residuals are shown, the model has the colour that plots give the model as given.
+    "ghost": VERMILION,
+    "other_ghost": GHOST,
 }
 
 
@@ -78,8 +80,7 @@ def playback_payload(
         "residual_span": _residual_span(ghost),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
-        # A model beside its log has the colour that plots give the model as given.
-        "colours": _COLOURS | {"ghost": VERMILION if ghost and ghost.residual else GHOST},
+        "colours": _COLOURS,
         "commands": list(commands),
     }
     if ghost is not None:
@@ -184,30 +185,42 @@ def _camera(
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
     leaves = _leaves(robot, track, size)
-    points = []
-    for frame in np.linspace(0, len(track.time) - 1, _FRAMED).astype(int):
-        center = track.center_of_mass
-        moved = np.append((center[frame] - center[0])[:2] if leaves else (0.0, 0.0), 0.0)
-        seen = [*_corners(track.poses[frame], shapes), *(c.position[frame] for c in track.contacts)]
-        if ghost is not None and not leaves:
-            seen += _corners(ghost.poses[frame], shapes)
-        seen = seen or [*track.poses[frame, :, :3].astype(np.float64)]  # links without bodies
-        points += [point - moved for point in seen]
+    count = len(track.time)
+    frames = np.linspace(0, count - 1, min(count, _FRAMED)).astype(int)
+    seen = [_corners(track.poses[frames], shapes)]
+    seen += [contact.position[frames][:, None] for contact in track.contacts]
+    if ghost is not None and not leaves:
+        seen.append(_corners(ghost.poses[frames], shapes))
+    if not shapes and not track.contacts:
+        seen = [track.poses[frames, :, :3].astype(np.float64)]  # links without bodies
+    points = np.concatenate(seen, axis=1)
+    if leaves:
+        moved = track.center_of_mass[frames] - track.center_of_mass[0]
+        points = points - moved[:, None] * [1.0, 1.0, 0.0]
     direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
     return {
-        "points": np.round(_outermost(np.array(points)), 4).tolist(),
+        "points": np.round(_outermost(points.reshape(-1, 3)), 4).tolist(),
         "direction": [float(x) for x in direction / np.linalg.norm(direction)],
     }
 
 
-def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> list[FloatArray]:
-    """Return the corners of the boxes of all bodies at the poses of the joints, world."""
-    corners = []
+def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> FloatArray:
+    """Return the corners (F, 8 bodies, 3) of the boxes of all bodies, world.
+
+    Args:
+        poses: (F, joints, 7) translation and quaternion (x, y, z, w) of every joint.
+        shapes: the bodies.
+    """
+    corners = [np.zeros((len(poses), 0, 3))]
     for shape in shapes:
-        place = pin.XYZQUATToSE3(poses[shape.joint].astype(np.float64))
+        place = poses[:, shape.joint].astype(np.float64)
         box = np.array([shape.low, shape.high])
-        corners += [place.act(box[pick, [0, 1, 2]]) for pick in product((0, 1), repeat=3)]
-    return corners
+        local = np.array([box[pick, [0, 1, 2]] for pick in product((0, 1), repeat=3)])
+        axis, real = place[:, None, 3:6], place[:, None, 6:]
+        # v + 2 w (u x v) + 2 u x (u x v): the rotation of v by the quaternion (u, w).
+        turned = np.cross(axis, local[None])
+        corners.append(local + 2.0 * (real * turned + np.cross(axis, turned)) + place[:, None, :3])
+    return np.concatenate(corners, axis=1)
 
 
 def _outermost(points: FloatArray) -> FloatArray:

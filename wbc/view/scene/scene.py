@@ -40,7 +40,7 @@ class SceneSize:
     @property
     def hub(self) -> float:
         """Half the length of the longest disc on a joint [m]."""
-        return 0.06 * self.reach
+        return 0.1 * self.reach
 
     @property
     def arrow_radius(self) -> float:

@@ -27,7 +27,10 @@ function drawLegend() {
     entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} noise floors)`);
   else if (told) lines.push("power through the gear: " + entry(data.colours.modes["1"], "motor drives") +
     entry(data.colours.modes["-1"], "joint drives") + entry(data.colours.modes["0"], "stuck or idle"));
-  if (data.ghost) lines.push(entry(data.colours.ghost, `transparent: ${data.ghost.label}`));
+  // Beside joints in the colours of the power the ghost has a third one.
+  const ghostColour = residualShown() || !told ? data.colours.ghost : data.colours.other_ghost;
+  if (veil) veil.color.set(ghostColour);
+  if (data.ghost) lines.push(entry(ghostColour, `transparent: ${data.ghost.label}`));
   // A length that is easy to compare with the robot, and the force that it stands for.
   const newtons = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((n) => n * data.metres_per_newton > 0.25 * data.reach) || 10000;
   if (data.contacts.length) lines.push(`force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`);

@@ -39,9 +39,10 @@ for (const c of data.contacts) {
   c.label = document.createElement("span"); c.label.className = "force"; pane.append(c.label);
 }
 for (const g of data.gears) g.node = node("robot", "j" + g.number, "hub");
+let veil = null;
 if (data.ghost) {
   // Where the two coincide the measurement is seen, without flicker.
-  const veil = new MeshCat.THREE.MeshPhongMaterial({ color: data.colours.ghost, opacity: 0.35, transparent: true,
+  veil = new MeshCat.THREE.MeshPhongMaterial({ color: data.colours.ghost, opacity: 0.35, transparent: true,
     depthWrite: false, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
   for (let k = 1; k < data.ghost.joints; k++) {
     for (const part of node("robot", "j" + k).children) if (part.name !== "hub") node("ghost", "j" + k).add(part.clone());

@@ -73,7 +73,7 @@ function drawTimeline() {
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
   g.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--accent");
   g.fillRect(x - 1, 0, 2, canvas.height / ratio - AXIS + 2);
-  g.beginPath(); g.arc(x, canvas.height / ratio - AXIS + 2, 4, 0, 7); g.fill();
+  g.beginPath(); g.arc(x, canvas.height / ratio - AXIS - 2, 4, 0, 7); g.fill();  // above the numbers
   canvas.setAttribute("aria-valuenow", (now - start).toFixed(3));
   canvas.setAttribute("aria-valuemax", (stop - start).toFixed(3));
 }
