@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.effects import (
+    CenterOfMass,
     CoulombFriction,
     PayloadMass,
     ThermalDrift,
@@ -51,6 +52,19 @@ def test_drives_that_deliver_something_else_cost_by_the_factor(problem: Estimati
     # A torque constant, and what any drive costs that delivers so much more than it reports.
     spread = 0.5 * (0.2**-2 + 0.5**-2)
     assert costs == pytest.approx([spread * np.log(f) ** 2 for f in (1.0, 1.1, 2.0, 4.0)])
+
+
+def test_a_centre_of_mass_costs_that_is_shifted_by_much_of_its_link(
+    problem: EstimationProblem,
+) -> None:
+    shin = LEG.bodies[-1]
+    foot = LEG.model.frames[LEG.model.getFrameId("foot")].placement.translation
+    reach = float(np.linalg.norm(foot))  # the foot is the farthest that is known of the shin
+    shifts = np.array([0.0, 0.2, 1.0]) * reach
+    costs = [cost(problem, CenterOfMass(shin, float(s), 0.0, 0.0)) for s in shifts]
+    # A shift by the whole length is less likely than one in a thousand: no answer holds it.
+    assert costs[:2] == pytest.approx([0.0, 0.5])
+    assert costs[2] > 6.9
 
 
 def test_a_mass_that_leaves_a_link_costs_and_one_that_is_added_does_not(

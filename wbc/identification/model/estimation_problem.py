@@ -12,9 +12,11 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.columns.kept_columns import KeptColumns
+from wbc.identification.model.distorted import alike_shifts
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.held_contacts import HeldContacts
+from wbc.identification.model.intervals import TAIL
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import (
     ROWS_PER_SAMPLE,
@@ -174,7 +176,8 @@ class EstimationProblem:
         """Return (p,) by how much parameters are off, in their scales, beside what noise does.
 
         Smoothing distorts sharp events (reversals, impacts) in a way that depends on the band; the
-        truth is where the band no longer matters. Some effects are themselves rough models.
+        truth is where the band no longer matters. A part of what it distorts looks like each
+        parameter itself. Some effects are themselves rough models.
         """
         if not fit.parameters:
             return np.zeros(0)
@@ -188,7 +191,9 @@ class EstimationProblem:
             samples=self.white_samples,
         )
         doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
-        return np.asarray(np.hypot(other.values - fit.values, doubt * fit.values))
+        alike = TAIL * alike_shifts(fit, self.first, self.row_noise(fit.residual))
+        moved = np.hypot(other.values - fit.values, doubt * fit.values)
+        return np.asarray(np.hypot(moved, alike))
 
     @cached_property
     def first(self) -> FloatArray:

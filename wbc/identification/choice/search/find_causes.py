@@ -10,9 +10,9 @@ from wbc.identification.choice.search import moves
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search, best_of
 from wbc.identification.choice.search.yielding_search import YieldingSearch
-from wbc.identification.choice.weighing.evidence import DISTORTED
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials
+from wbc.identification.model.distorted import DISTORTED
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.robot import Effect
 

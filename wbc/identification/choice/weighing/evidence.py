@@ -8,16 +8,13 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.model.distorted import ALIKE, DISTORTED
 from wbc.identification.model.estimation_problem import EstimationProblem
 
-DISTORTED = 0.01  # share of the first error (rms) that filters and derivatives distort
 _SIMULATED = 0.02  # ... that simulated links distort
 # ... that links which bounce distort: they soon forget how they began. On the practice leg, fits of
 # the play alone that began near it left 3.8 to 4.8 %, each in a valley of its own.
 _BOUNCING = 0.05
-# Share of what filters distort (rms) that may look like any one cause. It is the same in every
-# fold: no number of rows averages it away.
-_ALIKE = 0.1
 
 
 def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> FloatArray:
@@ -58,7 +55,7 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
     distorted = _distorted_share(reference) ** 2 * np.maximum(problem.first - 1.0, 0.0)
     if not reference.swings:
         left = np.maximum(np.min([h.outputs for h in hypotheses], axis=0), 1.0) + distorted
-        samples /= 1.0 + samples.sum(axis=0) * _ALIKE**2 * distorted / left
+        samples /= 1.0 + samples.sum(axis=0) * ALIKE**2 * distorted / left
     return np.array([_log_density(h, samples, distorted, reference.swings) for h in hypotheses])
 
 
