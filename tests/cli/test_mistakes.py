@@ -20,6 +20,7 @@ from wbc.effects import CoulombFriction
 from wbc.measurement import (
     Log,
     SuspiciousLogError,
+    check_logs,
     find_suspicions,
     load_log,
     load_logs,
@@ -371,3 +372,17 @@ def test_drives_that_report_only_noise_are_not_read_as_degrees(seed: int) -> Non
         for log in sample_logs()
     ]
     assert [f.text for own in find_suspicions(noise, robot) for f in own] == []
+
+
+@pytest.mark.parametrize("joints", [("hip",), ("knee",), ("hip", "knee")])
+def test_one_joint_in_degrees_is_told_from_all(joints: tuple[str, ...]) -> None:
+    """One joint in degrees was read as all in degrees: 24 % of the power, and a wrong map."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    log = sample_logs()[0]
+    names = [f"{joint}.{quantity}" for joint in joints for quantity in ("position", "velocity")]
+    wrong = log.with_columns({name: np.degrees(log.column(name)) for name in names})
+    ((finding,),) = find_suspicions([wrong], robot)
+    assert finding.severity == "error"
+    assert set(finding.mend["columns"]) == set(names)
+    quality = check_logs([wrong], robot)[0]
+    assert [f.kind for f in quality.findings if f.severity == "error"] == ["degrees"]

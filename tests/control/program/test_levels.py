@@ -19,7 +19,7 @@ from wbc.control import (
     WarmStart,
 )
 from wbc.control.program.level import Level, Refusal
-from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.program.rows.orthonormal_rows import extend_basis
 from wbc.control.solvers import QPStatus
 from wbc.control.solvers.solver import make_solver
 from wbc.control.torque.direction_search import DirectionSearch

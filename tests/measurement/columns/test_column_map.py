@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from wbc.errors import LogError
 from wbc.measurement import load_log, load_logs, parse_column_map, read_column_map
+from wbc.measurement.columns.column_map import column_entries
 
 
 def _write(tmp_path: Path, text: str, rows: str) -> tuple[Path, Path]:
@@ -257,3 +259,12 @@ def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:
         np.testing.assert_array_equal(log.column("a.target_position"), [1.0, 2.0])
         np.testing.assert_array_equal(log.column("a.goal_position"), [1.0, 2.0])
         assert log.with_quantity("target_position") == ("a",)
+
+
+def test_a_printed_line_may_stand_below_the_heading_of_the_columns() -> None:
+    """`columns."knee.position" = ...` was pasted into a file that had [columns] already."""
+    pasted = '[columns]\n"hip.position" = "q"\ncolumns."knee.position" = { unit = "deg" }\n'
+    alone = 'columns."knee.position" = { unit = "deg" }\ncolumns."hip.position" = "q"\n'
+    one, same = (column_entries(tomllib.loads(text)) for text in (pasted, alone))
+    assert one == same
+    assert len(parse_column_map(tomllib.loads(pasted)).rules) == 2

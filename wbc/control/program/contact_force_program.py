@@ -14,11 +14,11 @@ from wbc.control.output_torques import OutputTorques, TorqueTerms
 from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
-from wbc.control.program.inequality_rows import InequalityRows, place_passing
 from wbc.control.program.placing import TASKS, place_tasks, place_tasks_fixed
-from wbc.control.program.row_basis import RowBasis
+from wbc.control.program.rows.inequality_rows import InequalityRows, place_passing
+from wbc.control.program.rows.row_basis import RowBasis
+from wbc.control.program.rows.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.program.task_stack import TaskStack
-from wbc.control.program.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
 from wbc.fixed_arrays import FixedArrays

@@ -8,8 +8,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.program.implied_rows import find_implied, gather_binding
-from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.program.rows.implied_rows import find_implied, gather_binding
+from wbc.control.program.rows.orthonormal_rows import extend_basis
 from wbc.control.program.task_stack import TaskStack
 
 # Half an angle, of a wedge that counts as closed: what is free is measured by what it costs, as a

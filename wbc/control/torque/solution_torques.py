@@ -6,7 +6,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.program.torque_rows import place_beyond
+from wbc.control.program.rows.torque_rows import place_beyond
 from wbc.control.solvers import QPSolution
 from wbc.control.torque.gears import Slopes
 

@@ -191,8 +191,10 @@ class EstimationProblem:
             samples=self.white_samples,
         )
         doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
-        alike = TAIL * alike_shifts(fit, self.first, self.row_noise(fit.residual))
         moved = np.hypot(other.values - fit.values, doubt * fit.values)
+        if fit.swings:  # beside simulated links the evidence counts no likeness either
+            return np.asarray(moved)
+        alike = TAIL * alike_shifts(fit, self.first, self.row_noise(fit.residual))
         return np.asarray(np.hypot(moved, alike))
 
     @cached_property

@@ -61,6 +61,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
     ratios = single_ratios(robot) if robot is not None else {}
     named = {finding.column for finding in suspected}
     kinds = {finding.kind for finding in suspected}
+    mended = {name for f in suspected for name in f.likeliest.get("columns", {})}
     velocities = [f for f in check_velocities(log, fits) if f.column not in named]
     ranges = check_ranges(log, _limits(robot) if robot is not None else {})
     findings = [
@@ -72,7 +73,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         *check_stuck(log, resting),
         *(velocities if "time_unit" not in kinds else ()),
         *check_rotor_positions(log, ratios),
-        *(ranges if not kinds & {"degrees", "gear_side"} else ()),
+        *(f for f in ranges if f.column not in mended and "gear_side" not in kinds),
         *_reading(log),
     ]
     steps = np.diff(log.time)

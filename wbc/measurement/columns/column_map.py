@@ -135,8 +135,15 @@ def column_entries(table: Mapping[str, Any], label: str = "column map") -> dict[
 
 
 def _entries(table: Mapping[str, Any], prefix: str, label: str) -> Iterator[tuple[str, Any]]:
-    """Yield (column name, entry); unquoted TOML keys with dots arrive as nested tables."""
+    """Yield (column name, entry); unquoted TOML keys with dots arrive as nested tables.
+
+    A printed line names its section, `columns."hip.position" = ...`. Pasted below the heading
+    `[columns]` it says so twice, and means the same.
+    """
     for key, value in table.items():
+        if key == "columns" and not prefix and isinstance(value, Mapping):
+            yield from _entries(value, "", label)
+            continue
         name = f"{prefix}{key}"
         if isinstance(value, str) or value is False or _is_rule(name, value):
             yield name, value

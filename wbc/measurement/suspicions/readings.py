@@ -142,18 +142,19 @@ def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
             )
     single = rows.robot.single_joints
     turning = [i for i, joint in enumerate(single) if not slides(rows.robot, joint)]
-    if turning:
+    for k in _all_or_one(len(turning)) if turning else []:
+        places = [turning[i] for i in k]
         mend = {
             name: {"unit": "deg" + ("", "/s", "/s^2")[_order_of(name)]}
-            for i in turning
+            for i in places
             for name in _moving(log, single[i])
         }
         yield replace(
             as_is,
             kind="degrees",
-            text=f"{_holds([f'{single[i]}.position' for i in turning])} degrees",
-            prior=_EVERYWHERE,
-            factor=_put(as_is.factor, turning, pi / 180.0),
+            text=f"{_holds([f'{single[i]}.position' for i in places])} degrees",
+            prior=_EVERYWHERE if len(k) == len(turning) else _RARE,
+            factor=_put(as_is.factor, places, pi / 180.0),
             **_with(mend),
         )
 

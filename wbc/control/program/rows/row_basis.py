@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.program.orthonormal_rows import extend_basis
+from wbc.control.program.rows.orthonormal_rows import extend_basis
 
 # Directions that move the rows less than this share are left to the tasks: near such a pose a
 # metre per second squared at the rows would ask a million of the joints.

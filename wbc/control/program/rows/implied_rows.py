@@ -16,7 +16,7 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.program.orthonormal_rows import remove
+from wbc.control.program.rows.orthonormal_rows import remove
 from wbc.control.solvers.positive_definite import factorise, substitute
 
 _HALF = 0.5

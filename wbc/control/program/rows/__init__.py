@@ -1,0 +1,1 @@
+"""Rows of equalities and inequalities: written, made orthonormal, found to be implied."""
