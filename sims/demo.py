@@ -30,12 +30,19 @@ from wbc.view import write_playback
 from wbc.view.report import write_report
 
 OUT = Path("out")
+LOOPS = (
+    "dissipative: lossy gears, and the controller knows the losses; conservative: the same gears, "
+    "and the controller believes them perfect; ideal: perfect gears. The aim is a small height "
+    "error: torque and heat of the dissipative loop may be larger."
+)
+"""Says above the first table what its columns are."""
 
 
 def stand(console: Console, duration: float) -> list[Path]:
     """Compare three closed loops of the leg; return the files written."""
     console.rule("1. Stand, squat and land on lossy gears")
     loops = standing.main(duration, progress=console.is_terminal)
+    console.print(LOOPS)
     print_columns("planar leg, 60 N m motors (assumed)", {k: v.figures for k, v in loops.items()})
     robot = load_robot("planar_leg_strong")
     ours = loops["dissipative"]
@@ -89,6 +96,11 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
 def plan(console: Console, diagnosis: Diagnosis, duration: float, rounds: int) -> list[Path]:
     """Plan the motion that would tell what was found from its closest rival; return its files."""
     console.rule("3. The motion that would tell the two closest rivals apart")
+    if diagnosis.verdict == "named":
+        console.print(
+            "An example, not needed here: the logs of part 2 already tell which effects the model "
+            "lacks. Where several causes explain the logs equally well, record such a motion."
+        )
     leg = load_robot("planar_leg_fixed").lossless()
     tied = tied_rivals(diagnosis.to_json(), leg, noise=0.01 * leg.transmission.torque_limit)
     rivals = replace(tied, causes=tied.causes[:2])
@@ -115,12 +127,29 @@ def main(duration: float = 4.0, excitation: float = 6.0, rounds: int = 60) -> Di
     console.rule("4. Files")
     for path in [*files, *more, *planned]:
         console.print(f"  {path}")
-    console.print("open in a browser, offline:")
-    console.print("  out/landing.html     the leg lands from 10 cm")
-    console.print("  out/report.html      what the logs say of the leg")
-    console.print("  out/trajectory.html  the motion that tells the two closest rivals apart")
-    console.print("next: move the robot along out/trajectory.csv (set points) and record a log")
+    for line in last_lines(diagnosis.verdict):
+        console.print(line, soft_wrap=True)
     return diagnosis
+
+
+def last_lines(verdict: str) -> list[str]:
+    """Return the pages to open, and the next step: use what is certain, or record what decides."""
+    sure = verdict == "named"
+    example = " (an example)" if sure else ""
+    fitted = OUT / "fitted.toml"
+    logs = " ".join(str(OUT / f"run{k}.csv") for k in range(3))
+    step = (
+        f"use the corrected model: wbc compare {logs} --robot {fitted}"
+        if sure
+        else f"move the robot along {OUT / 'trajectory.csv'} (set points) and record a log"
+    )
+    return [
+        "open in a browser, offline:",
+        "  out/landing.html     the leg lands from 10 cm",
+        "  out/report.html      what the logs say of the leg",
+        f"  out/trajectory.html  the motion that tells the two closest rivals apart{example}",
+        f"next: {step}",
+    ]
 
 
 if __name__ == "__main__":

@@ -125,7 +125,8 @@ def test_the_commands_of_the_readme_lead_from_files_to_an_answer(
         for ours, theirs in names.items():
             head = head.replace(ours, theirs)
         path.write_text(f"{head}\n{rows}")
-    init, check, diagnose, play = commands_of("README.md")
+    after_demo, init, check, diagnose, play = commands_of("README.md")
+    assert "out/run*.csv" in after_demo  # what `make demo` leaves; the test of the demo names it
     run_commands(init)
     robot = Path("robot.toml").read_text()
     assert robot.count("guess: not in the model file") == 4

@@ -1,14 +1,16 @@
 """Every study at reduced length: what it says about the physics has to hold, and it reports."""
 
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sims import backdrive, holding, hopping, impact, parallelogram, standing
+from sims import backdrive, demo, holding, hopping, impact, parallelogram, standing
 from sims.hopper import Hopper
 from sims.leg import balanced_pose
 from sims.pushes import hanging_leg
+from wbc.cli.entry import build_parser
 from wbc.sim import Plant, simulate
 
 
@@ -21,6 +23,17 @@ def written(files: list[Path], count: int) -> None:
     assert len(files) == count
     for path in files:
         assert path.read_bytes()[:4] == (b"\x89PNG" if path.suffix == ".png" else b"<!DO")
+
+
+def test_the_demo_asks_for_a_new_log_only_where_the_diagnosis_is_not_sure() -> None:
+    *_, motion, step = demo.last_lines("named")
+    assert "example" in motion
+    options = build_parser().parse_args(shlex.split(step[step.index("wbc ") :])[1:])
+    assert options.robot == "out/fitted.toml"
+    assert options.logs == ["out/run0.csv", "out/run1.csv", "out/run2.csv"]
+    *_, motion, step = demo.last_lines("ambiguous")
+    assert "example" not in motion
+    assert "record a log" in step
 
 
 def test_impact() -> None:
