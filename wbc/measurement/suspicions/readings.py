@@ -23,6 +23,11 @@ _EVERYWHERE = ln(0.02)
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
 
+# How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
+# 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
+_TRAVEL, _TRAVEL_SPREAD = 1.8, 0.84
+_OTHER, _OTHER_SPREAD = 0.1, 1.5
+
 _TORQUE_UNITS = {"N mm": ("mN m", 1e-3), "N cm": ("N cm", 1e-2)}
 _FORCE_UNITS = {"mN": ("mN", 1e-3)}  # of joints that slide
 _CURRENT_UNITS = {"mA": ("mA", 1e-3)}
@@ -153,10 +158,22 @@ def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
             as_is,
             kind="degrees",
             text=f"{_holds([f'{single[i]}.position' for i in places])} degrees",
-            prior=_EVERYWHERE if len(k) == len(turning) else _RARE,
+            prior=(_EVERYWHERE if len(k) == len(turning) else _RARE)
+            # One excitation moves all joints: their travels are one observation.
+            + float(np.mean([_travels(log, single[i], pi / 180.0) for i in places])),
             factor=_put(as_is.factor, places, pi / 180.0),
             **_with(mend),
         )
+
+
+def _travels(log: Log, joint: str, factor: float) -> float:
+    """Return by how much a joint's travel is more usual if its position is multiplied [nats]."""
+    travel = float(np.ptp(log.column(f"{joint}.position")))
+    away = np.log(np.maximum(np.array([1.0, factor]) * travel, 1e-12) / _TRAVEL)
+    usual = np.log((1.0 - _OTHER) / _TRAVEL_SPREAD) - 0.5 * (away / _TRAVEL_SPREAD) ** 2
+    other = np.log(_OTHER / _OTHER_SPREAD) - 0.5 * (away / _OTHER_SPREAD) ** 2
+    density = np.logaddexp(usual, other)
+    return float(density[1] - density[0])
 
 
 def _sides(rows: Rows, as_is: Reading) -> Iterator[Reading]:
