@@ -9,9 +9,8 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.effects.links.inertia import reach, require_physical, with_shifted_center
+from wbc.effects.links.pseudo_inertia import USUAL
 from wbc.robot import Effect, Motion, Parameter, Robot
-
-_SPREAD = 0.2  # of the reach of a link: what drawings are usually wrong by (`link_inertia`)
 
 
 @final
@@ -55,10 +54,13 @@ class CenterOfMass(Effect):
         return max(1, sum(value != 0.0 for value in self.values.values()))
 
     def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a centre costs that is shifted by much of the link's reach [nats]."""
+        """Return what a centre costs that is shifted by much of the link's reach [nats].
+
+        Drawings are usually wrong by the share of it that `link_inertia` takes, too.
+        """
         shift = float(np.linalg.norm([self.x, self.y, self.z]))
         size = reach(robot, robot.body_joint(self.where))
-        return 0.5 * (shift / (_SPREAD * size)) ** 2 if size > 0.0 else 0.0
+        return 0.5 * (shift / (USUAL * size)) ** 2 if size > 0.0 else 0.0
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with the centre of mass moved."""

@@ -27,6 +27,11 @@ def efforts(units: Iterable[str]) -> str:
     return " or ".join(sorted(words, reverse=True))
 
 
+def with_unit(value: float, unit: str, digits: int = 4) -> str:
+    """Return a number and its unit; the unit of a ratio, 1, is not written."""
+    return f"{value:.{digits}g}" if unit == "1" else f"{value:.{digits}g} {unit}"
+
+
 def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
     """Return a value and its interval in steps of at most twice the interval's width.
 

@@ -22,6 +22,7 @@ from wbc.identification.records.folds import (
     ROWS_PER_SAMPLE,
     block_means,
     bootstrap_blocks,
+    correlated_rows,
     held_out_folds,
 )
 from wbc.identification.records.noise.noise_floor import (
@@ -209,8 +210,8 @@ class EstimationProblem:
     def independent_samples(self, residual: FloatArray) -> FloatArray:
         """Return (outputs,) how many independent samples one row of a residual is.
 
-        Its squares are as certain as those of n / (sum over all lags of rho^2) independent ones,
-        rho being its autocorrelation (Bartlett), and rows without weight are no samples.
+        Rows that are correlated count less (`correlated_rows`), and rows without weight are no
+        samples.
 
         Args:
             residual: (rows, outputs), whitened.
@@ -218,14 +219,9 @@ class EstimationProblem:
         ends = np.cumsum([record.rows for record in self.records])
         parts = [part for part in np.split(residual, ends[:-1]) if len(part) > _LONGEST]
         longest = min(len(part) for part in parts) // _LONGEST
-        total = np.zeros((longest + 1, residual.shape[1]))
-        for part in parts:
-            power = np.abs(np.fft.rfft(part, 2 * len(part), axis=0)) ** 2
-            total += np.fft.irfft(power, axis=0)[: longest + 1]
-        correlation = total / np.maximum(total[0], 1e-300)
         chance = longest * ROWS_PER_SAMPLE / len(residual)
-        lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
-        return np.asarray(self._row_share / np.maximum(1.0 + 2.0 * lags, ROWS_PER_SAMPLE))
+        alike = correlated_rows(parts, longest, chance)
+        return np.asarray(self._row_share / np.maximum(alike, ROWS_PER_SAMPLE))
 
     def row_noise(self, residual: FloatArray) -> FloatArray:
         """Return (outputs,) mean squares of a residual over white noise's samples per row.

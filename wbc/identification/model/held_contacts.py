@@ -12,6 +12,7 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.identification.model.derivatives import with_changes
 from wbc.identification.model.fit import Fit
 from wbc.identification.records.contacts.held_points import settled, stray_noise, strays
+from wbc.identification.records.folds import correlated_rows
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Robot
 
@@ -150,20 +151,9 @@ def _rows(
 
 
 def _memory(parts: Sequence[FloatArray]) -> FloatArray:
-    """Return (axes,) how many rows of these series (rows, axes) are one independent sample.
-
-    Bartlett: 1 + 2 times the sum over all lags of the squared autocorrelation, less what chance
-    makes of it.
-    """
+    """Return (axes,) how many rows of these series (rows, axes) are one independent sample."""
     longest = max(1, min(len(part) for part in parts) // 4)
-    total = np.zeros((longest + 1, parts[0].shape[1]))
-    for part in parts:
-        power = np.abs(np.fft.rfft(part, 2 * len(part), axis=0)) ** 2
-        total += np.fft.irfft(power, axis=0)[: longest + 1]
-    correlation = total / np.maximum(total[0], 1e-300)
-    chance = longest / sum(len(part) for part in parts)
-    lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
-    return np.asarray(1.0 + 2.0 * lags)
+    return correlated_rows(parts, longest, longest / sum(len(part) for part in parts))
 
 
 def _marginal(fit: Fit, noise: FloatArray, rows: Sequence[int]) -> FloatArray:

@@ -55,6 +55,26 @@ def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
     return np.asarray(total[count > 0] / count[count > 0])
 
 
+def correlated_rows(parts: Sequence[FloatArray], longest: int, chance: float) -> FloatArray:
+    """Return (outputs,) how many rows of some series count as one independent sample.
+
+    Squares of a series are as certain as those of n / (sum over all lags of rho^2) independent
+    rows, rho being its autocorrelation (Bartlett).
+
+    Args:
+        parts: series (rows, outputs), each longer than `longest`.
+        longest: lag that is still summed.
+        chance: what white noise adds to the sum over positive lags; it is taken away.
+    """
+    total = np.zeros((longest + 1, parts[0].shape[1]))
+    for part in parts:
+        power = np.abs(np.fft.rfft(part, 2 * len(part), axis=0)) ** 2
+        total += np.fft.irfft(power, axis=0)[: longest + 1]
+    correlation = total / np.maximum(total[0], 1e-300)
+    lags = np.maximum(np.sum(correlation[1:] ** 2, axis=0) - chance, 0.0)
+    return np.asarray(1.0 + 2.0 * lags)
+
+
 def _only_ones(records: Sequence[Record], group: Sequence[int]) -> set[int]:
     """Return the groups without which some output has no weight in any log."""
     judged = np.array([record.weight.any(axis=0) for record in records])

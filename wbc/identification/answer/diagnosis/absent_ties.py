@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.answer.numbers import with_unit
 from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -58,7 +59,10 @@ def absent_ties(
     found: list[list[str]] = [[] for _ in fit.effects]
     if not fit.parameters or fit.failed or fit.swings:
         return found
-    known = _Known(problem, fit)
+    try:
+        known = _Known(problem, fit)
+    except IMPOSSIBLE:  # with more noise
+        return found
     present = {effect.key for effect in fit.effects}
     places = dict.fromkeys(effect.where for effect in fit.effects)
     for kind in classes:
@@ -71,17 +75,13 @@ def absent_ties(
                 owner, parameter = fit.parameters[tie.row]
                 if fit.effects[owner].where != where:
                     continue
-                amount = _with_unit(tie.amount, kind.parameters[0].unit)
-                value = _with_unit(tie.value, unit_at(problem.robot, where, parameter.unit))
+                amount = with_unit(tie.amount, kind.parameters[0].unit, 2)
+                value = with_unit(tie.value, unit_at(problem.robot, where, parameter.unit), 2)
                 found[owner].append(
                     f"{parameter.name} rests on the absence of {kind.name}: these logs leave "
                     f"{kind.parameters[0].name} {amount} open, and beside that it would be {value}"
                 )
     return found
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return f"{value:.2g}" if unit == "1" else f"{value:.2g} {unit}"
 
 
 class _Known:
@@ -94,6 +94,7 @@ class _Known:
         usual = fit.usual.jacobian
         self.inverse = np.linalg.pinv(self.columns.T @ self.columns + usual.T @ usual, rcond=1e-12)
         self.noisy = [_with_more_noise(record) for record in problem.records]
+        self.left, self.noisy_left = self._left((), problem.records), self._left((), self.noisy)
 
     def beside(self, kind: type[Effect], where: str) -> list[_Tie]:
         """Return the parameters that are tied to an absent cause."""
@@ -103,8 +104,8 @@ class _Known:
         effect = kind(where, **{parameter.name: changed})
         fit, problem = self.fit, self.problem
         try:
-            column = self._change(effect, problem.records)
-            by_noise = self._change(effect, self.noisy) - column
+            column = (self._left((effect,), problem.records) - self.left) / _STEP
+            by_noise = (self._left((effect,), self.noisy) - self.noisy_left) / _STEP - column
         except IMPOSSIBLE:
             return []
         along = self.inverse @ (self.columns.T @ column)
@@ -125,12 +126,11 @@ class _Known:
                 tied.append(_Tie(int(row), amount, beside))
         return tied
 
-    def _change(self, effect: Effect, records: Sequence[Record]) -> FloatArray:
-        """Return (rows * outputs,) the weighted change of what is left per scale of a cause."""
-        robot, whitening, effects = self.problem.robot, self.problem.whitening, self.fit.effects
-        with_it = evaluate(robot, (*effects, effect), records, whitening).residual
-        without = evaluate(robot, effects, records, whitening).residual
-        return np.asarray(((with_it - without) * self.weights).ravel() / _STEP)
+    def _left(self, more: tuple[Effect, ...], records: Sequence[Record]) -> FloatArray:
+        """Return (rows * outputs,) what is left, weighted, beside some causes more."""
+        effects = (*self.fit.effects, *more)
+        at = evaluate(self.problem.robot, effects, records, self.problem.whitening)
+        return np.asarray((at.residual * self.weights).ravel())
 
 
 def _with_more_noise(record: Record) -> Record:

@@ -11,6 +11,7 @@ from wbc.identification.answer.diagnosis.absent_ties import absent_ties
 from wbc.identification.answer.diagnosis.correlation import Correlation
 from wbc.identification.answer.diagnosis.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.diagnosis.quantities import quantities_of
+from wbc.identification.answer.numbers import with_unit
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.force_sensors import force_sensor_doubts
@@ -73,12 +74,12 @@ def describe_findings(
                 abs(effect.values[p.name]) for p in effect.parameters if p.unit == parameter.unit
             )
             if (low, high) == (parameter.low, parameter.high):
-                stays = _with_unit(value, unit)
+                stays = with_unit(value, unit)
                 warnings.append(f"these logs do not tell {parameter.name}: it stays at {stays}")
             elif value in (parameter.low, parameter.high):
-                warnings.append(f"{parameter.name} is at the bound {_with_unit(value, unit)}")
+                warnings.append(f"{parameter.name} is at the bound {with_unit(value, unit)}")
             elif high - low > 2.0 * _VAGUE * size:
-                span = f"{low:.3g} to {_with_unit(high, unit)}"
+                span = f"{low:.3g} to {with_unit(high, unit)}"
                 warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
         quantities, about = quantities_of(problem, fit, k, distortion)
         if about:
@@ -121,8 +122,3 @@ def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
                 f"together (correlation {matrix[one, other]:.2f}): only their sum is well known"
             )
     return found
-
-
-def _with_unit(value: float, unit: str) -> str:
-    """Return a number and its unit; the unit of a ratio, 1, is not written."""
-    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
