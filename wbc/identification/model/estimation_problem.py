@@ -33,7 +33,7 @@ from wbc.identification.records.noise.noise_floor import (
     with_even_noise,
 )
 from wbc.identification.records.outputs import output_gear, output_names
-from wbc.identification.records.preparation import REVERSAL, prepare
+from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.identification.records.standing import standing_joints
 from wbc.identification.records.torque_sensors import not_judged, sensed_joints
@@ -71,10 +71,8 @@ class EstimationProblem:
     silent: tuple[str, ...] = ()
 
     @classmethod
-    def from_logs(
-        cls, robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL
-    ) -> EstimationProblem:
-        """Prepare logs, cut where samples are missing; see `prepare` for arguments and errors.
+    def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> EstimationProblem:
+        """Check and prepare logs, cut where samples are missing; see `prepare` for errors.
 
         Band, weights and noise floor are those of the robot's links alone, without its losses and
         effects: so any two models of one machine are measured by the same floor.
@@ -85,10 +83,31 @@ class EstimationProblem:
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         for piece in pieces:
             require_readable(robot, piece)
-        prepared = prepare(robot.without_effects().lossless(), pieces, reversal)
+        prepared = prepare(robot.without_effects().lossless(), pieces)
         warnings += unmeasured_forces(prepared, output_names(robot))
         warnings += standing_joints(prepared)
-        repeats = close_repeats(prepared, find_repeats(pieces))
+        return cls._of(robot, pieces, prepared, warnings)
+
+    def nearer(self, logs: Sequence[Log], reversal: float) -> EstimationProblem:
+        """Return the problem of the same logs, which need no second check, nearer to reversals.
+
+        Args:
+            logs: those that this problem was made from.
+            reversal: as in `prepare`.
+        """
+        pieces, _ = cut_at_gaps(logs)
+        prepared = prepare(self.robot.without_effects().lossless(), pieces, reversal)
+        return self._of(self.robot, pieces, prepared, self.warnings)
+
+    @classmethod
+    def _of(
+        cls,
+        robot: Robot,
+        logs: Sequence[Log],
+        prepared: Sequence[Record],
+        warnings: Sequence[str],
+    ) -> EstimationProblem:
+        repeats = close_repeats(prepared, find_repeats(logs))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared), repeats)
         links = records[0].robot
         parts = [condensed_residual(links, [record]) for record in records]

@@ -105,7 +105,7 @@ def diagnose(
     wanted = EFFECTS.values() if candidates is None else candidates
     classes = () if nothing_moves or all_silent else tuple(wanted)
     found = find_causes(problem, classes, progress, until)
-    found = look_closer(found, robot, different, classes, progress)
+    found = look_closer(found, different, classes, progress)
     warnings += _about_the_search(found)
     trials = found.trials
     trials.until = inf  # the search is over: what the answer still needs is fitted

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.identification.choice.screening.fold_sums import fold_sums
 
 _RIDGE = 1e-10
 _RIDGE_HELD_OUT = 1e-3
@@ -53,37 +54,10 @@ class DesignMatrix:
             expected: (c,) coefficients to believe in where nothing is known, by default zero.
             usual: (c, c) and (c,) normal equations of what is known before, by default nothing.
         """
-        parts = ((columns[folds == f], residual[folds == f]) for f in np.unique(folds))
-        return cls.from_folds(parts, expected, usual)
-
-    @classmethod
-    def from_folds(
-        cls,
-        folds: Iterable[tuple[FloatArray, FloatArray]],
-        expected: FloatArray | None = None,
-        usual: tuple[FloatArray, FloatArray] | None = None,
-    ) -> DesignMatrix:
-        """Sum up rows, fold by fold: only one needs to be in memory.
-
-        Args:
-            folds: columns (rows, outputs, c) and residual (rows, outputs) of each, whitened.
-            expected: as in `from_rows`.
-            usual: as in `from_rows`.
-        """
-        gram, moment, energy, count = [], [], [], []
-        for columns, residual in folds:
-            r = residual.ravel()
-            a = columns.reshape(r.size, columns.shape[-1])
-            gram.append(a.T @ a)
-            moment.append(a.T @ r)
-            energy.append(r @ r)
-            count.append(float(r.size))
-        size = gram[0].shape[0]
+        size = columns.shape[2]
+        sums = fold_sums((), columns, residual, np.eye(columns.shape[1]), folds, 1)
         prior = np.zeros(size) if expected is None else expected
-        known = usual or (np.zeros((size, size)), np.zeros(size))
-        return cls(
-            np.array(gram), np.array(moment), np.array(energy), np.array(count), prior, known
-        )
+        return cls(*sums, prior, usual or (np.zeros((size, size)), np.zeros(size)))
 
     def fit(self, chosen: Sequence[int]) -> FloatArray:
         """Return the least-squares coefficients of these columns on all folds."""

@@ -12,6 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.screening.candidate_columns import Regressor
 from wbc.identification.choice.screening.design_matrix import DesignMatrix
+from wbc.identification.choice.screening.fold_sums import fold_sums
 from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.model.fit import Fit
 from wbc.robot import Effect, Robot
@@ -76,27 +77,11 @@ class LinearScreen:
         own = fit.usual.jacobian
         usual[0][np.ix_(self._nuisance, self._nuisance)] = noise * own.T @ own
         usual[1][self._nuisance] = -noise * own.T @ fit.usual.residual
-        parts = self._by_folds(fit, whitening, folds)
-        self.matrix = DesignMatrix.from_folds(parts, expected, usual)
+        columns = [regressor.columns for regressor in self.regressors]
+        sums = fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds, _EVERY)
+        self.matrix = DesignMatrix(*sums, expected, usual)
         self._errors: dict[tuple[int, ...], float] = {}
         self._taken: frozenset[Key] = frozenset()
-
-    def _by_folds(
-        self, fit: Fit, whitening: FloatArray, folds: IntArray
-    ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield columns (outputs, rows, c) and residual (outputs, rows) of each fold, whitened."""
-        outputs, first = fit.residual.shape[1], sum(map(len, self._slices))
-        for fold in np.unique(folds):
-            rows = np.flatnonzero(folds == fold)[::_EVERY]
-            columns = np.zeros((outputs, rows.size, first + len(self._nuisance)))
-            columns[:, :, first:] = -np.moveaxis(fit.jacobian[rows], 1, 0)
-            for regressor, places in zip(self.regressors, self._slices, strict=True):
-                own, place = regressor.columns, slice(places[0], places[-1] + 1)
-                for k, output in enumerate(own.outputs):
-                    values = own.values[rows, k]
-                    for judged in np.flatnonzero(whitening[output]):
-                        columns[judged, :, place] += whitening[output, judged] * values
-            yield columns, fit.residual[rows].T
 
     def instead_of(
         self, gone: Sequence[int], steps: FloatArray, robot: Robot, taken: Collection[Key]

@@ -14,14 +14,13 @@ from wbc.identification.choice.weighing.trials import OutOfTime, Trials
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.identification.records.preparation import REVERSAL
 from wbc.measurement import Log
-from wbc.robot import Effect, Robot
+from wbc.robot import Effect
 
 _CLOSER = 0.5  # of the usual distance to reversals
 
 
 def look_closer(
     found: SearchResult,
-    robot: Robot,
     logs: Sequence[Log],
     classes: Sequence[type[Effect]],
     report: Callable[[str], None],
@@ -34,8 +33,7 @@ def look_closer(
 
     Args:
         found: from the usual distance.
-        robot: that the user believes in.
-        logs: the same.
+        logs: in which it was found.
         classes: effects that may be used.
         report: called with a line of text as the work proceeds.
     """
@@ -45,9 +43,8 @@ def look_closer(
     if not slow or not explained or found.final.swings or found.stopped:
         return found
     try:
-        return _closer(
-            found, EstimationProblem.from_logs(robot, logs, _CLOSER * REVERSAL), classes, report
-        )
+        near = found.trials.problem.nearer(logs, _CLOSER * REVERSAL)
+        return _closer(found, near, classes, report)
     except OutOfTime:
         return replace(found, stopped="its time was over")
     except KeyboardInterrupt:
