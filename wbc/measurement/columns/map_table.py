@@ -103,7 +103,8 @@ def _is_rule(name: str, value: Any) -> bool:
     """Whether a table is an entry, and not what unquoted names with dots nest."""
     if not isinstance(value, Mapping):
         return False
-    return split_column(name) is not None or "from" in value or (bool(value) and set(value) <= set(RULE_KEYS))
+    known = bool(value) and set(value) <= set(RULE_KEYS)
+    return known or split_column(name) is not None or "from" in value
 
 
 def _without_pasted(table: Mapping[str, Any], pasted: dict[str, Any]) -> dict[str, Any]:
