@@ -8,34 +8,15 @@ from dataclasses import dataclass
 from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.schema import JOINT_QUANTITIES, split_column
 
+_KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)} - {"1"}
+_NAMED = [unit for unit, (kind, _) in LOG_UNITS.items() if kind in _KINDS]
 _UNITS = {
-    "rad": "rad",
-    "deg": "deg",
-    "rpm": "rpm",
-    "turn": "turn",
-    "turns": "turn",
-    "ms": "ms",
-    "us": "us",
-    "ns": "ns",
-    "s": "s",
-    "sec": "s",
-    "seconds": "s",
-    "nm": "N m",
-    "mnm": "mN m",
-    "ncm": "N cm",
-    "n": "N",
-    "a": "A",
-    "ma": "mA",
-    "v": "V",
-    "m": "m",
-    "mm": "mm",
-    "c": "deg C",
-    "rad s": "rad/s",
-    "deg s": "deg/s",
-    "m s": "m/s",
-    "mm s": "mm/s",
-    "n m": "N m",
+    **{unit.lower().replace("/", " ").replace("^", " "): unit for unit in _NAMED},
+    **{unit.lower().replace(" ", ""): unit for unit in _NAMED if "/" not in unit},
+    **{"turns": "turn", "sec": "s", "seconds": "s", "c": "deg C"},
 }
+"""Words of a name in lower case -> the unit that they name."""
+
 _QUANTITIES = {
     "time": ("time", "t", "stamp", "timestamp", "clock"),
     "position": ("q", "pos", "position", "theta", "phi", "angle", "ang"),
@@ -44,20 +25,14 @@ _QUANTITIES = {
     "current": ("i", "cur", "current", "amp", "amps"),
     "temperature": ("temp", "temperature"),
 }
-_OF_UNITS = {
+_OF_KINDS = {
     "rad": "position",
-    "deg": "position",
-    "turn": "position",
     "rad/s": "velocity",
-    "deg/s": "velocity",
     "m/s": "velocity",
-    "mm/s": "velocity",
-    "rpm": "velocity",
     "N m": "motor_torque",
-    "mN m": "motor_torque",
     "A": "current",
-    "mA": "current",
 }
+"""What a unit measures -> the quantity that a name without one means."""
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
 _FILL = {"meas", "measured", "act", "actual", "reported", "joint", "motor", "rotor", "state", "est"}
 
@@ -86,15 +61,13 @@ def guess_name(name: str) -> NameGuess:
     native = split_column(name)
     if native is not None:
         return NameGuess(name, native[1], "", native[0])
-    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
-    tokens = [t.lower() for t in re.findall(r"[A-Za-z]+|[0-9]+", spaced)]
-    unit, left = _unit(tokens)
+    unit, left = _unit(name)
     quantity, rest = _quantity(left)
-    if quantity and unit and not _fits(quantity, unit):
-        unit = ""
-        quantity, rest = _quantity(tokens)
-    if not quantity and unit in _OF_UNITS:
-        quantity = _OF_UNITS[unit]
+    if not quantity and unit:
+        quantity = _OF_KINDS.get(LOG_UNITS[unit][0], "")
+    if unit and not _fits(quantity, unit):
+        unit = ""  # a word that only looks like one: the v of hip_v
+        quantity, rest = _quantity(_words(name))
     if quantity and _TARGETS & set(rest):
         quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
     owner = "_".join(t for t in rest if t not in _FILL | _TARGETS)
@@ -102,17 +75,29 @@ def guess_name(name: str) -> NameGuess:
 
 
 def _fits(quantity: str, unit: str) -> bool:
-    kinds = ("s",) if quantity == "time" else JOINT_QUANTITIES[quantity]
+    kinds = ("s",) if quantity == "time" else JOINT_QUANTITIES.get(quantity, ())
     return LOG_UNITS[unit][0] in kinds
 
 
-def _unit(tokens: list[str]) -> tuple[str, list[str]]:
-    """Return (unit, the other words); a unit stands at the end."""
-    for count in (2, 1):
-        said = " ".join(tokens[-count:])
-        if len(tokens) > count and said in _UNITS:
-            return _UNITS[said], tokens[:-count]
-    return "", tokens
+def _words(name: str) -> list[str]:
+    """Return the words and numbers of a name in lower case; `hipVel` is two words."""
+    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    return [word.lower() for word in re.findall(r"[A-Za-z]+|[0-9]+", spaced)]
+
+
+def _unit(name: str) -> tuple[str, list[str]]:
+    """Return (unit, the other words); a unit stands at the end.
+
+    The capital of `mNm` or `mA` begins no word.
+    """
+    for found in (list(re.finditer(r"[A-Za-z]+|[0-9]+", name)), None):
+        words = [match[0].lower() for match in found] if found else _words(name)
+        for count in (3, 2, 1):
+            said = " ".join(words[-count:])
+            if len(words) > count and said in _UNITS:
+                left = _words(name[: found[-count].start()]) if found else words[:-count]
+                return _UNITS[said], left
+    return "", _words(name)
 
 
 def _quantity(tokens: list[str]) -> tuple[str, list[str]]:
