@@ -45,9 +45,7 @@ def test_a_torque_in_any_spelling_of_its_unit(unit: str, factor: float, tmp_path
         ("q_1", "position", "", "1"),
     ],
 )
-def test_the_unit_in_a_name_is_read_whole(
-    name: str, quantity: str, unit: str, owner: str
-) -> None:
+def test_the_unit_in_a_name_is_read_whole(name: str, quantity: str, unit: str, owner: str) -> None:
     """The m of mNm and mA went to the joint's name, and the torque was a thousand times too large.
 
     `wbc init` wrote a map that read mN m as N m.

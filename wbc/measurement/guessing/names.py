@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wbc.measurement.columns.units import LOG_UNITS
@@ -72,6 +73,27 @@ def guess_name(name: str) -> NameGuess:
         quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
     owner = "_".join(t for t in rest if t not in _FILL | _TARGETS)
     return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
+
+
+def joints_of(owners: Sequence[str], joints: Sequence[str]) -> tuple[dict[str, str], set[str]]:
+    """Return owner -> joint, by name where names agree, else by place; and which by name."""
+    named: dict[str, str] = {}
+    for owner in owners:
+        words = set(owner.lower().split("_")) - {""}
+        fitting = [
+            joint
+            for joint in joints
+            if joint not in named.values()
+            and (joint == owner or (words and words <= set(joint.lower().split("_"))))
+        ]
+        if len(fitting) == 1:
+            named[owner] = fitting[0]
+    by_name = set(named)
+    left = [joint for joint in joints if joint not in named.values()]
+    for owner in owners:
+        if owner not in named and left:
+            named[owner] = left.pop(0)
+    return named, by_name
 
 
 def _fits(quantity: str, unit: str) -> bool:
