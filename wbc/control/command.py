@@ -125,7 +125,7 @@ class Command:
         A frozen dataclass sets its fields one by one through `object.__setattr__`.
         """
         made = object.__new__(cls)
-        made.__dict__.update(fields)
+        object.__setattr__(made, "__dict__", fields)
         return made
 
     def __getstate__(self) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from wbc.control.outcome import Outcome
 from wbc.control.output_torques import OutputTorques
 from wbc.control.program.level import Answer, GearState, Level, Refusal
 from wbc.control.program.library import ProgramLibrary, Recipe
+from wbc.control.program.usual_tick import DONE
 from wbc.control.reference import Reference
 from wbc.control.safety.fallback import Fallback
 from wbc.control.safety.inputs import (
@@ -44,7 +45,7 @@ from wbc.control.tasks import Task
 from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
 from wbc.control.torque.direction_search import DirectedSolution
 from wbc.control.torque.gears import GearLaw
-from wbc.control.torque.motors import Motors
+from wbc.control.torque.motors import Motors, TorqueBounds
 from wbc.control.torque.speed import SpeedBlend
 from wbc.control.torque.torque_stage import RotorTorqueStage
 from wbc.errors import ControlError
@@ -141,6 +142,7 @@ class Controller:
                 force_tasks=force_tasks,
                 stacks=self._stacks,
                 law=self._law,
+                bounds=self._constant_bounds(),
                 stage=RotorTorqueStage(
                     robot.transmission,
                     self._law,
@@ -238,6 +240,9 @@ class Controller:
             if not isinstance(admitted, Motion):
                 return self._safe(None, admitted, given.dt, start)
             motion = admitted
+            command = self._usual(motion, given, start)
+            if command is not None:
+                return command
             ready = self._prepare(motion, given)
             if isinstance(ready, RefusedTick):
                 return self._safe(ready.motion, ready.complaint, given.dt, start)
@@ -280,6 +285,51 @@ class Controller:
         hook = self.settings.state_hook
         return self._states.admitted(state if hook is None else hook(state))
 
+    def _usual(self, motion: Motion, given: TickInputs, start: float) -> Command | None:
+        """Return the command of a tick that one call can do, None where parts are to be asked."""
+        if self._inputs.complaint(given) is not None:
+            return None
+        motion = self._effects.true_motion(motion)
+        levels, tasks = self._programs.levels(given.contacts), self._stacks[0]
+        level, usual = levels[0], levels[0].usual
+        if usual is None or level.saturated:
+            return None
+        tasks.weigh(given.weights, given.activation)
+        if not tasks.is_known():
+            return None
+        try:
+            tasks.take(self._kinematics, given.references)
+        except ControlError as cause:
+            return self._safe(motion, (Status.BAD_INPUT, str(cause)), given.dt, start)
+        q, v, dt, at = motion.position, motion.velocity, given.dt, usual.at
+        level.program.assemble_bounds(q, v, dt, given.contacts)
+        level.program.assemble_forces(given.references)
+        passed = usual.run(q, v, self._expected, dt)
+        block = passed.block
+        sigma, speed = block[at.sigma], block[at.turning]
+        gears = GearState(sigma, usual.bounds, speed, self._output)
+        self._level, self._gears = level, gears
+        if passed.ended != DONE:
+            expected = block[at.expected]
+            ready = ReadyTick(
+                *(motion, given.references, given.contacts, dt, levels),
+                *(gears, expected, self._disturbance.torque),
+            )
+            self._expected = expected
+            return self._finish(ready, level.finish(passed.ended, gears, self._output), start)
+        tasks.remember()
+        self._expected, self._output = block[at.advanced], block[at.output]
+        level.passed(self._output)
+        active = level.program.contacts.contacts
+        self._anchors = {}
+        self._fallback.remember(block[at.position], block[at.torque], active)
+        return self._outcome.usual(usual, passed, dt, start)
+
+    def _constant_bounds(self) -> TorqueBounds | None:
+        """Return what the motors may always give; None where a tick has to ask, for it or more."""
+        asks = self._effects.act_within_ticks or self._disturbance.on or self._brakes
+        return None if asks or self.robot.rotors_turn_with_links else self._motors.constant
+
     def _prepare(self, motion: Motion, given: TickInputs) -> ReadyTick | RefusedTick:
         """Check the inputs and evaluate the state, tasks and contacts; remember nothing."""
         complaint = self._inputs.complaint(given)
@@ -306,9 +356,12 @@ class Controller:
         )
 
     def _solve(self, ready: ReadyTick, start: float) -> Command:
-        motion, levels, gears = ready.motion, ready.levels, ready.gears
         self._expected = ready.expected
-        answer = self._descend(ready)
+        return self._finish(ready, self._descend(ready), start)
+
+    def _finish(self, ready: ReadyTick, answer: Answer | Refusal, start: float) -> Command:
+        """Return the command of an answer, the safe one for a refusal; remember either."""
+        motion, levels, gears = ready.motion, ready.levels, ready.gears
         if isinstance(answer, Refusal):
             complaint = answer.complaint or size_complaint(ready.references)
             if complaint[0] is not Status.NOT_FINITE:
@@ -367,7 +420,7 @@ class Controller:
         self._output = answer.found.output
         self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
         active = ready.levels[0].program.contacts.contacts
-        self._fallback.remember(ready.motion, answer.realised.torque, active)
+        self._fallback.remember(ready.motion.position.copy(), answer.realised.torque, active)
         self._anchors = ready.levels[0].program.contacts.anchored(self._anchors)
         if self._disturbance.on:
             self._disturbance.remember(

@@ -13,6 +13,7 @@ from wbc.control.command import Status
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level_lock import LevelLock
 from wbc.control.program.task_stack import TaskStack
+from wbc.control.program.usual_tick import TOO_LARGE, UsualTick, greatest_asked
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
@@ -68,6 +69,8 @@ class Level:
 
     Attributes:
         program: of the level.
+        usual: does a usual tick in one call; None where a tick is never usual.
+        saturated: whether a torque limit bound the last tick, so that none is usual.
     """
 
     def __init__(
@@ -80,6 +83,7 @@ class Level:
         law: GearLaw,
         stage: RotorTorqueStage,
         tolerance: float,
+        usual: UsualTick | None,
     ) -> None:
         """Take the parts.
 
@@ -92,17 +96,17 @@ class Level:
             law: of the meshes.
             stage: finds the rotor torques.
             tolerance: of the solvers.
+            usual: does a usual tick in one call, None where a tick is never usual.
         """
-        # beyond this a row's own rounding is more than the tolerance
-        self._greatest = float(tolerance / np.finfo(np.float64).eps)
+        self._greatest, self.usual = greatest_asked(tolerance), usual
         self._tasks, self._lock, self.program = tasks, lock, program
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._output = np.zeros(0)
-        self._saturated = self._whole = self._solvable = False
+        self.saturated = self._whole = self._solvable = False
 
     def forget(self) -> None:
         """Start the next tick without the rows that bound the last one."""
-        self._saturated = False
+        self.saturated = False
         self._search.forget()
         if self._guess is not None:
             self._guess.forget()
@@ -133,6 +137,17 @@ class Level:
             self._lock_decided(self._lock, above.found, gears)
         self._solvable = program.assemble_tasks(self._tasks) < self._greatest
 
+    def finish(self, ended: int, gears: GearState, first: FloatArray) -> Answer | Refusal:
+        """Return what `solve` would where a usual tick ended early, see `UsualTick`."""
+        if ended == TOO_LARGE:
+            return Refusal(None, None, self)
+        self._whole = True
+        return self._searched(gears, first, starts_over=True)
+
+    def passed(self, output: FloatArray) -> None:
+        """Take T (m,) of a usual tick that ended well."""
+        self._whole, self._output = False, output
+
     def _lock_decided(self, lock: LevelLock, found: DirectedSolution, gears: GearState) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""
         push, rows = found.solution.z, self.program.rows
@@ -153,7 +168,7 @@ class Level:
         self._whole = False
         if not self._solvable:
             return Refusal(None, None, self)
-        guessed = self._guess is not None and not self._saturated
+        guessed = self._guess is not None and not self.saturated
         if self._guess is not None and guessed:
             answer = self._guessed(self._guess, gears, first)
             if answer is not None:
@@ -242,7 +257,7 @@ class Level:
             return Refusal(verdict, found, self)
         push = found.solution.z[program.rows.torque]
         stopped = found.solution.status is not QPStatus.SOLVED
-        self._saturated = stopped or bool((abs(push) > _BINDS).any())
+        self.saturated = stopped or bool((abs(push) > _BINDS).any())
         if self._guess is not None:
             self._guess.learn(found.solution.z[program.rows.torque.stop :])
         return Answer(found, self._realise(found, gears), verdict)

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
+    Dense,
     Matrix,
     Number,
     OutDense,
+    OutMatrix,
     OutVector,
+    Places,
+    Row,
     Vector,
     compiled,
 )
+from wbc.control.program.balance import place_balance
 from wbc.fixed_arrays import FixedTable, array_at
 
 
@@ -83,3 +88,22 @@ def place_tasks_fixed(memory: IntArray, regularisation: float) -> float:
         array_at(memory, 9, OutVector),
         array_at(memory, 10, OutVector),
     )
+
+
+PROGRAM = Dense, Row, Matrix, Places, OutMatrix, OutVector, FixedTable
+"""Kinds of the arrays of `place_balance`, in its order, and the memory of TASKS."""
+
+
+@compiled(Number, FixedTable, Number, Number)
+def place_program(memory: IntArray, scale: float, regularisation: float) -> float:
+    """Do as `place_balance` and `place_tasks` do in the memory of PROGRAM."""
+    place_balance(
+        array_at(memory, 0, Dense),
+        array_at(memory, 1, Row),
+        array_at(memory, 2, Matrix),
+        scale,
+        array_at(memory, 3, Places),
+        array_at(memory, 4, OutMatrix),
+        array_at(memory, 5, OutVector),
+    )
+    return place_tasks_fixed(array_at(memory, 6, FixedTable), regularisation)
