@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from wbc.errors import LogError
 from wbc.measurement import load_log, load_logs, parse_column_map, read_column_map
-from wbc.measurement.columns.column_map import column_entries
+from wbc.measurement.columns.map_table import column_entries, gathered, read_table
 
 
 def _write(tmp_path: Path, text: str, rows: str) -> tuple[Path, Path]:
@@ -261,10 +262,61 @@ def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:
         assert log.with_quantity("target_position") == ("a",)
 
 
-def test_a_printed_line_may_stand_below_the_heading_of_the_columns() -> None:
-    """`columns."knee.position" = ...` was pasted into a file that had [columns] already."""
-    pasted = '[columns]\n"hip.position" = "q"\ncolumns."knee.position" = { unit = "deg" }\n'
-    alone = 'columns."knee.position" = { unit = "deg" }\ncolumns."hip.position" = "q"\n'
-    one, same = (column_entries(tomllib.loads(text)) for text in (pasted, alone))
-    assert one == same
-    assert len(parse_column_map(tomllib.loads(pasted)).rules) == 2
+BASE = """[time]
+from = "t"
+[rows.where]
+run = "a*"
+[columns]
+"hip.position" = { from = "q", unit = "deg" }
+[columns."knee.position"]
+from = "p"
+"""
+PRINTED = {
+    'time.unit = "ms"': ("time", "unit", "ms"),
+    '[time]\nunit = "ms"': ("time", "unit", "ms"),
+    'rows.split = "run"': ("rows", "split", "run"),
+    'columns."knee.velocity" = { unit = "deg/s" }': ("columns", "knee.velocity", {"unit": "deg/s"}),
+    'columns."hip.position" = { sign = -1 }': (
+        "columns",
+        "hip.position",
+        {"from": "q", "unit": "deg", "sign": -1},
+    ),
+    "trusted = true": ("trusted", "", True),
+}
+
+
+@pytest.mark.parametrize("line", PRINTED)
+def test_a_printed_line_means_the_same_wherever_it_is_pasted(line: str, tmp_path: Path) -> None:
+    """Below `[columns]`, `time.unit = "ms"` was a column of the name time.unit."""
+    ends = [m.end() for m in re.finditer("\n", BASE)]
+    for place in [0, *ends]:
+        text = f"{BASE[:place]}{line}\n{BASE[place:]}"
+        if line.startswith("[") and place in (ends[2], ends[4], ends[6]):
+            continue  # a heading there takes what follows
+        (tmp_path / "map.toml").write_text(text)
+        table = read_table(tmp_path / "map.toml")
+        section, key, value = PRINTED[line]
+        if section == "trusted":
+            assert table["trusted"] is value, text
+        elif section == "columns":
+            assert column_entries(table)[key] == value, text
+            assert column_entries(table)["knee.position"] == {"from": "p"}, text
+        else:
+            assert table[section][key] == value, text
+        assert table["time"]["from"] == "t", text
+        assert table["rows"]["where"]["run"] == "a*", text
+        parse_column_map(table)
+
+
+def test_what_a_map_says_twice_is_refused_where_toml_refuses_it(tmp_path: Path) -> None:
+    for text in ('[time]\nunit = "ms"\n[time]\nunit = "us"\n', "[time]\nunit = \n[time]\n"):
+        (tmp_path / "map.toml").write_text(text)
+        with pytest.raises(LogError, match=r"cannot read the column map .*map\.toml'.*line"):
+            read_table(tmp_path / "map.toml")
+
+
+def test_joints_may_have_the_names_of_sections() -> None:
+    text = '[columns]\ntime.position = "a"\nrows.velocity = { unit = "rpm" }\n'
+    text += 'columns.current = "c"\ntrusted.position = "d"\n'
+    found = set(column_entries(gathered(tomllib.loads(text))))
+    assert found == {"time.position", "rows.velocity", "columns.current", "trusted.position"}

@@ -7,7 +7,8 @@ import tomllib
 import pytest
 
 from wbc.measurement import parse_column_map
-from wbc.measurement.columns.mend import lines, merged, write_map
+from wbc.measurement.columns.map_table import merged
+from wbc.measurement.columns.mend import lines, write_map
 
 
 @pytest.mark.parametrize(

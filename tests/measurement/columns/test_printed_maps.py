@@ -249,7 +249,7 @@ def two_logs(folder: Path) -> tuple[Path, str]:
 
 def two_topics(folder: Path) -> tuple[Path, str]:
     pytest.importorskip("rosbags", reason="the optional extra is not installed")
-    from tests.measurement.test_bag_table import record
+    from tests.measurement.formats.test_bag_table import record
 
     path = record(folder / "run", "MCAP", ("/left", "/right"))
     return path, told(lambda: read_logs([path]))

@@ -21,7 +21,8 @@ from wbc.identification import Diagnosis, OpenLoop
 from wbc.identification.answer.diagnosis.to_do import Commands
 from wbc.identification.formulas import Discovery
 from wbc.measurement import Log, LogFinding, load_logs, with_machine
-from wbc.measurement.columns.mend import merged, read_table, together, write_map
+from wbc.measurement.columns.map_table import merged, read_table
+from wbc.measurement.columns.mend import together, write_map
 from wbc.progress import Watch, progress_bar, progress_lines
 from wbc.robot import Robot
 

@@ -10,7 +10,8 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.value_runs import jumps, plateau, resolution
-from wbc.measurement.columns.mend import Mend, say_so
+from wbc.measurement.columns.map_table import Mend
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.gaps import gaps
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from wbc.measurement.columns.mend import Mend
+from wbc.measurement.columns.map_table import Mend
 
 SEVERITIES = ("info", "warning", "error")
 

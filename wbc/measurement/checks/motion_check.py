@@ -9,7 +9,8 @@ import numpy as np
 
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.value_runs import jumps
-from wbc.measurement.columns.mend import Mend, say_so
+from wbc.measurement.columns.map_table import Mend
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.log import Log
 from wbc.measurement.motion.velocity_fit import VelocityFit, fit_velocity
 

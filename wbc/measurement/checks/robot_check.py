@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.measurement.checks.finding import LogFinding
-from wbc.measurement.columns.mend import Mend, say_so
+from wbc.measurement.columns.map_table import Mend
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.log import Log
 from wbc.measurement.positions import (
     joint_position,

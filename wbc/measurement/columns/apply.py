@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.measurement.columns.column_map import ColumnMap, parse_column_map
-from wbc.measurement.columns.mend import Mend
+from wbc.measurement.columns.map_table import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.motion.align import align_velocity
 from wbc.measurement.schema import TIME

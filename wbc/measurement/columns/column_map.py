@@ -29,21 +29,23 @@ Keys of a column: `from` (one name or several with `weights`; default the entry'
 `scale`, `sign`, `side` and `gear_ratio`, `offset` (added last, in the unit of the log), `unwrap`
 (period of the jumps, in the foreign unit), `missing` (when_needed, error, omit, drop_rows),
 `optional`.
+
+A line such as `time.unit = "ms"` or `columns."hip.velocity".sign = -1` means the same wherever it
+stands, also below another heading (see `map_table.gathered`).
 """
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.columns.column_rule import RULE_KEYS, ColumnRule, parse_rule
+from wbc.measurement.columns.column_rule import ColumnRule, parse_rule
+from wbc.measurement.columns.map_table import column_entries, gathered, read_table
 from wbc.measurement.columns.row_choice import RowChoice, parse_rows
 from wbc.measurement.columns.time_rule import TimeRule, parse_time
-from wbc.measurement.schema import is_column
 
 _SECTIONS = ("rows", "time", "columns", "trusted")
 
@@ -85,12 +87,7 @@ def read_column_map(path: str | Path, gear_ratios: Mapping[str, float] | None = 
         LogError: no such file, no TOML, or an entry that does not fit; the message names the map
             file and the key.
     """
-    file = Path(path)
-    try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:
-        raise LogError(f"cannot read the column map '{file}': {cause}.") from cause
-    return parse_column_map(table, str(file), gear_ratios)
+    return parse_column_map(read_table(path), str(Path(path)), gear_ratios)
 
 
 def parse_column_map(
@@ -98,6 +95,7 @@ def parse_column_map(
 ) -> ColumnMap:
     """Return the map that a parsed TOML table states (see `read_column_map`)."""
     label = path or "column map"
+    table = gathered(table)
     for key in table:
         if key not in _SECTIONS:
             raise LogError(f"{label}: " + unknown_name("section", key, _SECTIONS))
@@ -109,7 +107,7 @@ def parse_column_map(
     trusted = table.get("trusted", False)
     if not isinstance(trusted, bool):
         raise LogError(f"{label}: trusted: true or false expected, got {trusted!r}.")
-    entries = list(_entries(columns, "", label))
+    entries = list(column_entries(table, label).items())
     rules = [
         parse_rule(name, entry, f"{label}: columns.{name}", gear_ratios or {})
         for name, entry in entries
@@ -123,41 +121,3 @@ def parse_column_map(
         left_out=tuple(name for name, entry in entries if entry is False),
         trusted=trusted,
     )
-
-
-def column_entries(table: Mapping[str, Any], label: str = "column map") -> dict[str, Any]:
-    """Return the entries of [columns] by the full name of their column.
-
-    Raises:
-        LogError: an entry that is neither a name nor a table.
-    """
-    return dict(_entries(table.get("columns", {}), "", label))
-
-
-def _entries(table: Mapping[str, Any], prefix: str, label: str) -> Iterator[tuple[str, Any]]:
-    """Yield (column name, entry); unquoted TOML keys with dots arrive as nested tables.
-
-    A printed line names its section, `columns."hip.position" = ...`. Pasted below the heading
-    `[columns]` it says so twice, and means the same.
-    """
-    for key, value in table.items():
-        if key == "columns" and not prefix and isinstance(value, Mapping):
-            yield from _entries(value, "", label)
-            continue
-        name = f"{prefix}{key}"
-        if isinstance(value, str) or value is False or _is_rule(name, value):
-            yield name, value
-        elif isinstance(value, Mapping) and value:
-            yield from _entries(value, f"{name}.", label)
-        else:
-            raise LogError(
-                f"{label}: columns.{name}: give the foreign name, a table such as "
-                '{ unit = "deg" }, or false to leave the column out.'
-            )
-
-
-def _is_rule(name: str, value: Any) -> bool:
-    """Whether a table is an entry, and not what unquoted names with dots nest."""
-    if not isinstance(value, Mapping):
-        return False
-    return is_column(name) or "from" in value or (bool(value) and set(value) <= set(RULE_KEYS))

@@ -8,7 +8,8 @@ from dataclasses import replace
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.columns.column_map import ColumnMap
 from wbc.measurement.columns.column_rule import ColumnRule, identity_rule
-from wbc.measurement.columns.mend import Mend, say_so
+from wbc.measurement.columns.map_table import Mend
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.formats.table import Table
 from wbc.measurement.schema import TIME, column_units, is_column, known_as, likely_meant

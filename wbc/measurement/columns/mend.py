@@ -7,18 +7,14 @@ read, for example `{"columns": {"hip.velocity": {"sign": -1}}}`.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import tomli_w
 
-from wbc.errors import LogError
 from wbc.files import write_text
-from wbc.measurement.columns.column_map import column_entries
-
-Mend: TypeAlias = Mapping[str, Any]
+from wbc.measurement.columns.map_table import Mend, merged
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -44,47 +40,12 @@ def lines(mend: Mend) -> list[str]:
     return found
 
 
-def merged(first: Mend, second: Mend) -> dict[str, Any]:
-    """Return the map that reads a file as `first` says, and then mends the log as `second` says.
-
-    Args:
-        first: a parsed column map, or an empty table.
-        second: a mend of the log that `first` gives.
-    """
-    result = {
-        section: dict(content) if isinstance(content, Mapping) else content
-        for section, content in first.items()
-    }
-    for section, content in second.items():
-        if section == "columns":
-            result["columns"] = _columns(column_entries(first), content)
-        elif isinstance(content, Mapping):
-            result[section] = {**result.get(section, {}), **content}
-        else:
-            result[section] = content
-    return result
-
-
 def together(mends: Iterable[Mend]) -> dict[str, Any]:
     """Return one mend that holds all of several."""
     total: dict[str, Any] = {}
     for mend in mends:
         total = merged(total, mend)
     return total
-
-
-def read_table(path: str | Path | None) -> dict[str, Any]:
-    """Return a column map as a table; an empty one for None.
-
-    Raises:
-        LogError: no such file, or no TOML.
-    """
-    if path is None:
-        return {}
-    try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:
-        raise LogError(f"cannot read the column map '{path}': {cause}.") from cause
 
 
 def write_map(path: str | Path, table: Mend, comments: Iterable[str] = ()) -> Path:
@@ -103,41 +64,6 @@ def write_map(path: str | Path, table: Mend, comments: Iterable[str] = ()) -> Pa
             entries = [f"{_key(key)} = {_value(value)}\n" for key, value in content.items()]
             body += f"\n[{_key(section)}]\n" + "".join(entries)
     return write_text(path, head + body)
-
-
-def _columns(before: Mapping[str, Any], mend: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of [columns] that first read and then mend."""
-    used = {_source(name, entry) for name, entry in mend.items() if entry is not False}
-    entries = {name: entry for name, entry in before.items() if name not in used}
-    for name, entry in mend.items():
-        if entry is False:
-            entries[name] = False
-            continue
-        source = _source(name, entry)
-        own = {"from": entry} if isinstance(entry, str) else dict(entry)
-        read = before.get(source, {})
-        old = {"from": read} if isinstance(read, str) else dict(read or {})
-        entry = _combined(old, own)
-        if entry.get("from", name) != name or source != name:
-            entry = {"from": old.get("from", source), **{k: entry[k] for k in entry if k != "from"}}
-        entries[name] = entry
-    return entries
-
-
-def _source(name: str, entry: Any) -> str:
-    if isinstance(entry, str):
-        return entry
-    return str(entry.get("from", name))
-
-
-def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    entry: dict[str, Any] = {**old, **{key: value for key, value in new.items() if key != "from"}}
-    for key in ("sign", "scale"):
-        if key in old and key in new:
-            entry[key] = old[key] * new[key]
-    if "sign" in entry and entry["sign"] == 1:
-        del entry["sign"]
-    return entry
 
 
 def _key(key: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from wbc.arrays import BoolArray
 from wbc.errors import LogError, unknown_name
 
-_KEYS = ("split", "where", "between", "topic", "header")
+ROW_KEYS = ("split", "where", "between", "topic", "header")
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ def parse_rows(table: Any, place: str) -> RowChoice:
     if not isinstance(table, Mapping):
         raise LogError(f'{place}: a table is expected, such as rows.split = "log".')
     for key in table:
-        if key not in _KEYS:
-            raise LogError(f"{place}: " + unknown_name("key", key, _KEYS))
+        if key not in ROW_KEYS:
+            raise LogError(f"{place}: " + unknown_name("key", key, ROW_KEYS))
     where = table.get("where", {})
     if not isinstance(where, Mapping):
         raise LogError(f"{place}.where: a table of column = pattern is expected.")

@@ -10,7 +10,7 @@ from wbc.errors import LogError, unknown_name
 from wbc.measurement.columns.units import unit_factor
 from wbc.measurement.schema import TIME
 
-_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
+TIME_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
 _REPEATED = ("error", "first")
 
 
@@ -44,8 +44,8 @@ def parse_time(table: Any, place: str) -> TimeRule:
     if not isinstance(table, Mapping):
         raise LogError(f'{place}: a table is expected, such as time.from = "t".')
     for key in table:
-        if key not in _KEYS:
-            raise LogError(f"{place}: " + unknown_name("key", key, _KEYS))
+        if key not in TIME_KEYS:
+            raise LogError(f"{place}: " + unknown_name("key", key, TIME_KEYS))
     for key in ("rate", "offset"):
         value = table.get(key, 0.0)
         if isinstance(value, bool) or not isinstance(value, int | float):

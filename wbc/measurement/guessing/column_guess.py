@@ -12,7 +12,8 @@ import numpy as np
 from wbc.errors import LogError
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.column_map import parse_column_map
-from wbc.measurement.columns.mend import merged, say_so
+from wbc.measurement.columns.map_table import merged
+from wbc.measurement.columns.mend import say_so
 from wbc.measurement.formats.open_table import open_table
 from wbc.measurement.formats.table import Table
 from wbc.measurement.guessing.names import NameGuess, guess_name

@@ -10,7 +10,8 @@ import numpy as np
 from wbc.errors import LogError
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.columns.apply import mended
-from wbc.measurement.columns.mend import Mend, say_so, together
+from wbc.measurement.columns.map_table import Mend
+from wbc.measurement.columns.mend import say_so, together
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.motion import (
     MotionMistake,

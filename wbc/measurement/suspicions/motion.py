@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
-from wbc.measurement.columns.mend import Mend
+from wbc.measurement.columns.map_table import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.motion.velocity_fit import fit_velocity
 

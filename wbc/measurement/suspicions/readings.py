@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.measurement.columns.mend import Mend
+from wbc.measurement.columns.map_table import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.rows import Rows
 from wbc.robot.coordinates import slides

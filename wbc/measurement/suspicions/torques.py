@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
 from wbc.measurement.columns.apply import mended
-from wbc.measurement.columns.mend import Mend
+from wbc.measurement.columns.map_table import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.bench import Bench
 from wbc.measurement.suspicions.evidence import Report, evidence, ratio_evidence
