@@ -26,7 +26,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.limits import CollisionLimit, CollisionRows, JointLimit, RotorTorqueLimit
 from wbc.control.outcome import Outcome
 from wbc.control.output_torques import OutputTorques
-from wbc.control.program.level import Answer, GearState, Level, Refusal
+from wbc.control.program.level import Answer, Level, Refusal, descend
 from wbc.control.program.library import ProgramLibrary, Recipe
 from wbc.control.program.usual_tick import DONE
 from wbc.control.reference import Reference
@@ -44,8 +44,8 @@ from wbc.control.state import State
 from wbc.control.tasks import Task
 from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
 from wbc.control.torque.direction_search import DirectedSolution
-from wbc.control.torque.gears import GearLaw
-from wbc.control.torque.motors import Motors, TorqueBounds
+from wbc.control.torque.gears import GearLaw, GearState
+from wbc.control.torque.motors import Motors
 from wbc.control.torque.speed import SpeedBlend
 from wbc.control.torque.torque_stage import RotorTorqueStage
 from wbc.errors import ControlError
@@ -129,6 +129,7 @@ class Controller:
         apart = single_limit(CollisionLimit, limits)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
         self._brakes = joint_limit is not None and joint_limit.braking is not None
+        asks = self._effects.act_within_ticks or self._brakes or self._disturbance.on
         self._programs = ProgramLibrary(
             Recipe(
                 plant=self._plant,
@@ -142,7 +143,7 @@ class Controller:
                 force_tasks=force_tasks,
                 stacks=self._stacks,
                 law=self._law,
-                bounds=self._constant_bounds(),
+                bounds=None if asks else self._motors.constant,
                 stage=RotorTorqueStage(
                     robot.transmission,
                     self._law,
@@ -214,24 +215,12 @@ class Controller:
         if not self._free.acquire(blocking=False):
             return self._fallback.busy(_BUSY, start)
         try:
-            given = self._given(state, references, contacts, weights, activation, dt)
+            step = self.settings.time_step if dt is None else dt
+            wanted = _NO_REFERENCES if references is None else references
+            given = TickInputs(state, wanted, contacts, weights, activation, step)
             return self._step(given, start)
         finally:
             self._free.release()
-
-    def _given(
-        self,
-        state: State,
-        references: Mapping[str, Reference] | None,
-        contacts: Mapping[str, float] | None,
-        weights: Mapping[str, float] | None,
-        activation: Mapping[str, float] | None,
-        dt: float | None,
-    ) -> TickInputs:
-        """Return the arguments of a tick with the settings for those left out."""
-        wanted = _NO_REFERENCES if references is None else references
-        step = self.settings.time_step if dt is None else dt
-        return TickInputs(state, wanted, contacts, weights, activation, step)
 
     def _step(self, given: TickInputs, start: float) -> Command:
         motion = None
@@ -240,6 +229,10 @@ class Controller:
             if not isinstance(admitted, Motion):
                 return self._safe(None, admitted, given.dt, start)
             motion = admitted
+            complaint = self._inputs.complaint(given)
+            if complaint is not None:
+                return self._safe(motion, complaint, given.dt, start)
+            motion = self._effects.true_motion(motion)
             command = self._usual(motion, given, start)
             if command is not None:
                 return command
@@ -271,8 +264,13 @@ class Controller:
         motion = self._admitted(state)
         if not isinstance(motion, Motion):
             raise ControlError(motion[1])
-        given = self._given(state, references, contacts, weights, activation, dt)
-        ready = self._prepare(motion, given)
+        step = self.settings.time_step if dt is None else dt
+        wanted = _NO_REFERENCES if references is None else references
+        given = TickInputs(state, wanted, contacts, weights, activation, step)
+        complaint = self._inputs.complaint(given)
+        if complaint is not None:
+            raise ControlError(complaint[1])
+        ready = self._prepare(self._effects.true_motion(motion), given)
         if isinstance(ready, RefusedTick):
             raise ControlError(ready.complaint[1])
         first = ready.levels[0]
@@ -287,55 +285,30 @@ class Controller:
 
     def _usual(self, motion: Motion, given: TickInputs, start: float) -> Command | None:
         """Return the command of a tick that one call can do, None where parts are to be asked."""
-        if self._inputs.complaint(given) is not None:
-            return None
-        motion = self._effects.true_motion(motion)
-        levels, tasks = self._programs.levels(given.contacts), self._stacks[0]
-        level, usual = levels[0], levels[0].usual
-        if usual is None or level.saturated:
-            return None
-        tasks.weigh(given.weights, given.activation)
-        if not tasks.is_known():
-            return None
+        levels, dt = self._programs.levels(given.contacts), given.dt
+        first, usual, asked = levels[0], levels[0].usual, given[1:5]
         try:
-            tasks.take(self._kinematics, given.references)
+            passed = first.pass_usual(motion, asked, dt, self._expected, self._output)
         except ControlError as cause:
-            return self._safe(motion, (Status.BAD_INPUT, str(cause)), given.dt, start)
-        q, v, dt, at = motion.position, motion.velocity, given.dt, usual.at
-        level.program.assemble_bounds(q, v, dt, given.contacts)
-        level.program.assemble_forces(given.references)
-        passed = usual.run(q, v, self._expected, dt)
-        block = passed.block
-        sigma, speed = block[at.sigma], block[at.turning]
-        gears = GearState(sigma, usual.bounds, speed, self._output)
-        self._level, self._gears = level, gears
+            return self._safe(motion, (Status.BAD_INPUT, str(cause)), dt, start)
+        if passed is None or usual is None:
+            return None
+        self._level, self._gears = first, passed.gears
+        block, at, active = passed.block, usual.at, first.program.contacts.contacts
         if passed.ended != DONE:
-            expected = block[at.expected]
+            self._expected = block[at.expected]
             ready = ReadyTick(
                 *(motion, given.references, given.contacts, dt, levels),
-                *(gears, expected, self._disturbance.torque),
+                *(passed.gears, self._expected, self._disturbance.torque),
             )
-            self._expected = expected
-            return self._finish(ready, level.finish(passed.ended, gears, self._output), start)
-        tasks.remember()
-        self._expected, self._output = block[at.advanced], block[at.output]
-        level.passed(self._output)
-        active = level.program.contacts.contacts
-        self._anchors = {}
+            return self._finish(ready, first.finish(passed, self._output), start)
+        self._hold_targets()
+        self._expected, self._output, self._anchors = block[at.advanced], block[at.output], {}
         self._fallback.remember(block[at.position], block[at.torque], active)
         return self._outcome.usual(usual, passed, dt, start)
 
-    def _constant_bounds(self) -> TorqueBounds | None:
-        """Return what the motors may always give; None where a tick has to ask, for it or more."""
-        asks = self._effects.act_within_ticks or self._disturbance.on or self._brakes
-        return None if asks or self.robot.rotors_turn_with_links else self._motors.constant
-
     def _prepare(self, motion: Motion, given: TickInputs) -> ReadyTick | RefusedTick:
-        """Check the inputs and evaluate the state, tasks and contacts; remember nothing."""
-        complaint = self._inputs.complaint(given)
-        if complaint is not None:
-            return RefusedTick(motion, complaint)
-        motion = self._effects.true_motion(motion)
+        """Evaluate the state, tasks and contacts; remember nothing."""
         self._kinematics.update(motion.position, motion.velocity)
         if self._collision is not None:
             self._collision.fill(self._kinematics)
@@ -356,8 +329,10 @@ class Controller:
         )
 
     def _solve(self, ready: ReadyTick, start: float) -> Command:
-        self._expected = ready.expected
-        return self._finish(ready, self._descend(ready), start)
+        self._expected, self._gears = ready.expected, ready.gears
+        tick = ready.motion, ready.references, ready.contacts, ready.dt, ready.gears
+        self._level, answer = descend(ready.levels, tick, self._output)
+        return self._finish(ready, answer, start)
 
     def _finish(self, ready: ReadyTick, answer: Answer | Refusal, start: float) -> Command:
         """Return the command of an answer, the safe one for a refusal; remember either."""
@@ -373,25 +348,6 @@ class Controller:
         self._hold_targets()
         self._remember(ready, answer)
         return self._outcome.command(levels[0].program, answer, gears, motion, ready.dt, start)
-
-    def _descend(self, ready: ReadyTick) -> Answer | Refusal:
-        """Solve one level after the other; one that finds nothing leaves it at those above."""
-        first, *lower = ready.levels
-        gears = ready.gears
-        tick = ready.motion, ready.references, ready.contacts, ready.dt, gears
-        self._level, self._gears = first, gears
-        first.assemble(*tick, None)
-        answer = first.solve(gears, self._output)
-        for level in lower:
-            if isinstance(answer, Refusal):
-                break
-            found = answer.found
-            level.assemble(*tick, answer)
-            deeper = level.solve(gears, found.output)
-            if isinstance(deeper, Refusal) and deeper.complaint is not None:
-                return answer.without_lower(deeper.complaint)
-            self._level, answer = level, deeper
-        return answer
 
     def _judge_speeds(
         self, motion: Motion, dt: float, disturbance: FloatArray

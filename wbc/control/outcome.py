@@ -9,10 +9,10 @@ from typing import NamedTuple
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.program.level import Answer, GearState
+from wbc.control.program.level import Answer
 from wbc.control.program.usual_tick import Passed, UsualTick
 from wbc.control.safety.inputs import Complaint
-from wbc.control.torque.gears import GearLaw, gear_directions
+from wbc.control.torque.gears import GearLaw, GearState, gear_directions
 from wbc.control.torque.motors import Motors
 from wbc.robot import Motion
 

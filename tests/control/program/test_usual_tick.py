@@ -60,7 +60,7 @@ def ticks(robot, count):
             height = 1e-3 * generator.normal()
             com = np.array(pin.centerOfMass(robot.model, robot.model.createData(), q))
             velocity = None if tick % 2 else np.array([0.0, 0.0, height])
-            references = {"center_of_mass": Reference(com + [0.0, 0.0, height], velocity)}
+            references = {"center_of_mass": Reference(com + np.array([0.0, 0.0, height]), velocity)}
         if phase == 1:
             contacts = {name: 40.0 if name == names[0] else np.inf for name in names}
         elif phase == 2:

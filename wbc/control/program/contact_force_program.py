@@ -11,21 +11,18 @@ from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
 from wbc.control.output_torques import OutputTorques, TorqueTerms
-from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
-from wbc.control.program.placing import PROGRAM, TASKS, place_program, place_tasks
+from wbc.control.program.placing import Placing
 from wbc.control.program.rows.inequality_rows import InequalityRows, place_passing
 from wbc.control.program.rows.row_basis import RowBasis
 from wbc.control.program.rows.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
-from wbc.fixed_arrays import FixedArrays
 
 _NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
 _NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
-_Six = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 _Views = tuple[BlockProblem, BlockProblem, BlockProblem]
 """The whole program, the one whose directions are searched, and the one without torque limits."""
 
@@ -59,6 +56,7 @@ class ContactForceProgram:
         unbound: the program without its torque limits.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
+        placing: what writes balance and tasks.
         off: how many rows of tasks are left out.
         hardens: whether a task has an infinite weight.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
@@ -127,7 +125,6 @@ class ContactForceProgram:
         self.effort_cost = EffortCost(efforts, plant, self._stacked[mine], self._right[mine])
         self.A, self.b = self._stacked[cost_rows:size], self._right[cost_rows:size]
         balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
-        self._balance, self._balance_right = self.A[balance], self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
         self._copies = not contacts.place(self._contact_rows, self._contact_right)
         self._basis = None
@@ -144,9 +141,10 @@ class ContactForceProgram:
         more = len(self.rows.lower) + len(self.gears)
         self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
         self._seen = _NOTHING_SEEN
-        self._results = self._stacked, self._right, self._softness, self.diagonal, self.pull
-        self._mass = self._bias = np.zeros(0)
-        self._fixed: tuple[FixedArrays, FixedArrays]
+        self.placing = Placing(
+            *(plant, contacts, self.A[balance], self.b[balance]),
+            (self._stacked, self._right, self._softness, self.diagonal, self.pull),
+        )
         self._write_normal_bounds(None)
         self.off = 0
         self._views: dict[int, _Views] = {}
@@ -169,7 +167,7 @@ class ContactForceProgram:
         """
         set_ = self.contacts
         if self.more_rows:  # a lock reads the balance before the tasks are written
-            self._place_balance()
+            self.placing.place_balance(self.force_scale)
         if self._basis is not None:
             self._basis.place(
                 *(set_.jacobian, set_.target),
@@ -217,38 +215,14 @@ class ContactForceProgram:
             the sum of the sizes of all that tasks and equalities want, not finite if one is not.
         """
         self.leave_out(tasks.rows_off)
-        regularisation = self.weights[0]
-        if not self.more_rows:
-            return place_program(self.memory(tasks), self.force_scale, regularisation)
-        return place_tasks(*self._asked(tasks), regularisation, *self._results)
+        scale, regularisation = self.force_scale, self.weights[0]
+        return self.placing.place(tasks, self.b, scale, regularisation, fixed=not self.more_rows)
 
     def leave_out(self, rows: int) -> None:
         """Leave out the first rows, of tasks that have no weight."""
         if rows != self.off:
             self.off = rows
             self._take_views()
-
-    def _asked(self, tasks: TaskStack) -> _Six:
-        """Return what tasks and equalities want."""
-        rows = tasks.jacobian, tasks.wanted, tasks.weight
-        return *rows, tasks.diagonal, tasks.pull, self.b
-
-    def memory(self, tasks: TaskStack) -> IntArray:
-        """Return the memory of PROGRAM, described anew where the plant's has moved."""
-        plant = self.plant
-        if plant.bias is not self._bias or plant.mass is not self._mass:
-            self._mass, self._bias = plant.mass, plant.bias
-            asked = FixedArrays(TASKS, self._asked(tasks) + self._results)
-            moved = plant.mass, plant.bias, self.contacts.jacobian, plant.robot.unactuated
-            balance = self._balance, self._balance_right
-            self._fixed = FixedArrays(PROGRAM, (*moved, *balance, asked.table)), asked
-        return self._fixed[0].table
-
-    def _place_balance(self) -> None:
-        place_balance(
-            *(self.plant.mass, self.plant.bias, self.contacts.jacobian, self.force_scale),
-            *(self.plant.robot.unactuated, self._balance, self._balance_right),
-        )
 
     def weights_of(self, tasks: TaskStack) -> FloatArray:
         """Return what the variables (n,) cost by themselves, never nothing."""

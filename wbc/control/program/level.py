@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import NamedTuple
 
@@ -13,34 +13,24 @@ from wbc.control.command import Status
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level_lock import LevelLock
 from wbc.control.program.task_stack import TaskStack
-from wbc.control.program.usual_tick import TOO_LARGE, UsualTick, greatest_asked
+from wbc.control.program.usual_tick import (
+    TOO_LARGE,
+    Passed,
+    UsualArguments,
+    UsualTick,
+    greatest_asked,
+)
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
 from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution, QPStatus
 from wbc.control.torque.direction_search import GUESSES, SMALL, DirectedSolution, DirectionSearch
-from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.gears import GearLaw, GearState
 from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
 from wbc.robot import Motion
 
 _BINDS = 1e-6
 _SOLVED: Complaint = (Status.SOLVED, "")
-
-
-class GearState(NamedTuple):
-    """What one tick knows of the gears before it is solved.
-
-    Attributes:
-        sigma: certainty (m,) of the directions.
-        limits: least and greatest N tau_phi (m,) [N m].
-        speed: expected dpsi (m,) [rad/s].
-        last_output: T (m,) of the last tick [N m].
-    """
-
-    sigma: FloatArray
-    limits: tuple[FloatArray, FloatArray]
-    speed: FloatArray
-    last_output: FloatArray
 
 
 class Answer(NamedTuple):
@@ -70,7 +60,6 @@ class Level:
     Attributes:
         program: of the level.
         usual: does a usual tick in one call; None where a tick is never usual.
-        saturated: whether a torque limit bound the last tick, so that none is usual.
     """
 
     def __init__(
@@ -102,11 +91,11 @@ class Level:
         self._tasks, self._lock, self.program = tasks, lock, program
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._output = np.zeros(0)
-        self.saturated = self._whole = self._solvable = False
+        self._saturated = self._whole = self._solvable = False
 
     def forget(self) -> None:
         """Start the next tick without the rows that bound the last one."""
-        self.saturated = False
+        self._saturated = False
         self._search.forget()
         if self._guess is not None:
             self._guess.forget()
@@ -137,16 +126,39 @@ class Level:
             self._lock_decided(self._lock, above.found, gears)
         self._solvable = program.assemble_tasks(self._tasks) < self._greatest
 
-    def finish(self, ended: int, gears: GearState, first: FloatArray) -> Answer | Refusal:
-        """Return what `solve` would where a usual tick ended early, see `UsualTick`."""
-        if ended == TOO_LARGE:
+    def pass_usual(
+        self,
+        motion: Motion,
+        asked: UsualArguments,
+        dt: float,
+        expected: FloatArray,
+        last_output: FloatArray,
+    ) -> Passed | None:
+        """Do a usual tick in one call; None where it is none.
+
+        Args:
+            motion: the state.
+            asked: references, contacts, weights and activation of `Controller.step`.
+            dt: time until the next tick [s].
+            expected: v (nv,) [rad/s] expected of this state.
+            last_output: T (m,) of the last tick [N m].
+
+        Raises:
+            ControlError: a reference that does not fit its task.
+        """
+        usual = self.usual
+        if usual is None or self._saturated or not usual.prepare(motion, *asked, dt):
+            return None
+        passed = usual.run(motion, expected, last_output, dt)
+        self._whole, self._output = False, passed.block[usual.at.output]
+        return passed
+
+    def finish(self, passed: Passed, first: FloatArray) -> Answer | Refusal:
+        """Return what `solve` would where a usual tick ended early."""
+        if passed.ended == TOO_LARGE:
             return Refusal(None, None, self)
         self._whole = True
-        return self._searched(gears, first, starts_over=True)
-
-    def passed(self, output: FloatArray) -> None:
-        """Take T (m,) of a usual tick that ended well."""
-        self._whole, self._output = False, output
+        return self._searched(passed.gears, first, starts_over=True)
 
     def _lock_decided(self, lock: LevelLock, found: DirectedSolution, gears: GearState) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""
@@ -168,7 +180,7 @@ class Level:
         self._whole = False
         if not self._solvable:
             return Refusal(None, None, self)
-        guessed = self._guess is not None and not self.saturated
+        guessed = self._guess is not None and not self._saturated
         if self._guess is not None and guessed:
             answer = self._guessed(self._guess, gears, first)
             if answer is not None:
@@ -257,7 +269,7 @@ class Level:
             return Refusal(verdict, found, self)
         push = found.solution.z[program.rows.torque]
         stopped = found.solution.status is not QPStatus.SOLVED
-        self.saturated = stopped or bool((abs(push) > _BINDS).any())
+        self._saturated = stopped or bool((abs(push) > _BINDS).any())
         if self._guess is not None:
             self._guess.learn(found.solution.z[program.rows.torque.stop :])
         return Answer(found, self._realise(found, gears), verdict)
@@ -267,3 +279,34 @@ class Level:
 
     def _assemble_whole(self) -> None:
         self.program.assemble_torque_map()
+
+
+Tick = tuple[Motion, Mapping[str, Reference], Mapping[str, float] | None, float, GearState]
+"""What `Level.assemble` needs of a tick, in its order."""
+
+
+def descend(
+    levels: Sequence[Level], tick: Tick, last_output: FloatArray
+) -> tuple[Level, Answer | Refusal]:
+    """Solve one level after the other; one that finds nothing leaves it at those above.
+
+    Args:
+        levels: the most important first.
+        tick: motion, references, contacts, time step and gears.
+        last_output: T (m,) of the last tick [N m].
+
+    Returns:
+        the last level that was solved, or could not be, and what came of it.
+    """
+    first, *lower = levels
+    first.assemble(*tick, None)
+    reached, answer = first, first.solve(tick[4], last_output)
+    for level in lower:
+        if isinstance(answer, Refusal):
+            break
+        level.assemble(*tick, answer)
+        deeper = level.solve(tick[4], answer.found.output)
+        if isinstance(deeper, Refusal) and deeper.complaint is not None:
+            return reached, answer.without_lower(deeper.complaint)
+        reached, answer = level, deeper
+    return reached, answer

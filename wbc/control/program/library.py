@@ -165,6 +165,7 @@ class ProgramLibrary:
         recipe = self._recipe
         alone = len(recipe.stacks) == 1 and recipe.kinematics.memory is not None
         known = program.is_fixed and program.contacts.is_known
+        known = known and not recipe.plant.robot.rotors_turn_with_links
         if guess is None or recipe.bounds is None or not alone or not known:
             return None
         blend = recipe.settings.speed_blend

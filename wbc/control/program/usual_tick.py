@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from time import perf_counter
 from typing import NamedTuple
@@ -29,17 +30,28 @@ from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.placing import place_program
 from wbc.control.program.stacking import rest, want
 from wbc.control.program.task_stack import TaskStack
+from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem, DualActiveSet, QPSolution, QPStatus
 from wbc.control.solvers.guess import guess_fixed
 from wbc.control.torque.blending import place_advanced, place_judged, place_realised
-from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.gears import GearLaw, GearState
 from wbc.control.torque.motors import TorqueBounds
 from wbc.control.torque.speed import SpeedBlend
 from wbc.fixed_arrays import FixedArrays, FixedTable, array_at
+from wbc.robot import Motion
 
 TOO_LARGE, UNSOLVED, LIMITED, DONE = 0, 1, 2, 3
 """How a pass ends: numbers too large, no solution from a guess, a torque limit, or well."""
 _TORQUES, _SOLVED = 9, QPStatus.SOLVED
+
+
+UsualArguments = tuple[
+    Mapping[str, Reference],
+    Mapping[str, float] | None,
+    Mapping[str, float] | None,
+    Mapping[str, float] | None,
+]
+"""References, contacts, weights and activation of `Controller.step`."""
 
 
 def greatest_asked(tolerance: float) -> float:
@@ -52,13 +64,15 @@ class Passed(NamedTuple):
 
     Attributes:
         ended: TOO_LARGE, UNSOLVED, LIMITED or DONE.
-        block: all results, one after the other; what comes after `ended` is not written.
+        block: all results, one after the other; what `ended` does not reach is not written.
+        gears: what is known of the gears.
         steps: of the solver.
         time: [s] it took.
     """
 
     ended: int
     block: FloatArray
+    gears: GearState
     steps: int
     time: float
 
@@ -101,7 +115,6 @@ class UsualTick:
 
     Attributes:
         program: of the level.
-        bounds: least and greatest N tau_phi (m,) [N m].
         at: where results stand in the block of a pass.
     """
 
@@ -126,7 +139,7 @@ class UsualTick:
             bounds: least and greatest N tau_phi (m,) [N m], the same in every tick.
         """
         self._kinematics, self._tasks, self.program = kinematics, tasks, program
-        self._guess, self._law, self._blend, self.bounds = guess, law, blend, bounds
+        self._guess, self._law, self._blend, self._bounds = guess, law, blend, bounds
         nq, nv, m = kinematics.model.nq, kinematics.model.nv, len(bounds[0])
         sizes = [nq, nv, nv, nv, program.n, program.unlocked, program.rows.size, *[m] * _TORQUES]
         ends = np.cumsum([0, *sizes]).tolist()
@@ -141,25 +154,51 @@ class UsualTick:
         )
         self._known: dict[int, tuple[BlockProblem, FixedArrays]] = {}
 
+    def prepare(
+        self,
+        motion: Motion,
+        references: Mapping[str, Reference],
+        contacts: Mapping[str, float] | None,
+        weights: Mapping[str, float] | None,
+        activation: Mapping[str, float] | None,
+        dt: float,
+    ) -> bool:
+        """Take the arguments of `Controller.step`; return whether the tick is a usual one.
+
+        Raises:
+            ControlError: a reference that does not fit its task.
+        """
+        tasks, program = self._tasks, self.program
+        tasks.weigh(weights, activation)
+        if not tasks.is_known():
+            return False
+        tasks.take(self._kinematics, references)
+        program.assemble_bounds(motion.position, motion.velocity, dt, contacts)
+        program.assemble_forces(references)
+        return True
+
     def run(
-        self, position: FloatArray, velocity: FloatArray, expected: FloatArray, dt: float
+        self, motion: Motion, expected: FloatArray, last_output: FloatArray, dt: float
     ) -> Passed:
-        """Pass through a tick; call after `TaskStack.take` and `assemble_bounds`.
+        """Pass through a tick; call after `prepare`.
 
         Args:
-            position, velocity: q (nq,) and v (nv,).
-            expected: v (nv,) [rad/s] expected of this state.
+            motion: the state.
+            expected: v (nv,) [rad/s] expected of it.
+            last_output: T (m,) of the last tick [N m].
             dt: time until the next tick [s].
         """
         start = perf_counter()
-        program, block = self.program, np.empty(self._size)
+        position, velocity = motion.position, motion.velocity
+        program, block, at = self.program, np.empty(self._size), self.at
         self._kinematics.take(position, velocity)
         program.leave_out(self._tasks.rows_off)
         known = self._known.get(program.off)
         memory = self._described() if known is None else known[1].table
         ended, before, after, work = pass_usual(memory, position, velocity, expected, dt, block)
         steps = self._guess.took(before, after, work)
-        return Passed(ended, block, steps, perf_counter() - start)
+        gears = GearState(block[at.sigma], self._bounds, block[at.turning], last_output)
+        return Passed(ended, block, gears, steps, perf_counter() - start)
 
     def solution(self, passed: Passed) -> QPSolution:
         """Return the solution of a pass that found one."""
@@ -188,9 +227,9 @@ class UsualTick:
                 kinematics.memory,
                 *self._tasks.memory(kinematics),
                 *program.contacts.memory(kinematics),
-                *(program.memory(self._tasks), *self._guess.memory(problem)),
+                *(program.placing.memory(self._tasks, program.b), *self._guess.memory(problem)),
                 *(np.array(numbers), counts, driven, plant.from_joints),
-                *(mass, bias, jacobian, *more, *self._law.blended, *self.bounds),
+                *(mass, bias, jacobian, *more, *self._law.blended, *self._bounds),
                 *(1.0 / gears.gear_ratio, *plant.rotor_friction),
             ),
         )

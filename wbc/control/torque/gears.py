@@ -34,6 +34,22 @@ class Slopes(NamedTuple):
         return np.where(output_positive, self.positive, self.negative)
 
 
+class GearState(NamedTuple):
+    """What one tick knows of the gears before it is solved.
+
+    Attributes:
+        sigma: certainty (m,) of the directions.
+        limits: least and greatest N tau_phi (m,) [N m].
+        speed: expected dpsi (m,) [rad/s].
+        last_output: T (m,) of the last tick [N m].
+    """
+
+    sigma: FloatArray
+    limits: tuple[FloatArray, FloatArray]
+    speed: FloatArray
+    last_output: FloatArray
+
+
 class GearLaw:
     """Mesh input torque as a function of output torque and of where the joint is going.
 
