@@ -30,7 +30,7 @@ BAD = [
     ("compare degrees.csv LEG", "in degrees?"),
     ("compare other.csv LEG", "no position of hip, knee"),
     ("compare commas.csv LEG", "decimal commas"),
-    ("compare motor.csv LEG", "Call them hip.motor_torque and knee.motor_torque"),
+    ("compare motor.csv LEG", "after the reduction as hip.rotor_torque and knee.rotor_torque"),
     ("diagnose motor.csv LEG", 'side = "motor"'),
     ("compare torn.csv LEG", "samples are missing in 10 places"),
     ("compare good.csv floating.csv LEG", "not logs of the same robot"),

@@ -108,7 +108,9 @@ def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
 ) -> None:
     path, fix = written(right, change, tmp_path / "run.csv"), tmp_path / "map.toml"
     assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 1
-    assert says in " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
+    assert says in printed
+    assert "Call " not in printed  # one cure, the map's lines, and no second one in words
     mended = load_log(path, fix, gear_ratios=RATIOS)
     np.testing.assert_allclose(mended.time, right.time, atol=1e-9)
     for name, values in right.columns.items():

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.errors import IdentificationError
 from wbc.measurement import Log, SuspiciousLogError
 from wbc.measurement.checks.robot_check import unknown_joints
+from wbc.measurement.columns.degrees import in_degrees
 from wbc.measurement.columns.mend import say_so
 from wbc.robot import Robot
 
@@ -89,16 +90,9 @@ def _require_reachable(robot: Robot, log: Log) -> None:
         seen = log.column(f"{name}.position") if log.has(f"{name}.position") else np.zeros(1)
         farthest = float(seen[np.argmax(np.abs(seen))])
         if high > low and abs(farthest) > _BEYOND * max(abs(low), abs(high)):
-            units = {"position": "deg", "velocity": "deg/s", "acceleration": "deg/s^2"}
-            degrees = {
-                "columns": {
-                    f"{name}.{quantity}": {"unit": unit}
-                    for quantity, unit in units.items()
-                    if log.has(f"{name}.{quantity}")
-                }
-            }
             raise IdentificationError(
                 f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
                 f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the joint turns on, "
-                f"widen its limits in the URDF. If the log holds degrees, {say_so(degrees)}"
+                f"widen its limits in the URDF. If the log holds degrees, "
+                + say_so(in_degrees(log, [name]))
             )

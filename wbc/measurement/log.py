@@ -23,6 +23,7 @@ from wbc.measurement.schema import (
 )
 from wbc.measurement.series import checked_series, checked_time
 from wbc.measurement.source import LogSource
+from wbc.measurement.unread import unread_columns
 
 if TYPE_CHECKING:
     from wbc.measurement.machine import Machine
@@ -175,10 +176,7 @@ class Log:
             if name in self.source.unusable:
                 raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
             message = f"{self.source.label}: " + unknown_name("column", name, self.names)
-            if self.source.ignored:
-                left_out = ", ".join(self.source.ignored)
-                message += f" Not read, for want of a known name: {left_out} (map them: --columns)."
-            raise LogError(message)
+            raise LogError(f"{message} {unread_columns(self.source.ignored, [name])}".rstrip())
         return self.columns[held]
 
     def stack(self, quantity: str, owner_names: Sequence[str] | None = None) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, frozen
@@ -14,6 +16,7 @@ from wbc.measurement.drives import (
     target_law,
 )
 from wbc.measurement.log import Log
+from wbc.measurement.unread import unread_columns
 from wbc.transmission import Transmission
 
 REPORTED = ("rotor_torque", "motor_torque", "current")
@@ -76,6 +79,14 @@ def feedback_torques(log: Log, transmission: Transmission) -> FloatArray | None:
     return frozen(np.stack(made, axis=1))
 
 
+def torque_channels(joints: Sequence[str]) -> list[str]:
+    """Return the channels by which drives of these joints may report their torque.
+
+    A torque after the reduction comes first: most drives report that.
+    """
+    return [f"{joint}.{name}" for joint in joints for name in ("motor_torque", *REPORTED)]
+
+
 def reports_torque(log: Log, joint: str) -> bool:
     """Whether a log holds what the drive of a joint reports, in any of the three ways."""
     return any(log.has(f"{joint}.{quantity}") for quantity in REPORTED)
@@ -124,10 +135,14 @@ def torque_quantity(log: Log, joint: str, transmission: Transmission) -> str:
         if f"{joint}.{quantity}" in log.source.unusable:
             raise LogError(f"{log.source.label}: " + log.source.unusable[f"{joint}.{quantity}"])
     ways = ", ".join(f"{joint}.{quantity}" for quantity in REPORTED)
-    ignored = ", ".join(log.source.ignored)
-    hint = f" Not read, for want of a known name: {ignored}." if ignored else ""
+    lacking = [
+        one
+        for one in transmission.joints
+        if not any(log.recorded(f"{one}.{quantity}") for quantity in quantities)
+    ]
+    hint = unread_columns(log.source.ignored, torque_channels(lacking))
     raise LogError(
         f"{log.source.label}: no torque of joint '{joint}': one of {ways} is needed, or "
         f"{joint}.target_position and the gains of its drive. "
-        f"There are: {', '.join(log.names)}.{hint}"
+        f"There are: {', '.join(log.names)}. {hint}".rstrip()
     )

@@ -119,6 +119,14 @@ def unknown_joints(path: Path) -> str:
     return told(lambda: compare(load_robot("planar_leg_fixed"), read_logs([path])))
 
 
+def without_torque(path: Path) -> str:
+    """Return what the check says, and the same lines from a comparison."""
+    robot, logs = load_robot("planar_leg_fixed"), read_logs([path])
+    (found,) = check_log(logs[0], robot).of_kind("no_torque")
+    assert printed_maps(told(lambda: compare(robot, logs))) == printed_maps(found.way_out)
+    return found.way_out
+
+
 def trusting(path: Path) -> str:
     logs = read_logs([path], gear_ratios=RATIOS)
     return told(lambda: suspicions.suspicions(load_robot("planar_leg_fixed"), logs))
@@ -166,6 +174,16 @@ CASES = {
     "a velocity's side": Case(scaled(20.0, "hip.velocity"), finding("gear_side")),
     "velocities in deg/s": Case(scaled(180.0 / np.pi, "hip.velocity", "knee.velocity"), plausible),
     "other names": Case(renamed("hip.", "axis_1."), unknown_joints),
+    "a torque that was not read": Case(renamed("knee.motor_torque", "tau_knee"), without_torque),
+    "torques that were not read": Case(
+        lambda c: renamed("hip.motor_torque", "tau1")(renamed("knee.motor_torque", "tau2")(c)),
+        without_torque,
+    ),
+    "a torque with a name that says nothing": Case(
+        renamed("knee.motor_torque", "x3"), without_torque, (("COLUMN", "x3"),)
+    ),
+    "a position that was not read": Case(renamed("knee.position", "knee_angle"), unknown_joints),
+    "a channel that was not read": Case(renamed("hip.position", "pos_hip"), reading),
     "an effort": Case(renamed("motor_torque", "effort"), note),
     "torque signs": Case(scaled(-1.0, *TORQUES), trusting),
     "no position": Case(

@@ -64,9 +64,10 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
     mended = {name for f in suspected for name in f.likeliest.get("columns", {})}
     velocities = [f for f in check_velocities(log, fits) if f.column not in named]
     ranges = check_ranges(log, _limits(robot) if robot is not None else {})
+    lacks = check_robot(log, robot) if robot is not None else []
     findings = [
         *suspected,
-        *(check_robot(log, robot) if robot is not None else ()),
+        *lacks,
         *check_clock(log),
         *check_rest(log, resting),
         *check_channels(log, resting),
@@ -74,7 +75,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         *(velocities if "time_unit" not in kinds else ()),
         *check_rotor_positions(log, ratios),
         *(f for f in ranges if f.column not in mended and "gear_side" not in kinds),
-        *_reading(log),
+        *_reading(log, lacks),
     ]
     steps = np.diff(log.time)
     return LogQuality(
@@ -91,8 +92,8 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
     )
 
 
-def _reading(log: Log) -> list[LogFinding]:
-    """Return what reading the file found."""
+def _reading(log: Log, said: Sequence[LogFinding]) -> list[LogFinding]:
+    """Return what reading the file found, without the columns of which others spoke."""
     found = [LogFinding("info", "read", "", note, "") for note in log.source.notes]
     alike: dict[str, list[str]] = {}
     for column, text in log.source.unusable.items():
@@ -102,8 +103,10 @@ def _reading(log: Log) -> list[LogFinding]:
         if len(columns) > 1:
             text += f" The same rows lack {', '.join(columns[1:])}."
         found.append(LogFinding("warning", "missing", ", ".join(columns), text, ""))
-    if log.source.ignored:
-        text = f"columns that were not read: {', '.join(log.source.ignored)}."
+    told = "".join(finding.way_out for finding in said)
+    ignored = [name for name in log.source.ignored if f"'{name}'" not in told]
+    if ignored:
+        text = f"columns that were not read: {', '.join(ignored)}."
         way_out = "If one matters, give it the name of a channel."
         found.append(LogFinding("info", "unread", "", text, way_out))
     return found

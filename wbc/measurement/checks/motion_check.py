@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.measurement.checks.finding import LogFinding
 from wbc.measurement.checks.value_runs import jumps
+from wbc.measurement.columns.degrees import in_degrees
 from wbc.measurement.columns.map_table import Mend
 from wbc.measurement.columns.mend import say_so
 from wbc.measurement.log import Log
@@ -133,7 +134,7 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Lo
         seen = f"it runs from {low:.4g} to {high:.4g}"
         if low < lower - margin or high > upper + margin:
             fits = lower - margin <= np.radians(low) and np.radians(high) <= upper + margin
-            mend: Mend = {"columns": _in_degrees(log, joint)} if fits else {}
+            mend: Mend = in_degrees(log, [joint]) if fits else {}
             way = "If so, " + say_so(mend) if fits else "State unit, side and offset in a map."
             findings.append(
                 LogFinding(
@@ -153,13 +154,7 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Lo
                     "range",
                     f"{joint}.position",
                     f"{seen}: {(high - low) / (2.0 * pi):.1f} turns if that is rad.",
-                    f"If it is degrees, {say_so({'columns': _in_degrees(log, joint)})}",
+                    f"If it is degrees, {say_so(in_degrees(log, [joint]))}",
                 )
             )
     return findings
-
-
-def _in_degrees(log: Log, joint: str) -> dict[str, dict[str, str]]:
-    units = {"position": "deg", "velocity": "deg/s"}
-    names = {f"{joint}.{quantity}": {"unit": unit} for quantity, unit in units.items()}
-    return {name: unit for name, unit in names.items() if name in log.columns}

@@ -14,10 +14,12 @@ from wbc.measurement.positions import (
     without_position,
 )
 from wbc.measurement.suspicions.matching import match_joints
-from wbc.measurement.torque import REPORTED, makes_torque
+from wbc.measurement.torque import REPORTED, makes_torque, torque_channels
+from wbc.measurement.unread import unread_columns, unread_map
 from wbc.robot import Robot, state_gear
 
 _TORQUES = (*REPORTED, "joint_torque")
+_NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
 _OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
 
 
@@ -61,6 +63,12 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
     seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
     text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
     mend: Mend = {}
+    unread = log.source.ignored
+    sought = [f"{name}.position" for name in missing]
+    named = unread_map(unread, sought)
+    if len(named.get("columns", {})) == len(missing):
+        way = unread_columns(unread, sought)
+        return LogFinding("error", "joints_unknown", "", text, way, named)
     way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
     placed = [name for name in missing if name in speeds]
     if placed:
@@ -80,7 +88,18 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
         }
         why = "as their motion and torques tell" if sure else "if their order is the same"
         way = f"If they are the same joints ({why}), " + say_so(mend)
+    elif unread:
+        way = f"{unread_columns(unread, sought)}\n{way}"
+        mend = named
     return LogFinding("error", "joints_unknown", "", text, way, mend)
+
+
+def _found_torque(log: Log, joints: list[str]) -> str:
+    """Return what to do where columns that were not read may be the torques of joints."""
+    sought = torque_channels(joints)
+    way = unread_columns(log.source.ignored, sought)
+    certain = len(unread_map(log.source.ignored, sought).get("columns", {})) == len(joints)
+    return way if certain or not way else f"{_NO_TORQUE} {way}"
 
 
 def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
@@ -132,8 +151,8 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
                 "",
                 f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
                 "and joint_torque is needed, or target_position and the drive's gains kp and kd.",
-                "Record what the drive reports; a log of positions alone can be played, not "
-                "compared.",
+                _found_torque(log, lacking) or _NO_TORQUE,
+                unread_map(log.source.ignored, torque_channels(lacking)),
             )
         )
     silent = [

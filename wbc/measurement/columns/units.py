@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from math import pi
 
@@ -27,6 +28,7 @@ LOG_UNITS: dict[str, tuple[str, float]] = {
     "mN": ("N", 1e-3),
     "kN m": ("N m", 1e3),
     "N cm": ("N m", 1e-2),
+    "N mm": ("N m", 1e-3),
     "mA": ("A", 1e-3),
     "mV": ("V", 1e-3),
     "%": ("1", 1e-2),
@@ -36,6 +38,18 @@ LOG_UNITS: dict[str, tuple[str, float]] = {
     "deg C": ("deg C", 1.0),
 }
 """Unit -> (unit of the log, factor)."""
+
+
+def named_unit(text: str) -> str:
+    """Return the unit that a text names, also without blanks or in brackets, `[Nmm]`; else ''."""
+    return _SPELT.get(_spelling(text), "")
+
+
+def _spelling(text: str) -> str:
+    return re.sub(r"[\s*·()\[\]]", "", text)
+
+
+_SPELT = {_spelling(unit): unit for unit in LOG_UNITS}
 
 
 def unit_factor(unit: str, allowed: Sequence[str], place: str) -> float:
@@ -49,10 +63,11 @@ def unit_factor(unit: str, allowed: Sequence[str], place: str) -> float:
     Raises:
         LogError: no such unit, or one of another kind of quantity.
     """
-    if unit not in LOG_UNITS:
+    known = named_unit(unit)
+    if not known:
         fitting = [name for name, (kind, _) in LOG_UNITS.items() if kind in allowed]
         raise LogError(f"{place}: " + unknown_name("unit", unit, fitting))
-    kind, factor = LOG_UNITS[unit]
+    kind, factor = LOG_UNITS[known]
     if kind not in allowed:
         raise LogError(
             f"{place}: unit '{unit}' measures [{kind}], the column needs [{' or '.join(allowed)}]."

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 from wbc.errors import LogError
 from wbc.extras import needs
 from wbc.measurement.columns.mend import say_so
-from wbc.measurement.columns.units import LOG_UNITS
+from wbc.measurement.columns.units import named_unit
 from wbc.measurement.formats.arrow_columns import batch_columns
 from wbc.measurement.formats.table import Chunk, Table
 
@@ -63,11 +63,13 @@ class CsvTable(Table):
         self._delimiter = max(",;\t", key=head[first].count)
         self._skip = first
         self._names = self._header(head, first, tuple(header))
-        below = [_bare(c) for c in self._cells(head[self._skip])] if self._skip < len(head) else []
+        below = self._cells(head[self._skip]) if self._skip < len(head) else []
         if _are_units(below):
             self._skip += 1
-            self.units = {n: u for n, u in zip(self._names, below, strict=False) if u in LOG_UNITS}
-            notes.append(f"line {self._skip} gives units ({', '.join(u for u in below if u)}).")
+            named = zip(self._names, map(named_unit, below), strict=False)
+            self.units = {name: unit for name, unit in named if unit}
+            said = ", ".join(cell for cell in below if cell)
+            notes.append(f"line {self._skip} gives units ({said}).")
         if first:
             notes.append(f"{first} comment lines above the header were passed over.")
         self.notes = tuple(notes)
@@ -171,16 +173,11 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _bare(cell: str) -> str:
-    """Return a unit without the brackets around it."""
-    return cell.strip().strip("[]()").replace("*", " ").replace("Nm", "N m").strip()
-
-
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a line below the header names units: no number, and half of it known."""
-    bare = [cell for cell in cells if cell]
-    known = sum(cell in LOG_UNITS for cell in bare)
-    return bool(bare) and not any(map(_is_number, bare)) and 2 * known >= len(bare)
+    given = [cell for cell in cells if cell]
+    known = sum(bool(named_unit(cell)) for cell in given)
+    return bool(given) and not any(map(_is_number, given)) and 2 * known >= len(given)
 
 
 def _decimal_commas(cause: str) -> str:

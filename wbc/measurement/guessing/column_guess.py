@@ -16,7 +16,7 @@ from wbc.measurement.columns.map_table import merged
 from wbc.measurement.columns.mend import say_so
 from wbc.measurement.formats.open_table import open_table
 from wbc.measurement.formats.table import Table
-from wbc.measurement.guessing.names import NameGuess, guess_name
+from wbc.measurement.guessing.names import NameGuess, guess_name, joints_of
 from wbc.measurement.load import read_logs
 from wbc.measurement.log import Log
 from wbc.measurement.schema import OLD_NAMES, TIME
@@ -168,27 +168,6 @@ def _matched(robot: Robot, log: Log, joints: Sequence[str]) -> dict[str, Any]:
         for name in log.columns
         if name.startswith(f"{theirs}.")
     }
-
-
-def joints_of(owners: Sequence[str], joints: Sequence[str]) -> tuple[dict[str, str], set[str]]:
-    """Return owner -> joint, by name where names agree, else by place; and which by name."""
-    named: dict[str, str] = {}
-    for owner in owners:
-        words = set(owner.lower().split("_")) - {""}
-        fitting = [
-            joint
-            for joint in joints
-            if joint not in named.values()
-            and (joint == owner or (words and words <= set(joint.lower().split("_"))))
-        ]
-        if len(fitting) == 1:
-            named[owner] = fitting[0]
-    by_name = set(named)
-    left = [joint for joint in joints if joint not in named.values()]
-    for owner in owners:
-        if owner not in named and left:
-            named[owner] = left.pop(0)
-    return named, by_name
 
 
 def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:

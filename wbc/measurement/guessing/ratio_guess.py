@@ -12,8 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.measurement.columns.units import LOG_UNITS
 from wbc.measurement.formats.open_table import open_table
 from wbc.measurement.formats.table import Table
-from wbc.measurement.guessing.column_guess import joints_of
-from wbc.measurement.guessing.names import NameGuess, guess_name
+from wbc.measurement.guessing.names import NameGuess, guess_name, joints_of
 
 _PLACES = ("velocity", "position")
 _EXPLAINED = 0.99

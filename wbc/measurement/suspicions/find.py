@@ -225,7 +225,7 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
             way = "\n".join((_MORE, *known))
         if len(mistake.logs) < len(logs):
             way = "Read these logs with a map of their own. " + way
-        seen = f"{_suspected(mistake)} {_seen(mistake)} {mistake.advice}".rstrip()
+        seen = f"{_suspected(mistake)} {_seen(mistake)}"
     return LogFinding(
         _severity(mistake.probability),
         mistake.kind,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.measurement.columns.degrees import encoder_columns, in_degrees
 from wbc.measurement.columns.map_table import Mend
 from wbc.measurement.log import Log
 from wbc.measurement.suspicions.rows import Rows
@@ -28,10 +29,9 @@ _RARE = ln(0.003)
 _TRAVEL, _TRAVEL_SPREAD = 1.8, 0.84
 _OTHER, _OTHER_SPREAD = 0.1, 1.5
 
-_TORQUE_UNITS = {"N mm": ("mN m", 1e-3), "N cm": ("N cm", 1e-2)}
+_TORQUE_UNITS = {"N mm": ("N mm", 1e-3), "N cm": ("N cm", 1e-2)}
 _FORCE_UNITS = {"mN": ("mN", 1e-3)}  # of joints that slide
 _CURRENT_UNITS = {"mA": ("mA", 1e-3)}
-_MOVING = ("position", "velocity", "acceleration", "target_position", "target_velocity")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,6 @@ class Reading:
         torque_factor: (m,) ... times this, in the unit of the column.
         mend: what a column map says about it.
         columns: the columns that are wrong.
-        advice: what else may be done about it.
     """
 
     kind: str
@@ -60,7 +59,6 @@ class Reading:
     torque_factor: FloatArray
     mend: Mend
     columns: tuple[str, ...] = ()
-    advice: str = ""
 
     def torque(self, rows: Rows) -> FloatArray:
         """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
@@ -115,7 +113,7 @@ def _signs(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
             **_with({name: {"sign": -1}}),
         )
     for i, joint in enumerate(rows.robot.single_joints):
-        moving = _moving(log, joint)
+        moving = encoder_columns(log, joint)
         yield replace(
             as_is,
             kind="position_sign",
@@ -149,11 +147,7 @@ def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
     turning = [i for i, joint in enumerate(single) if not slides(rows.robot, joint)]
     for k in _all_or_one(len(turning)) if turning else []:
         places = [turning[i] for i in k]
-        mend = {
-            name: {"unit": "deg" + ("", "/s", "/s^2")[_order_of(name)]}
-            for i in places
-            for name in _moving(log, single[i])
-        }
+        mend = in_degrees(log, [single[i] for i in places])
         yield replace(
             as_is,
             kind="degrees",
@@ -162,7 +156,8 @@ def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
             # One excitation moves all joints: their travels are one observation.
             + float(np.mean([_travels(log, single[i], pi / 180.0) for i in places])),
             factor=_put(as_is.factor, places, pi / 180.0),
-            **_with(mend),
+            mend=mend,
+            columns=tuple(mend["columns"]),
         )
 
 
@@ -186,15 +181,11 @@ def _sides(rows: Rows, as_is: Reading) -> Iterator[Reading]:
         prior = _EVERYWHERE if len(k) == len(names) else _RARE
         for power, (cause, key) in _SIDES[quantity].items():
             factors = np.abs(ratio[k]) ** power if key == "scale" else ratio[k] ** power
-            other = "motor_torque" if quantity == "rotor_torque" else "rotor_torque"
-            renamed = [f"{name.removesuffix(quantity)}{other}" for name in chosen]
-            advice = "" if key == "scale" else f"Call {_it(chosen)} {listed(renamed)}."
             side = "motor" if quantity == "rotor_torque" else "rotor"
             yield replace(
                 as_is,
                 kind="gear_side",
                 text=cause.format(listed(chosen)),
-                advice=advice,
                 prior=prior,
                 torque_factor=_put(as_is.torque_factor, k, factors),
                 **_with(
@@ -233,7 +224,7 @@ def _exchanges(rows: Rows, log: Log, lost: BoolArray, as_is: Reading) -> Iterato
         moved = {
             f"{one}.{name.removeprefix(other + '.')}": {"from": name}
             for one, other in ((driven[a], driven[b]), (driven[b], driven[a]))
-            for name in _moving(log, other)
+            for name in encoder_columns(log, other)
         }
         order = _exchanged(as_is.order, single.index(driven[a]), single.index(driven[b]))
         moves: dict[str, Any] = {"order": order}
@@ -274,16 +265,6 @@ def _torque_columns(rows: Rows) -> list[str]:
     return [f"{joint}.{quantity}" for joint, quantity in zip(joints, rows.quantities, strict=True)]
 
 
-def _moving(log: Log, joint: str) -> list[str]:
-    """Return the columns of a joint that turn with its encoder."""
-    return [f"{joint}.{quantity}" for quantity in _MOVING if f"{joint}.{quantity}" in log.columns]
-
-
-def _order_of(name: str) -> int:
-    """Return how often a position was differentiated to give a column."""
-    return 2 if name.endswith("acceleration") else int(name.endswith("velocity"))
-
-
 def _all_or_one(count: int) -> list[list[int]]:
     return [list(range(count)), *([k] for k in range(count) if count > 1)]
 
@@ -298,10 +279,6 @@ def _exchanged(order: IntArray, a: int, b: int) -> IntArray:
     changed = order.copy()
     changed[[a, b]] = order[[b, a]]
     return changed
-
-
-def _it(names: Sequence[str]) -> str:
-    return "it" if len(names) == 1 else "them"
 
 
 def _holds(names: Sequence[str]) -> str:

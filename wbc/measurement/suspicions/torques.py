@@ -51,7 +51,6 @@ class Mistake:
         others: what it cannot be told from, with what a column map says about each. Where there
             is any, the logs say that something is wrong and not what: nothing is mended then.
         logs: numbers of the logs that have it.
-        advice: what else may be done about it.
         scale: reported torque over what the motion needs, as it stands; 1 where only signs or
             places change.
     """
@@ -65,7 +64,6 @@ class Mistake:
     then: float
     others: tuple[tuple[str, Mend], ...]
     logs: tuple[int, ...]
-    advice: str = ""
     scale: float = 1.0
 
 
@@ -217,7 +215,6 @@ def _likely(
             after,
             others,
             tuple(judged),
-            reading.advice,
             _scale(table[texts[best]]),
         )
     ]
@@ -258,6 +255,5 @@ def _joined(mistakes: Sequence[Mistake]) -> Mistake:
         float(np.mean([m.then for m in mistakes])),
         first.others,
         tuple(k for m in mistakes for k in m.logs),
-        first.advice,
         first.scale,
     )
