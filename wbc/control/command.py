@@ -92,7 +92,7 @@ class Command:
         certainty: sigma (m,), -1 to 1, how surely each gear turns and which way.
         status: how the tick ended.
         message: what was in the way, empty when nothing was.
-        solve_time: [s] in the solver.
+        solve_time: [s] in the solver; of a usual tick from the state to the torques, one call.
         tick_time: [s] of the whole tick.
         rounds: programs solved; more than one where a predicted direction was revised.
         iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
@@ -125,7 +125,7 @@ class Command:
         A frozen dataclass sets its fields one by one through `object.__setattr__`.
         """
         made = object.__new__(cls)
-        made.__dict__.update(fields)
+        object.__setattr__(made, "__dict__", fields)
         return made
 
     def __getstate__(self) -> dict[str, Any]:

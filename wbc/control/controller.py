@@ -26,8 +26,9 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.limits import CollisionLimit, CollisionRows, JointLimit, RotorTorqueLimit
 from wbc.control.outcome import Outcome
 from wbc.control.output_torques import OutputTorques
-from wbc.control.program.level import Answer, GearState, Level, Refusal
+from wbc.control.program.level import Answer, Level, Refusal, descend
 from wbc.control.program.library import ProgramLibrary, Recipe
+from wbc.control.program.usual_tick import DONE
 from wbc.control.reference import Reference
 from wbc.control.safety.fallback import Fallback
 from wbc.control.safety.inputs import (
@@ -43,7 +44,7 @@ from wbc.control.state import State
 from wbc.control.tasks import Task
 from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
 from wbc.control.torque.direction_search import DirectedSolution
-from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.gears import GearLaw, GearState
 from wbc.control.torque.motors import Motors
 from wbc.control.torque.speed import SpeedBlend
 from wbc.control.torque.torque_stage import RotorTorqueStage
@@ -128,6 +129,7 @@ class Controller:
         apart = single_limit(CollisionLimit, limits)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
         self._brakes = joint_limit is not None and joint_limit.braking is not None
+        asks = self._effects.act_within_ticks or self._brakes or self._disturbance.on
         self._programs = ProgramLibrary(
             Recipe(
                 plant=self._plant,
@@ -141,6 +143,7 @@ class Controller:
                 force_tasks=force_tasks,
                 stacks=self._stacks,
                 law=self._law,
+                bounds=None if asks else self._motors.constant,
                 stage=RotorTorqueStage(
                     robot.transmission,
                     self._law,
@@ -212,24 +215,12 @@ class Controller:
         if not self._free.acquire(blocking=False):
             return self._fallback.busy(_BUSY, start)
         try:
-            given = self._given(state, references, contacts, weights, activation, dt)
+            step = self.settings.time_step if dt is None else dt
+            wanted = _NO_REFERENCES if references is None else references
+            given = TickInputs(state, wanted, contacts, weights, activation, step)
             return self._step(given, start)
         finally:
             self._free.release()
-
-    def _given(
-        self,
-        state: State,
-        references: Mapping[str, Reference] | None,
-        contacts: Mapping[str, float] | None,
-        weights: Mapping[str, float] | None,
-        activation: Mapping[str, float] | None,
-        dt: float | None,
-    ) -> TickInputs:
-        """Return the arguments of a tick with the settings for those left out."""
-        wanted = _NO_REFERENCES if references is None else references
-        step = self.settings.time_step if dt is None else dt
-        return TickInputs(state, wanted, contacts, weights, activation, step)
 
     def _step(self, given: TickInputs, start: float) -> Command:
         motion = None
@@ -238,6 +229,13 @@ class Controller:
             if not isinstance(admitted, Motion):
                 return self._safe(None, admitted, given.dt, start)
             motion = admitted
+            complaint = self._inputs.complaint(given)
+            if complaint is not None:
+                return self._safe(motion, complaint, given.dt, start)
+            motion = self._effects.true_motion(motion)
+            command = self._usual(motion, given, start)
+            if command is not None:
+                return command
             ready = self._prepare(motion, given)
             if isinstance(ready, RefusedTick):
                 return self._safe(ready.motion, ready.complaint, given.dt, start)
@@ -266,8 +264,13 @@ class Controller:
         motion = self._admitted(state)
         if not isinstance(motion, Motion):
             raise ControlError(motion[1])
-        given = self._given(state, references, contacts, weights, activation, dt)
-        ready = self._prepare(motion, given)
+        step = self.settings.time_step if dt is None else dt
+        wanted = _NO_REFERENCES if references is None else references
+        given = TickInputs(state, wanted, contacts, weights, activation, step)
+        complaint = self._inputs.complaint(given)
+        if complaint is not None:
+            raise ControlError(complaint[1])
+        ready = self._prepare(self._effects.true_motion(motion), given)
         if isinstance(ready, RefusedTick):
             raise ControlError(ready.complaint[1])
         first = ready.levels[0]
@@ -280,12 +283,32 @@ class Controller:
         hook = self.settings.state_hook
         return self._states.admitted(state if hook is None else hook(state))
 
+    def _usual(self, motion: Motion, given: TickInputs, start: float) -> Command | None:
+        """Return the command of a tick that one call can do, None where parts are to be asked."""
+        levels, dt = self._programs.levels(given.contacts), given.dt
+        first, usual, asked = levels[0], levels[0].usual, given[1:5]
+        try:
+            passed = first.pass_usual(motion, asked, dt, self._expected, self._output)
+        except ControlError as cause:
+            return self._safe(motion, (Status.BAD_INPUT, str(cause)), dt, start)
+        if passed is None or usual is None:
+            return None
+        self._level, self._gears = first, passed.gears
+        block, at, active = passed.block, usual.at, first.program.contacts.contacts
+        if passed.ended != DONE:
+            self._expected = block[at.expected]
+            ready = ReadyTick(
+                *(motion, given.references, given.contacts, dt, levels),
+                *(passed.gears, self._expected, self._disturbance.torque),
+            )
+            return self._finish(ready, first.finish(passed, self._output), start)
+        self._hold_targets()
+        self._expected, self._output, self._anchors = block[at.advanced], block[at.output], {}
+        self._fallback.remember(block[at.position], block[at.torque], active)
+        return self._outcome.usual(usual, passed, dt, start)
+
     def _prepare(self, motion: Motion, given: TickInputs) -> ReadyTick | RefusedTick:
-        """Check the inputs and evaluate the state, tasks and contacts; remember nothing."""
-        complaint = self._inputs.complaint(given)
-        if complaint is not None:
-            return RefusedTick(motion, complaint)
-        motion = self._effects.true_motion(motion)
+        """Evaluate the state, tasks and contacts; remember nothing."""
         self._kinematics.update(motion.position, motion.velocity)
         if self._collision is not None:
             self._collision.fill(self._kinematics)
@@ -306,9 +329,14 @@ class Controller:
         )
 
     def _solve(self, ready: ReadyTick, start: float) -> Command:
+        self._expected, self._gears = ready.expected, ready.gears
+        tick = ready.motion, ready.references, ready.contacts, ready.dt, ready.gears
+        self._level, answer = descend(ready.levels, tick, self._output)
+        return self._finish(ready, answer, start)
+
+    def _finish(self, ready: ReadyTick, answer: Answer | Refusal, start: float) -> Command:
+        """Return the command of an answer, the safe one for a refusal; remember either."""
         motion, levels, gears = ready.motion, ready.levels, ready.gears
-        self._expected = ready.expected
-        answer = self._descend(ready)
         if isinstance(answer, Refusal):
             complaint = answer.complaint or size_complaint(ready.references)
             if complaint[0] is not Status.NOT_FINITE:
@@ -320,25 +348,6 @@ class Controller:
         self._hold_targets()
         self._remember(ready, answer)
         return self._outcome.command(levels[0].program, answer, gears, motion, ready.dt, start)
-
-    def _descend(self, ready: ReadyTick) -> Answer | Refusal:
-        """Solve one level after the other; one that finds nothing leaves it at those above."""
-        first, *lower = ready.levels
-        gears = ready.gears
-        tick = ready.motion, ready.references, ready.contacts, ready.dt, gears
-        self._level, self._gears = first, gears
-        first.assemble(*tick, None)
-        answer = first.solve(gears, self._output)
-        for level in lower:
-            if isinstance(answer, Refusal):
-                break
-            found = answer.found
-            level.assemble(*tick, answer)
-            deeper = level.solve(gears, found.output)
-            if isinstance(deeper, Refusal) and deeper.complaint is not None:
-                return answer.without_lower(deeper.complaint)
-            self._level, answer = level, deeper
-        return answer
 
     def _judge_speeds(
         self, motion: Motion, dt: float, disturbance: FloatArray
@@ -367,7 +376,7 @@ class Controller:
         self._output = answer.found.output
         self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
         active = ready.levels[0].program.contacts.contacts
-        self._fallback.remember(ready.motion, answer.realised.torque, active)
+        self._fallback.remember(ready.motion.position.copy(), answer.realised.torque, active)
         self._anchors = ready.levels[0].program.contacts.anchored(self._anchors)
         if self._disturbance.on:
             self._disturbance.remember(

@@ -40,6 +40,12 @@ class EffectTorques:
         return bool(self._gears)
 
     @property
+    def act_within_ticks(self) -> bool:
+        """Whether any effect has to be asked between a state and the drive commands."""
+        joints_or_gears = self.act_on_joints or self.act_on_gears
+        return joints_or_gears or self.act_on_rotors or self.act_on_drives
+
+    @property
     def act_on_drives(self) -> bool:
         """Whether any effect stands between the torque on the rotors and the drive command."""
         return bool(self._rotor or self._drive)

@@ -9,8 +9,10 @@ from typing import NamedTuple
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.program.level import Answer, GearState
-from wbc.control.torque.gears import GearLaw, gear_directions
+from wbc.control.program.level import Answer
+from wbc.control.program.usual_tick import Passed, UsualTick
+from wbc.control.safety.inputs import Complaint
+from wbc.control.torque.gears import GearLaw, GearState, gear_directions
 from wbc.control.torque.motors import Motors
 from wbc.robot import Motion
 
@@ -39,6 +41,36 @@ class ExpectedProspect(NamedTuple):
     def targets(self) -> tuple[FloatArray, FloatArray]:
         """Return position and velocity of the driven joints (m,) after the time step."""
         return self.motors.targets(*self.state, self.x[: self.program.nv], self.dt)
+
+
+_SOLVED = Status.SOLVED
+
+
+class PassedProspect(NamedTuple):
+    """What a usual tick leads to.
+
+    Attributes:
+        usual: what did it.
+        block: its results.
+        motors: what places the driven joints.
+        dt: time until the next tick [s].
+    """
+
+    usual: UsualTick
+    block: FloatArray
+    motors: Motors
+    dt: float
+
+    def forces(self) -> Mapping[str, FloatArray]:
+        """Return the force of every active contact."""
+        program = self.usual.program
+        return program.contacts.wrenches(program.forces_of(self.block[self.usual.at.x]))
+
+    def targets(self) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity of the driven joints (m,) after the time step."""
+        at, block = self.usual.at, self.block
+        state = block[at.position], block[at.velocity]
+        return self.motors.targets(*state, block[at.acceleration], self.dt)
 
 
 class Outcome:
@@ -81,8 +113,7 @@ class Outcome:
         state = motion.position.copy(), motion.velocity.copy()
         elapsed = perf_counter() - start
         if self._deadline is not None and elapsed > self._deadline:
-            status = Status.LATE
-            message = f"{1e3 * elapsed:.2f} ms of {1e3 * self._deadline:.2f} ms."
+            status, message = self._late(elapsed, self._deadline)
         return Command.of(
             rotor_torque=drive,
             acceleration=found.acceleration,
@@ -101,3 +132,41 @@ class Outcome:
             prospect=ExpectedProspect(program, found.solution.x, self._motors, state, dt),
             refused=None,
         )
+
+    def usual(self, usual: UsualTick, passed: Passed, dt: float, start: float) -> Command:
+        """Return the command of a usual tick, which no limit bends.
+
+        Args:
+            usual, passed: what did the tick, and what came of it.
+            dt: time until the next tick [s].
+            start: when the tick began, by `perf_counter` [s].
+        """
+        at, block, status, message = usual.at, passed.block, _SOLVED, ""
+        prospect = PassedProspect(usual, block, self._motors, dt)
+        solution = usual.solution(passed)
+        elapsed = perf_counter() - start
+        if self._deadline is not None and elapsed > self._deadline:
+            status, message = self._late(elapsed, self._deadline)
+        return Command.of(
+            rotor_torque=block[at.drive],
+            acceleration=block[at.acceleration],
+            consistent=True,
+            output_torque=block[at.output],
+            mesh_torque=block[at.mesh],
+            expected_speed=block[at.turning],
+            certainty=block[at.sigma],
+            status=status,
+            message=message,
+            solve_time=passed.time,
+            tick_time=elapsed,
+            rounds=1,
+            iterations=passed.steps,
+            solution=solution,
+            prospect=prospect,
+            refused=None,
+        )
+
+    @staticmethod
+    def _late(elapsed: float, deadline: float) -> Complaint:
+        """Return that a tick took longer than its deadline [s]."""
+        return Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."

@@ -63,7 +63,7 @@ class OutputTorques:
         self._joint_torque = np.zeros(gears.size)
         self.rotor = np.zeros((gears.size, robot.model.nv))
         self.rotor[:, robot.actuated] = gears.reflected_inertia[:, None] * gears.motor_from_joint
-        self._rotor_own = self.rotor
+        self._rotor_own = self.rotor.copy()
         self._turns = np.zeros_like(self.rotor)
         self._turns[:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
         self._dry = np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction
@@ -71,6 +71,9 @@ class OutputTorques:
         self._rotors_rub = bool(np.any(self._dry > 0.0) or np.any(self._viscous > 0.0))
         self.rotor_bias = np.zeros(gears.size)
         self._load: FloatArray | None = None
+        nv = robot.model.nv
+        # the terms keep their memory: compiled functions know where it is
+        self._mass, self._bias = np.zeros((nv, nv)), np.zeros(nv)
         self.mass: FloatArray
         self.bias: FloatArray
 
@@ -78,6 +81,15 @@ class OutputTorques:
     def output_bias(self) -> FloatArray:
         """D' bias_m (m,) [N m], the part of T that no acceleration and no force changes."""
         return self.to_motors(self.bias)
+
+    @property
+    def rotor_friction(self) -> tuple[FloatArray, FloatArray]:
+        """Dry [N m] and viscous [N m s/rad] friction of the rotors at the motor outputs (m,)."""
+        return self._dry, self._viscous
+
+    def stand_on(self, kinematics: Kinematics) -> None:
+        """Take the terms of a state from now on, whatever it is; no effect acts."""
+        self.mass, self.bias = kinematics.mass_matrix, kinematics.bias
 
     def motor_speed(self, velocity: FloatArray) -> FloatArray:
         """Return dpsi (m,) [rad/s] of joint velocities (nv,)."""
@@ -142,21 +154,22 @@ class OutputTorques:
             speed: motor speed dpsi (m,) [rad/s].
             certainty: sigma (m,) of each gear.
         """
-        self.mass = kinematics.mass_matrix
-        self.bias = kinematics.bias if effects is None else kinematics.bias - effects
+        self.stand_on(kinematics)
+        if effects is not None:
+            self.bias = np.subtract(kinematics.bias, effects, out=self._bias)
         if self._rotors_rub:
-            self.rotor_bias = self._dry * certainty + self._viscous * speed
+            np.add(self._dry * certainty, self._viscous * speed, out=self.rotor_bias)
         if self.robot.rotors_turn_with_links:
             self._couple(kinematics)
 
     def _couple(self, kinematics: Kinematics) -> None:
         coupling = rotor_coupling(self.robot, _terms(kinematics))
         ratio = self.robot.transmission.gear_ratio
-        self.mass = np.ascontiguousarray(self.mass + coupling.inertia.T @ self._turns)
-        self.bias = self.bias + coupling.link_bias
-        self.rotor = np.ascontiguousarray(self._rotor_own + ratio[:, None] * coupling.inertia)
+        self.mass = np.add(self.mass, coupling.inertia.T @ self._turns, out=self._mass)
+        self.bias = np.add(self.bias, coupling.link_bias, out=self._bias)
+        np.add(self._rotor_own, ratio[:, None] * coupling.inertia, out=self.rotor)
         own = ratio * coupling.rotor_bias
-        self.rotor_bias = self.rotor_bias + own if self._rotors_rub else own
+        np.add(self.rotor_bias if self._rotors_rub else 0.0, own, out=self.rotor_bias)
 
 
 def _terms(kinematics: Kinematics) -> Terms:

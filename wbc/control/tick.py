@@ -9,7 +9,7 @@ from typing import NamedTuple
 from wbc.arrays import FloatArray
 from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask
-from wbc.control.program.level import GearState, Level
+from wbc.control.program.level import Level
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import (
     Complaint,
@@ -19,6 +19,7 @@ from wbc.control.safety.inputs import (
     step_complaint,
 )
 from wbc.control.state import State
+from wbc.control.torque.gears import GearState
 from wbc.robot import Motion
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.control.contacts.contact import BoundContact
 from wbc.control.contacts.contact_pull import ContactPull
 from wbc.control.kinematics import FrameTable, Kinematics
@@ -112,6 +112,15 @@ class ContactSet:
         rest(self._memory, kinematics.velocity)
         if anchors and self._pull.names:
             self._pull.add(self._table.places, anchors, self.target)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether all rows and what they want follow from the state alone."""
+        return not self._foreign and not self._pull.names
+
+    def memory(self, kinematics: Kinematics) -> tuple[IntArray, IntArray]:
+        """Return the memory of `fill_state_rows` and `rest`, which `fill` calls."""
+        return self._table.memory(kinematics, self.jacobian, self._drift), self._memory
 
     def anchored(self, anchors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return where the contacts that take drift back stood in the first tick, by name.

@@ -97,18 +97,22 @@ class FrameTable:
         self.places, self.used = np.zeros((len(wanted), 12)), np.ones(len(wanted), dtype=np.int_)
         self._starts, self._columns = joint_columns(model)
         self._read: tuple[Any, ...] = None, None, None
-        self._mass, self._memory = 0.0, np.zeros((0, 5), dtype=np.int64)
+        self._memory: IntArray = np.zeros((0, 5), dtype=np.int64)
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J and dJ/dt v into rows of (k, nv) and (k,); columns that never move stay zero."""
+        fill_state_rows(self.memory(kinematics, jacobian, drift), kinematics.mass)
+
+    def memory(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> IntArray:
+        """Return the memory that `fill_state_rows` works in, arguments as for `fill`."""
         read, rows, right = self._read
         if read is not kinematics or rows is not jacobian or right is not drift:
             self._lay_out(kinematics, jacobian, drift)
-        fill_state_rows(self._memory, self._mass)
+        return self._memory
 
     def _lay_out(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Take what is read, memory that `kinematics` overwrites in place, and what is written."""
-        self._read, self._mass = (kinematics, jacobian, drift), kinematics.mass
+        self._read = kinematics, jacobian, drift
         self._fixed = FixedArrays(
             _ROWS,
             (

@@ -111,13 +111,22 @@ class Kinematics:
 
     def update(self, position: FloatArray, velocity: FloatArray) -> None:
         """Move to the state q (nq,), v (nv,)."""
-        model, data = self.model, self._data
-        self.position, self.velocity = position, velocity
-        pin.crba(model, data, position, pin.Convention.WORLD)  # leaves J, A_g and the CoM as well
-        self._moved = self._momentum_drift_ready = False
+        self.take(position, velocity)
         move_joints(self._memory.table, velocity)
         if not self._axes_turn:
             self._ask_pinocchio()
+
+    def take(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Take a state, where `move_joints` follows in `memory`."""
+        self.position, self.velocity = position, velocity
+        # leaves J, A_g and the CoM as well
+        pin.crba(self.model, self._data, position, pin.Convention.WORLD)
+        self._moved = self._momentum_drift_ready = False
+
+    @property
+    def memory(self) -> IntArray | None:
+        """Memory of `move_joints`; None where that is not all, see `update`."""
+        return self._memory.table if self._axes_turn else None
 
     def _ask_pinocchio(self) -> None:
         """Take drifts and bias from pinocchio, where an axis moves within its own body."""

@@ -11,17 +11,15 @@ from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
 from wbc.control.output_torques import OutputTorques, TorqueTerms
-from wbc.control.program.balance import place_balance
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
-from wbc.control.program.placing import TASKS, place_tasks, place_tasks_fixed
+from wbc.control.program.placing import Placing
 from wbc.control.program.rows.inequality_rows import InequalityRows, place_passing
 from wbc.control.program.rows.row_basis import RowBasis
 from wbc.control.program.rows.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
-from wbc.fixed_arrays import FixedArrays
 
 _NOTHING_SEEN: tuple[FloatArray | None, tuple[FloatArray, FloatArray]]
 _NOTHING_SEEN = None, (np.zeros(0), np.zeros(0))
@@ -58,6 +56,9 @@ class ContactForceProgram:
         unbound: the program without its torque limits.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         rows: the inequalities.
+        placing: what writes balance and tasks.
+        off: how many rows of tasks are left out.
+        hardens: whether a task has an infinite weight.
         torque_map: (m, n), T = torque_map @ x + D' bias_m.
     """
 
@@ -93,7 +94,7 @@ class ContactForceProgram:
             collision: distances to keep, filled by the controller; or None.
         """
         self._collision = collision
-        self._hardens = hardens
+        self.hardens = hardens
         robot = plant.robot
         self.plant, self.contacts, self.joint_limit = plant, contacts, joint_limit
         self.nv, self.forces = robot.model.nv, contacts.rows
@@ -124,7 +125,6 @@ class ContactForceProgram:
         self.effort_cost = EffortCost(efforts, plant, self._stacked[mine], self._right[mine])
         self.A, self.b = self._stacked[cost_rows:size], self._right[cost_rows:size]
         balance, contact = slice(0, self.undriven), slice(self.undriven, rest)
-        self._balance, self._balance_right = self.A[balance], self.b[balance]
         self._contact_rows, self._contact_right = self.A[contact, : self.nv], self.b[contact]
         self._copies = not contacts.place(self._contact_rows, self._contact_right)
         self._basis = None
@@ -141,10 +141,12 @@ class ContactForceProgram:
         more = len(self.rows.lower) + len(self.gears)
         self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
         self._seen = _NOTHING_SEEN
-        self._tasks: TaskStack | None = None
-        self._fixed: FixedArrays
+        self.placing = Placing(
+            *(plant, contacts, self.A[balance], self.b[balance]),
+            (self._stacked, self._right, self._softness, self.diagonal, self.pull),
+        )
         self._write_normal_bounds(None)
-        self._off = 0
+        self.off = 0
         self._views: dict[int, _Views] = {}
         self._count_equalities(rest)
         self.torque_map = np.zeros((robot.transmission.size, self.n))
@@ -163,12 +165,9 @@ class ContactForceProgram:
             step: time until the next tick [s].
             ceilings: greatest normal force [N] by contact, None where only the contacts' own hold.
         """
-        plant, set_ = self.plant, self.contacts
-        self._seen = _NOTHING_SEEN
-        place_balance(
-            *(plant.mass, plant.bias, set_.jacobian, self.force_scale),
-            *(plant.robot.unactuated, self._balance, self._balance_right),
-        )
+        set_ = self.contacts
+        if self.more_rows:  # a lock reads the balance before the tasks are written
+            self.placing.place_balance(self.force_scale)
         if self._basis is not None:
             self._basis.place(
                 *(set_.jacobian, set_.target),
@@ -177,6 +176,29 @@ class ContactForceProgram:
         elif self._copies:
             np.copyto(self._contact_rows, set_.jacobian)
             np.copyto(self._contact_right, set_.target)
+        self.assemble_bounds(position, velocity, step, ceilings)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether all rows but those of efforts stand where contacts and tasks write them.
+
+        Then nothing is to be done between these and the solver but to place the balance.
+        """
+        bare = self._collision is None and not self.efforts and not self.hardens
+        return bare and self._basis is None and not self._copies and not self.more_rows
+
+    def assemble_bounds(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        step: float,
+        ceilings: Mapping[str, float] | None,
+    ) -> None:
+        """Write the bounds of normal forces and joint accelerations, and rows of distances.
+
+        Arguments as for `assemble_constraints`.
+        """
+        self._seen = _NOTHING_SEEN
         if ceilings != self._ceilings:
             self._write_normal_bounds(ceilings)
         if self.joint_limit is not None:
@@ -187,22 +209,20 @@ class ContactForceProgram:
             self.rows.write_distances(self._collision.rows, self._collision.least)
 
     def assemble_tasks(self, tasks: TaskStack) -> float:
-        """Write the tasks' rows and diagonal; call after the constraints.
+        """Write the balance, the tasks' rows and the diagonal; call after the constraints.
 
         Returns:
             the sum of the sizes of all that tasks and equalities want, not finite if one is not.
         """
-        locked = len(self.b) > self.unlocked  # then b is another view in every tick
-        if tasks.rows_off != self._off:
-            self._off = tasks.rows_off
+        self.leave_out(tasks.rows_off)
+        scale, regularisation = self.force_scale, self.weights[0]
+        return self.placing.place(tasks, self.b, scale, regularisation, fixed=not self.more_rows)
+
+    def leave_out(self, rows: int) -> None:
+        """Leave out the first rows, of tasks that have no weight."""
+        if rows != self.off:
+            self.off = rows
             self._take_views()
-        if not locked and tasks is self._tasks:
-            return place_tasks_fixed(self._fixed.table, self.weights[0])
-        asked = tasks.jacobian, tasks.wanted, tasks.weight, tasks.diagonal, tasks.pull, self.b
-        results = self._stacked, self._right, self._softness, self.diagonal, self.pull
-        if not locked:
-            self._tasks, self._fixed = tasks, FixedArrays(TASKS, asked + results)
-        return place_tasks(*asked, self.weights[0], *results)
 
     def weights_of(self, tasks: TaskStack) -> FloatArray:
         """Return what the variables (n,) cost by themselves, never nothing."""
@@ -254,23 +274,23 @@ class ContactForceProgram:
 
     def _take_views(self) -> None:
         """Take the views that leave out the rows of tasks without weight."""
-        views = self._views.get(self._off)
+        views = self._views.get(self.off)
         if views is None:
-            views = self._views[self._off] = self._made_views()
+            views = self._views[self.off] = self._made_views()
         self.blocks, self._directed_blocks, self.unbound = views
 
     def _made_views(self) -> _Views:
-        rows, used = self.rows, slice(self._off, self.cost_rows + len(self.b))
+        rows, used = self.rows, slice(self.off, self.cost_rows + len(self.b))
         blocks = BlockProblem(
             *(self.diagonal, self.pull),
             rows=self._stacked[used],
             right=self._right[used],
             softness=self._softness[used],
-            soft=self.cost_rows - self._off,
+            soft=self.cost_rows - self.off,
             C=rows.C,
             lower=rows.lower,
             upper=rows.upper,
-            hardens=self._hardens,
+            hardens=self.hardens,
         )
         free = slice(rows.torque.stop, None)
         C, lower, upper = self._directed

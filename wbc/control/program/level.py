@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import NamedTuple
 
@@ -13,33 +13,24 @@ from wbc.control.command import Status
 from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level_lock import LevelLock
 from wbc.control.program.task_stack import TaskStack
+from wbc.control.program.usual_tick import (
+    TOO_LARGE,
+    Passed,
+    UsualArguments,
+    UsualTick,
+    greatest_asked,
+)
 from wbc.control.reference import Reference
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.verdict import judged
 from wbc.control.solvers import DualActiveSet, QPProblem, QPSolution, QPStatus
 from wbc.control.torque.direction_search import GUESSES, SMALL, DirectedSolution, DirectionSearch
-from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.gears import GearLaw, GearState
 from wbc.control.torque.torque_stage import Realised, RotorTorqueStage
 from wbc.robot import Motion
 
 _BINDS = 1e-6
 _SOLVED: Complaint = (Status.SOLVED, "")
-
-
-class GearState(NamedTuple):
-    """What one tick knows of the gears before it is solved.
-
-    Attributes:
-        sigma: certainty (m,) of the directions.
-        limits: least and greatest N tau_phi (m,) [N m].
-        speed: expected dpsi (m,) [rad/s].
-        last_output: T (m,) of the last tick [N m].
-    """
-
-    sigma: FloatArray
-    limits: tuple[FloatArray, FloatArray]
-    speed: FloatArray
-    last_output: FloatArray
 
 
 class Answer(NamedTuple):
@@ -68,6 +59,7 @@ class Level:
 
     Attributes:
         program: of the level.
+        usual: does a usual tick in one call; None where a tick is never usual.
     """
 
     def __init__(
@@ -80,6 +72,7 @@ class Level:
         law: GearLaw,
         stage: RotorTorqueStage,
         tolerance: float,
+        usual: UsualTick | None,
     ) -> None:
         """Take the parts.
 
@@ -92,9 +85,9 @@ class Level:
             law: of the meshes.
             stage: finds the rotor torques.
             tolerance: of the solvers.
+            usual: does a usual tick in one call, None where a tick is never usual.
         """
-        # beyond this a row's own rounding is more than the tolerance
-        self._greatest = float(tolerance / np.finfo(np.float64).eps)
+        self._greatest, self.usual = greatest_asked(tolerance), usual
         self._tasks, self._lock, self.program = tasks, lock, program
         self._search, self._guess, self._law, self._stage = search, guess, law, stage
         self._output = np.zeros(0)
@@ -132,6 +125,40 @@ class Level:
         if self._lock is not None and above is not None:
             self._lock_decided(self._lock, above.found, gears)
         self._solvable = program.assemble_tasks(self._tasks) < self._greatest
+
+    def pass_usual(
+        self,
+        motion: Motion,
+        asked: UsualArguments,
+        dt: float,
+        expected: FloatArray,
+        last_output: FloatArray,
+    ) -> Passed | None:
+        """Do a usual tick in one call; None where it is none.
+
+        Args:
+            motion: the state.
+            asked: references, contacts, weights and activation of `Controller.step`.
+            dt: time until the next tick [s].
+            expected: v (nv,) [rad/s] expected of this state.
+            last_output: T (m,) of the last tick [N m].
+
+        Raises:
+            ControlError: a reference that does not fit its task.
+        """
+        usual = self.usual
+        if usual is None or self._saturated or not usual.prepare(motion, *asked, dt):
+            return None
+        passed = usual.run(motion, expected, last_output, dt)
+        self._whole, self._output = False, passed.block[usual.at.output]
+        return passed
+
+    def finish(self, passed: Passed, first: FloatArray) -> Answer | Refusal:
+        """Return what `solve` would where a usual tick ended early."""
+        if passed.ended == TOO_LARGE:
+            return Refusal(None, None, self)
+        self._whole = True
+        return self._searched(passed.gears, first, starts_over=True)
 
     def _lock_decided(self, lock: LevelLock, found: DirectedSolution, gears: GearState) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""
@@ -252,3 +279,34 @@ class Level:
 
     def _assemble_whole(self) -> None:
         self.program.assemble_torque_map()
+
+
+Tick = tuple[Motion, Mapping[str, Reference], Mapping[str, float] | None, float, GearState]
+"""What `Level.assemble` needs of a tick, in its order."""
+
+
+def descend(
+    levels: Sequence[Level], tick: Tick, last_output: FloatArray
+) -> tuple[Level, Answer | Refusal]:
+    """Solve one level after the other; one that finds nothing leaves it at those above.
+
+    Args:
+        levels: the most important first.
+        tick: motion, references, contacts, time step and gears.
+        last_output: T (m,) of the last tick [N m].
+
+    Returns:
+        the last level that was solved, or could not be, and what came of it.
+    """
+    first, *lower = levels
+    first.assemble(*tick, None)
+    reached, answer = first, first.solve(tick[4], last_output)
+    for level in lower:
+        if isinstance(answer, Refusal):
+            break
+        level.assemble(*tick, answer)
+        deeper = level.solve(tick[4], answer.found.output)
+        if isinstance(deeper, Refusal) and deeper.complaint is not None:
+            return reached, answer.without_lower(deeper.complaint)
+        reached, answer = level, deeper
+    return reached, answer

@@ -20,12 +20,14 @@ from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.control.program.level import Level
 from wbc.control.program.level_lock import LevelLock, greatest_lock
 from wbc.control.program.task_stack import TaskStack
+from wbc.control.program.usual_tick import UsualTick
 from wbc.control.settings import ControllerSettings
 from wbc.control.solvers import DualActiveSet
 from wbc.control.solvers.cascade import Cascade
 from wbc.control.solvers.warm_start import WarmStart
 from wbc.control.torque.direction_search import DirectionSearch
 from wbc.control.torque.gears import GearLaw
+from wbc.control.torque.motors import TorqueBounds
 from wbc.control.torque.torque_stage import RotorTorqueStage
 
 # Tolerances by which a level may at most be beyond a bound, which the next one then lets pass.
@@ -49,6 +51,8 @@ class Recipe:
         force_tasks: costs on contact forces, likewise.
         stacks: tasks by level, the most important first.
         law: of the meshes.
+        bounds: least and greatest N tau_phi (m,) [N m] where no effect acts within a tick and they
+            are always the same, so that ticks may be usual; None elsewhere.
         stage: what finds the rotor torques.
     """
 
@@ -63,6 +67,7 @@ class Recipe:
     force_tasks: Sequence[ContactForceTask]
     stacks: tuple[TaskStack, ...]
     law: GearLaw
+    bounds: TorqueBounds | None
     stage: RotorTorqueStage
 
 
@@ -150,7 +155,21 @@ class ProgramLibrary:
             recipe.law,
             recipe.stage,
             settings.tolerance,
+            self._usual(tasks, program, guess),
         )
+
+    def _usual(
+        self, tasks: TaskStack, program: ContactForceProgram, guess: DualActiveSet | None
+    ) -> UsualTick | None:
+        """Return what does a usual tick in one call, None where parts are to be asked."""
+        recipe = self._recipe
+        alone = len(recipe.stacks) == 1 and recipe.kinematics.memory is not None
+        known = program.is_fixed and program.contacts.is_known
+        known = known and not recipe.plant.robot.rotors_turn_with_links
+        if guess is None or recipe.bounds is None or not alone or not known:
+            return None
+        blend = recipe.settings.speed_blend
+        return UsualTick(recipe.kinematics, tasks, program, guess, recipe.law, blend, recipe.bounds)
 
 
 def _own_solver(

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
+    Dense,
     Matrix,
     Number,
     OutDense,
+    OutMatrix,
     OutVector,
+    Places,
+    Row,
     Vector,
     compiled,
 )
-from wbc.fixed_arrays import FixedTable, array_at
+from wbc.control.contacts.contact_set import ContactSet
+from wbc.control.output_torques import OutputTorques
+from wbc.control.program.balance import place_balance
+from wbc.control.program.task_stack import TaskStack
+from wbc.fixed_arrays import FixedArrays, FixedTable, array_at
 
 
 @compiled(Number, Matrix, *[Vector] * 5, Number, OutDense, *[OutVector] * 4)
@@ -83,3 +93,95 @@ def place_tasks_fixed(memory: IntArray, regularisation: float) -> float:
         array_at(memory, 9, OutVector),
         array_at(memory, 10, OutVector),
     )
+
+
+PROGRAM = Dense, Row, Matrix, Places, OutMatrix, OutVector, FixedTable
+"""Kinds of the arrays of `place_balance`, in its order, and the memory of TASKS."""
+
+
+@compiled(Number, FixedTable, Number, Number)
+def place_program(memory: IntArray, scale: float, regularisation: float) -> float:
+    """Do as `place_balance` and `place_tasks` do in the memory of PROGRAM."""
+    place_balance(
+        array_at(memory, 0, Dense),
+        array_at(memory, 1, Row),
+        array_at(memory, 2, Matrix),
+        scale,
+        array_at(memory, 3, Places),
+        array_at(memory, 4, OutMatrix),
+        array_at(memory, 5, OutVector),
+    )
+    return place_tasks_fixed(array_at(memory, 6, FixedTable), regularisation)
+
+
+class Placing:
+    """Writes the balance and the tasks of a program into its rows."""
+
+    def __init__(
+        self,
+        plant: OutputTorques,
+        contacts: ContactSet,
+        balance: FloatArray,
+        balance_right: FloatArray,
+        results: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    ) -> None:
+        """Take the memory.
+
+        Args:
+            plant: the dynamics.
+            contacts: the active contacts.
+            balance, balance_right: rows (u, n) and (u,) of the undriven coordinates.
+            results: of `place_tasks`.
+        """
+        self._plant, self._contacts = plant, contacts
+        self._balance, self._results = (balance, balance_right), results
+        self._mass = self._bias = np.zeros(0)
+        self._fixed: tuple[FixedArrays, FixedArrays]
+
+    def place_balance(self, scale: float) -> None:
+        """Write the balance of the undriven coordinates, with `scale` [N] per force variable."""
+        plant = self._plant
+        place_balance(
+            *(plant.mass, plant.bias, self._contacts.jacobian, scale),
+            *(plant.robot.unactuated, *self._balance),
+        )
+
+    def place(
+        self,
+        tasks: TaskStack,
+        equalities: FloatArray,
+        scale: float,
+        regularisation: float,
+        *,
+        fixed: bool,
+    ) -> float:
+        """Write balance and tasks; return the sum of the sizes of all that is wanted.
+
+        Args:
+            tasks: of the level.
+            equalities: what the equalities must be (e,).
+            scale: [N] per unit of force variable.
+            regularisation: of the accelerations.
+            fixed: whether the equalities stay where they are; otherwise the balance must stand.
+        """
+        if fixed:
+            return place_program(self.memory(tasks, equalities), scale, regularisation)
+        return place_tasks(*_asked(tasks, equalities), regularisation, *self._results)
+
+    def memory(self, tasks: TaskStack, equalities: FloatArray) -> IntArray:
+        """Return the memory of PROGRAM, described anew where the plant's has moved."""
+        plant = self._plant
+        if plant.bias is not self._bias or plant.mass is not self._mass:
+            self._mass, self._bias = plant.mass, plant.bias
+            asked = FixedArrays(TASKS, _asked(tasks, equalities) + self._results)
+            moved = plant.mass, plant.bias, self._contacts.jacobian, plant.robot.unactuated
+            self._fixed = FixedArrays(PROGRAM, (*moved, *self._balance, asked.table)), asked
+        return self._fixed[0].table
+
+
+def _asked(
+    tasks: TaskStack, equalities: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return what tasks and equalities want."""
+    rows = tasks.jacobian, tasks.wanted, tasks.weight
+    return *rows, tasks.diagonal, tasks.pull, equalities

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, reals
+from wbc.arrays import FloatArray, IntArray, reals
 from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.program.stacking import STACK, place_rates, want
 from wbc.control.reference import Reference, Target
@@ -119,6 +119,10 @@ class TaskStack:
         self._memory = self._fixed.table
         self._held: dict[str, Target] = {}
         self._pending: dict[str, Target] = {}
+        self._by_name = {entry.name: entry for entry in self._entries}
+        # whether to look what is known, whether something is not, and what is asked beyond rest
+        self._stale = self._unknown = self._asks = True
+        self._drops = True  # whether tasks without weight may hold a target
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
         self.weigh(None, None)
 
@@ -177,6 +181,8 @@ class TaskStack:
             else:
                 self._idle.append(entry)
                 self._parts[:, rows] = 0.0
+        self._off = frozenset(entry.name for entry in self._idle)
+        self._stale = self._drops = True
         self._own = [entry for entry in self._active if entry.own]
         self.rows_off = len(self.weight) - int(np.count_nonzero(self.weight > 0.0))
         self.diagonal[:] = 0.0
@@ -185,13 +191,52 @@ class TaskStack:
     def forget(self) -> None:
         """Forget the targets held so far."""
         self._held.clear()
+        self._stale = True
 
     def remember(self) -> None:
-        """Hold the targets of the last `fill` from now on; tasks without weight hold nothing."""
+        """Hold the targets taken last from now on; tasks without weight hold nothing."""
         if self._pending:
             self._held.update(self._pending)
-        for entry in self._idle:
-            self._held.pop(entry.name, None)
+        if self._drops:
+            for entry in self._idle:
+                self._held.pop(entry.name, None)
+            self._drops = False
+        # what was pending is packed as well; only where some were not, look again
+        self._stale = self._unknown
+
+    def is_known(self) -> bool:
+        """Return whether all targets are held, and rows follow from them and the state alone."""
+        if self._stale:
+            held, packed = self._held, self._packed
+            self._unknown = bool(self._own) or not all(
+                entry.name in held and packed.get(entry.name) is held[entry.name]
+                for entry in self._active
+            )
+            self._stale = self._unknown
+        return not self._unknown
+
+    def take(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
+        """Take references where all targets are known; they read nothing of the kinematics.
+
+        Raises:
+            ControlError: a reference that does not fit its task; nothing is remembered then.
+        """
+        if self._asks:
+            self._asked.fill(0.0)
+            self._asks = False
+        self._pending.clear()
+        for name, reference in references.items():
+            entry = self._by_name.get(name)
+            if entry is None:
+                continue
+            if entry.name in self._off:
+                self._check_idle(entry, reference)
+            else:
+                self._evaluate(entry, kinematics, reference)
+
+    def memory(self, kinematics: Kinematics) -> tuple[IntArray, IntArray]:
+        """Return the memory of `fill_state_rows` and `want`, which `fill` calls."""
+        return self._table.memory(kinematics, self.jacobian, self._drift), self._memory
 
     def fill(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
         """Evaluate every task at the present state.
@@ -203,6 +248,7 @@ class TaskStack:
             ControlError: a reference that does not fit its task; nothing is remembered then.
         """
         self._asked.fill(0.0)
+        self._asks = False
         self._pending.clear()
         held, packed = self._held, self._packed
         for entry in self._active:
@@ -234,7 +280,10 @@ class TaskStack:
         task = entry.task
         target = self._target(entry, kinematics, reference)
         self._pending[entry.name] = target
+        self._stale = True
         velocity, acceleration = reference.velocity, reference.acceleration
+        if velocity is not None or acceleration is not None:
+            self._asks = True
         if velocity is not None:
             entry.velocity[:] = rates(velocity, "velocity", entry.size, task.name)
         if acceleration is not None:

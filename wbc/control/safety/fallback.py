@@ -52,10 +52,16 @@ class Fallback:
         self._ticks, self._time = 0, 0.0
 
     def remember(
-        self, motion: Motion, torque: FloatArray, contacts: tuple[BoundContact, ...]
+        self, position: FloatArray, torque: FloatArray, contacts: tuple[BoundContact, ...]
     ) -> None:
-        """Take a tick with a solution, N tau_phi = `torque` (m,) [N m], as the last good one."""
-        self._torque, self._position = torque, motion.position.copy()
+        """Take a tick with a solution as the last good one.
+
+        Args:
+            position: q (nq,), which nobody overwrites.
+            torque: N tau_phi (m,) [N m].
+            contacts: that carried the robot.
+        """
+        self._torque, self._position = torque, position
         self._contacts = contacts
         self._ticks, self._time = 0, 0.0
 

@@ -6,7 +6,7 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.control.solvers.budget import ROUNDS, UNIT, system_work, units
 from wbc.control.solvers.dual_steps import (
     CLIMB,
@@ -168,6 +168,25 @@ class DualActiveSet:
         self._take(closest)
         return self._reached if self._climbed(closest, most) is QPStatus.SOLVED else None
 
+    def memory(self, problem: BlockProblem) -> tuple[IntArray, IntArray]:
+        """Return the memory of SYSTEM and CLIMB for a program; it lives as long as this does."""
+        self._recognise(problem)
+        self._recognise(problem)
+        self._describe_climb(problem)
+        assert self._fixed is not None
+        return self._fixed.table, self._climb.table
+
+    @property
+    def precision(self) -> tuple[float, float, int]:
+        """Tolerance, square of what rows may miss, and multiplications of a short climb."""
+        return self._tolerance, self._allowed, _SHORT * UNIT
+
+    def took(self, before: int, after: int, work: int) -> int:
+        """Take what a guess took, as `guess_fixed` tells it; return the units of the budget."""
+        systems = self._systems
+        self.steps, self.blocking = systems[before] + systems[after] + units(work), -1
+        return self.steps
+
     def _take(self, problem: BlockProblem) -> None:
         """Copy what climbing needs of a program."""
         diagonal, pull, rows, right, softness, *_ = problem
@@ -211,10 +230,7 @@ class DualActiveSet:
         """Find the binding rows one by one; return how that ended."""
         x = np.empty(len(problem.pull))
         self._reached = x
-        if self._bounds is not problem.C:
-            self._bounds = problem.C
-            bounds: tuple[Any, ...] = problem.C, problem.lower, problem.upper
-            self._climb = FixedArrays(CLIMB, bounds + self._memory_of_climbing)
+        self._describe_climb(problem)
         ended, work, self.blocking = climb_fixed(
             *(self._climb.table, self._known, len(problem.right)),
             *(self._allowed, 0.5 * self._tolerance),
@@ -223,6 +239,13 @@ class DualActiveSet:
         self.steps += units(work)
         self._known = 0 if ended == UNMET else len(problem.right) // 2 * 2
         return _ENDED[ended]
+
+    def _describe_climb(self, problem: BlockProblem) -> None:
+        """Describe the memory that climbing needs, unless it is that of the last time."""
+        if self._bounds is not problem.C:
+            self._bounds = problem.C
+            bounds: tuple[Any, ...] = problem.C, problem.lower, problem.upper
+            self._climb = FixedArrays(CLIMB, bounds + self._memory_of_climbing)
 
     def _solution(
         self, problem: BlockProblem, x: FloatArray, size: int, skipped: int

@@ -34,6 +34,22 @@ class Slopes(NamedTuple):
         return np.where(output_positive, self.positive, self.negative)
 
 
+class GearState(NamedTuple):
+    """What one tick knows of the gears before it is solved.
+
+    Attributes:
+        sigma: certainty (m,) of the directions.
+        limits: least and greatest N tau_phi (m,) [N m].
+        speed: expected dpsi (m,) [rad/s].
+        last_output: T (m,) of the last tick [N m].
+    """
+
+    sigma: FloatArray
+    limits: tuple[FloatArray, FloatArray]
+    speed: FloatArray
+    last_output: FloatArray
+
+
 class GearLaw:
     """Mesh input torque as a function of output torque and of where the joint is going.
 
@@ -55,13 +71,15 @@ class GearLaw:
             margin: share of the interval at rest that is kept free at either end, 0 to 0.5.
         """
         self._policy, self._margin = policy, margin
+        # the slopes keep their memory: compiled functions know where it is
+        self._rest, self._forward, self._backward = np.empty((3, gears.size))
+        self.blended = self._rest, self._forward, self._backward
         self.follow(gears.forward_efficiency, gears.backward_efficiency)
 
     def follow(self, forward_efficiency: FloatArray, backward_efficiency: FloatArray) -> None:
         """Take the efficiencies (m,) that the gears have from now on."""
         self._efficiencies = forward_efficiency, backward_efficiency
-        self._forward = 1.0 / forward_efficiency
-        self._backward = np.array(backward_efficiency)
+        self._forward[:], self._backward[:] = 1.0 / forward_efficiency, backward_efficiency
         low = np.minimum(self._forward, self._backward)
         high = np.maximum(self._forward, self._backward)
         preferred = {
@@ -70,8 +88,7 @@ class GearLaw:
             RestPolicy.MOST_MARGIN: 0.5 * (low + high),
         }[self._policy]
         free = self._margin * (high - low)
-        self._rest = np.clip(preferred, low + free, high - free)
-        self.blended = self._rest, self._forward, self._backward
+        self._rest[:] = np.clip(preferred, low + free, high - free)
         # rows: slopes for T > 0 and for T < 0
         self._both = np.array([self._rest, self._rest])
         self._ahead = np.array([self._forward, self._backward]) - self._rest

@@ -20,6 +20,7 @@ class Motors:
 
     Attributes:
         limited: (m,) bool, motors that have a torque limit to keep.
+        constant: least and greatest N tau_phi (m,) [N m] where they never change, else None.
     """
 
     def __init__(
@@ -37,9 +38,9 @@ class Motors:
         self._nameplate = (-nameplate, nameplate)
         unlimited = np.full(gears.size, np.inf)
         self._free = (-unlimited, unlimited)
-        self._constant: TorqueBounds | None = None
+        self.constant: TorqueBounds | None = self._free if limit is None else None
         if limit is not None and limit.is_constant and not effects.act_on_rotors:
-            self._constant = self._at_output(*limit.bounds(robot, np.zeros(gears.size)))
+            self.constant = self._at_output(*limit.bounds(robot, np.zeros(gears.size)))
         self.limited = np.isfinite(gears.torque_limit) & (limit is not None)
 
     def position(self, motion: Motion) -> FloatArray:
@@ -66,8 +67,8 @@ class Motors:
 
     def bounds(self, motion: Motion, speed: FloatArray) -> TorqueBounds:
         """Return what the motors may give to the gears at motor speeds dpsi (m,) [rad/s]."""
-        if self._constant is not None or self._limit is None:
-            return self._free if self._constant is None else self._constant
+        if self.constant is not None or self._limit is None:
+            return self._free if self.constant is None else self.constant
         low, high = self._limit.bounds(self._robot, self._ratio * speed)
         added = self._effects.on_rotors(motion)
         if added is not None:

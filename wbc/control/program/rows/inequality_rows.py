@@ -54,6 +54,7 @@ class InequalityRows:
     Attributes:
         C: (n_in, n).
         lower, upper: (n_in,).
+        size: how many rows there are, n_in.
         torque, cone, normal, joint, distance: slices of the rows of each kind.
         stated: (n_in,) each, lower and upper as they stand for something.
         of_torque: C and the stated bounds of the torque rows, views.
@@ -90,7 +91,7 @@ class InequalityRows:
         self.torque, self.cone, self.normal, self.joint, self.distance = (
             slice(a, b) for a, b in pairwise(ends)
         )
-        self._nv = nv
+        self._nv, self.size = nv, ends[-1]
         self.C = np.zeros((ends[-1], nv + contacts.rows))
         self.lower, self.upper = np.full(ends[-1], -INFINITE), np.full(ends[-1], INFINITE)
         self.stated = self.lower, self.upper
