@@ -228,3 +228,60 @@ def test_a_guessed_gear_ratio_is_no_reason_to_suspect_columns(
     save_log(wrong, logs[0])
     assert main(["check", logs[0], *files]) == 1
     assert "the sign of knee.rotor_torque is reversed" in " ".join(capsys.readouterr().out.split())
+
+
+def test_what_the_logs_lack_is_said_with_the_way_to_add_it(
+    excited_log: Callable[..., Log], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A log without a torque got files without a word, and the next command was refused."""
+    log = excited_log((), duration=2.0)
+    columns = {n: v for n, v in log.columns.items() if n != "knee.rotor_torque"}
+    run = {"row": log.time, **columns, "load_of_knee": log.column("knee.rotor_torque")}
+    pq.write_table(pa.table(run), tmp_path / "run.parquet")
+    files = ["init", "planar_leg_fixed", str(tmp_path / "run.parquet"), "--out"]
+    assert main([*files, str(tmp_path / "a")]) == 2
+    assert "the rows per second: --rate HZ" in capsys.readouterr().err
+    assert main([*files, str(tmp_path / "b"), "--rate", "500"]) == 0
+    said = capsys.readouterr().out
+    found = said[said.index("not found: ") : said.index("next: ")]
+    assert "no torque of knee" in found
+    assert "Record what the drive reports" in " ".join(found.split())
+    assert "'load_of_knee'" in found
+    line = next(line for line in found.splitlines() if line.startswith("    columns."))
+    fix = tmp_path / "b" / "columns.toml"
+    fix.write_text(fix.read_text() + line.replace("COLUMN", "load_of_knee") + "\n")
+    read = load_log(tmp_path / "run.parquet", fix)
+    np.testing.assert_array_equal(read.column("knee.motor_torque"), log.column("knee.rotor_torque"))
+    assert read.sample_time == pytest.approx(0.002)
+
+
+def test_the_pose_of_a_free_base_and_the_forces_of_its_contacts_are_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = load_robot("solo12")
+    time = np.arange(0.0, 1.0, 0.01)
+    log = {"time": time, **{f"{j}.position": np.sin(time) for j in robot.single_joints}}
+    log |= {f"{j}.rotor_torque": np.cos(time) for j in robot.single_joints}
+    log |= {f"base.position.{axis}": 0.0 * time for axis in "xyz"}
+    pq.write_table(pa.table(log), tmp_path / "run.parquet")
+    files = ["solo12", str(tmp_path / "run.parquet")]
+    assert main(["init", *files, "--out", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not found: no orientation of the base of 'solo12'" in said
+    assert "unit quaternion" in said
+    check = ["check", files[1], "--robot", "solo12"]
+    assert main(check) == 1
+    assert "no orientation of the base" in " ".join(capsys.readouterr().out.split())
+    assert main(["compare", *check[1:]]) == 2
+    assert "no orientation of the base" in capsys.readouterr().err
+    upright = {f"base.orientation.{axis}": float(axis == "w") + 0.0 * time for axis in "xyzw"}
+    pq.write_table(pa.table(log | upright), tmp_path / "run.parquet")
+    assert main(["init", *files, "--out", str(tmp_path / "more")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    first = robot.contacts[0].name
+    assert f"no force and no flag of the contacts {first}" in said
+    assert f"{first}.active, 1 while it touches" in said
+    held = {f"{contact.name}.active": 1.0 + 0.0 * time for contact in robot.contacts}
+    pq.write_table(pa.table(log | upright | held), tmp_path / "run.parquet")
+    assert main(["init", *files, "--out", str(tmp_path / "all")]) == 0
+    assert "not found" not in capsys.readouterr().out

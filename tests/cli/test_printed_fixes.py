@@ -208,6 +208,16 @@ FIXES: list[tuple[str, str, str]] = [
         f"check t.csv {LEG} --columns time_right.toml",
     ),
     (
+        "the rows per second: --rate HZ.",
+        "init planar_leg_fixed clockless.csv --out new",
+        "init planar_leg_fixed clockless.csv --out new --rate 500",
+    ),
+    (
+        "--rate must be > 0.",
+        "init planar_leg_fixed clockless.csv --out new --rate 0",
+        "init planar_leg_fixed clockless.csv --out new --rate 500",
+    ),
+    (
         "in a column map (--columns MAP.toml).",
         f"compare x9.csv {LEG}",
         f"compare x9.csv {LEG} --columns unnamed.toml",
@@ -369,6 +379,7 @@ _RIVAL = {"effect": "viscous_friction", "where": "hip", "parameters": {"coeffici
 
 def _write_logs(log: Log) -> None:
     text = save_log(log, "run.csv").read_text(encoding="utf-8")
+    Path("clockless.csv").write_text(text.replace("time", "row", 1), encoding="utf-8")
     for name in ("q1", "x9"):
         Path(f"{name}.csv").write_text(text.replace("hip.position", name), encoding="utf-8")
     Path("t.csv").write_text(re.sub("^time", "t", text), encoding="utf-8")

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.errors import IdentificationError
 from wbc.measurement import Log, SuspiciousLogError
-from wbc.measurement.checks.robot_check import unknown_joints
+from wbc.measurement.checks.robot_check import unknown_base, unknown_joints
 from wbc.measurement.columns.degrees import in_degrees
 from wbc.measurement.columns.mend import say_so
 from wbc.robot import Robot
@@ -76,7 +76,7 @@ def require_readable(robot: Robot, log: Log) -> None:
             "anything; record at least a few seconds of motion."
         )
     _require_reachable(robot, log)
-    unknown = unknown_joints(log, robot)
+    unknown = unknown_joints(log, robot) or unknown_base(log, robot)
     if unknown is not None:
         raise SuspiciousLogError(f"{log.source.label}: {unknown.text} {unknown.way_out}", [unknown])
 

@@ -28,7 +28,12 @@ DIRECTION_COLOURS = {
     Direction.BACKWARD: VERMILION,
     Direction.STUCK: GREY,
 }
-"""Direction of the mesh power: motor drives, joint drives, at rest."""
+DIRECTION_LABELS = {
+    Direction.FORWARD: "motor drives",
+    Direction.BACKWARD: "joint drives",
+    Direction.STUCK: "stuck or idle",
+}
+"""Direction of the mesh power in words, the same in plots and in playbacks."""
 
 
 @dataclass(frozen=True)

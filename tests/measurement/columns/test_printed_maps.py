@@ -191,7 +191,6 @@ CASES = {
         guessing,
         (("COLUMN", "hip.x"),),
     ),
-    "no clock to guess": Case(renamed("time", "x"), guessing, (("100", "500"),)),
 }
 
 

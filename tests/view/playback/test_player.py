@@ -182,9 +182,13 @@ def test_joints_take_the_colour_of_power_or_of_the_residual(tab: Any, leg: Robot
     for instant in (0.05, 0.45, 1.1):
         tab.evaluate("t => player.seek(t)", instant)
         shown[instant] = tab.inner_text("#gears tr:last-child .chip")
-        expected = {"stuck": GREY, "joint drives": VERMILION, "motor drives": BLUE}[shown[instant]]
-        assert colour_of(tab, *hubs["knee"]) == pytest.approx(rgb(expected), abs=0.01)
-    assert shown == {0.05: "stuck", 0.45: "joint drives", 1.1: "motor drives"}
+        colours = {"stuck or idle": GREY, "joint drives": VERMILION, "motor drives": BLUE}
+        expected = rgb(colours[shown[instant]])
+        assert colour_of(tab, *hubs["knee"]) == pytest.approx(expected, abs=0.01)
+    assert shown == {0.05: "stuck or idle", 0.45: "joint drives", 1.1: "motor drives"}
+    # A badge says what the legend says.
+    legend = tab.inner_text("#legend")
+    assert [word for word in shown.values() if word not in legend] == []
     tab.get_by_label("residual").check()
 
 

@@ -9,10 +9,11 @@ from typing import Any
 
 from rich.console import Console
 
+from wbc.cli.shared.printout import Spoken
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.measurement.columns.mend import write_map
-from wbc.measurement.guessing.column_guess import guess_map, guess_names
+from wbc.measurement.guessing.column_guess import guess_map, guess_names, not_found
 from wbc.measurement.guessing.ratio_guess import guess_ratios
 from wbc.measurement.guessing.robot_guess import guessed_numbers, model_joints, write_robot
 
@@ -23,7 +24,8 @@ _EPILOG = """examples:
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: joints by name, motion and torque, units by
 derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
-motion of a joint and of its motor. Correct them, then run wbc check."""
+motion of a joint and of its motor. What the logs lack is named, with the way to add
+it. Correct the guesses, then run wbc check."""
 
 
 def add_to(commands: Any) -> None:
@@ -42,6 +44,9 @@ def add_to(commands: Any) -> None:
         default="fixed",
         help="how the base of a model file is held",
     )
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="rows per second of logs without a clock"
+    )
     parser.add_argument("--out", default=".", metavar="DIR", help="where to write (default here)")
     parser.set_defaults(run=run)
 
@@ -55,13 +60,15 @@ def run(options: argparse.Namespace, console: Console) -> int:
     for target in files:
         if target.exists():
             raise WbcError(f"'{target}' is there already; choose another folder with --out.")
+    if options.rate is not None and not options.rate > 0.0:
+        raise WbcError("--rate must be > 0.")
     given = [Path(str(path).partition("#")[0]) for path in options.logs]
     if described:
         name, robot = options.robot, load_robot(options.robot)
-        start = guess_names(given[0], robot.single_joints)
+        start = guess_names(given[0], robot.single_joints, options.rate)
     else:
         joints = model_joints(model, options.base)
-        start = guess_names(given[0], joints)
+        start = guess_names(given[0], joints, options.rate)
         # Where other drives report a torque, a joint with a target alone has no drive.
         targets = () if start.driven else start.targets
         driven = start.driven or targets or tuple(j for j in joints if j not in start.unseen)
@@ -100,6 +107,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
     for reason in reasons:
         console.print(f"  {reason}", soft_wrap=True)
     console.print(f"wrote {path}")
+    for finding in not_found(robot, options.logs[0], guess.table):
+        console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))
     logs = shlex.join(options.logs)
     console.print(f"next: wbc check {logs} --robot {name} --columns {path}", soft_wrap=True)
     return 0

@@ -28,7 +28,9 @@ def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     unknown = unknown_joints(log, robot)
     if unknown is not None:
         return [unknown]
-    found = _without_torque(log, robot)
+    base = unknown_base(log, robot)
+    found = [*([base] if base is not None else _without_force(log, robot))]
+    found += _without_torque(log, robot)
     speeds = without_position(robot, log)
     positions = [
         joint_position(log, name)
@@ -92,6 +94,50 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
         way = f"{unread_columns(unread, sought)}\n{way}"
         mend = named
     return LogFinding("error", "joints_unknown", "", text, way, mend)
+
+
+def unknown_base(log: Log, robot: Robot) -> LogFinding | None:
+    """Return what to do about a free base without a pose, None where the pose is there."""
+    if not robot.has_free_flyer:
+        return None
+    needed = {"position": "xyz", "orientation": "xyzw"}
+    names = {kind: [f"base.{kind}.{axis}" for axis in axes] for kind, axes in needed.items()}
+    lost = {kind: [name for name in each if not log.recorded(name)] for kind, each in names.items()}
+    lacking = [name for each in lost.values() for name in each]
+    if not lacking:
+        return None
+    kinds = " and ".join(kind for kind, each in lost.items() if each)
+    way = (
+        "Record where the robot is, from motion capture or a state estimator, as metres and as a "
+        "unit quaternion (body to world). If the base is held, give the robot with its fixed base."
+    )
+    return LogFinding(
+        "error",
+        "no_base_pose",
+        "",
+        f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} needed.",
+        f"{way} {unread_columns(log.source.ignored, lacking)}".rstrip(),
+    )
+
+
+def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
+    """Return what to do where nothing tells when and how contacts of a free base push."""
+    names = [contact.name for contact in robot.contacts]
+    told = [name for name in names if name in log.contacts or log.has(f"{name}.active")]
+    if not robot.floating_size or not names or told:
+        return []
+    sought = [f"{name}.force.z" for name in names]
+    return [
+        LogFinding(
+            "warning",
+            "no_contact_force",
+            "",
+            f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
+            "robot stands on all of them can be used.",
+            f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
+            f"and else 0, and so on. {unread_columns(log.source.ignored, sought)}".rstrip(),
+        )
+    ]
 
 
 def _found_torque(log: Log, joints: list[str]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.errors import LogError
 from wbc.measurement.checks.finding import LogFinding
+from wbc.measurement.checks.robot_check import check_robot
 from wbc.measurement.columns.column_map import parse_column_map
 from wbc.measurement.columns.map_table import merged
 from wbc.measurement.columns.mend import say_so
@@ -51,12 +52,13 @@ class MapGuess:
     unseen: tuple[str, ...] = ()
 
 
-def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
+def guess_names(path: str | Path, joints: Sequence[str], rate: float | None = None) -> MapGuess:
     """Return what the names of a file's columns suggest for the joints of a robot.
 
     Args:
         path: a log; others like it are taken for the same.
         joints: of the robot, with one degree of freedom.
+        rate: rows per second [Hz] of logs without a clock; None where they have one.
 
     Raises:
         LogError: a file that cannot be read, or without anything like a position or velocity.
@@ -88,8 +90,11 @@ def guess_names(path: str | Path, joints: Sequence[str]) -> MapGuess:
             continue
         columns[target] = {"from": guess.name, **({"unit": guess.unit} if guess.unit else {})}
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
-    mapped |= _clock(guesses, table)
-    mapped |= _parts(table, mapped)
+    if rate is None:
+        mapped |= _clock(guesses, table)
+        mapped |= _parts(table, mapped)
+    else:
+        mapped["time"] = {"rate": rate}
     held = {
         ours: {OLD_NAMES.get(g.quantity, g.quantity) for g in guesses if g.owner == theirs}
         for theirs, ours in named.items()
@@ -143,6 +148,17 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
     return MapGuess(table, tuple(reasons), start.driven, start.targets, start.unseen)
 
 
+def not_found(robot: Robot, path: str | Path, table: Mapping[str, Any]) -> list[LogFinding]:
+    """Return what a log lacks that the diagnosis of a robot needs, with the way to add it.
+
+    Args:
+        robot: whose log it is.
+        path: the log; others like it are taken for the same.
+        table: the map that reads it.
+    """
+    return check_robot(_read([path], table, robot)[0], robot)
+
+
 def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
     """Whether the names say what a finding doubts: angles in rad."""
     entries = [
@@ -174,8 +190,8 @@ def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
     times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
     if not times:
         raise LogError(
-            f"{table.path}: no column looks like a clock. Put the rate [Hz] in place of 100, and "
-            + say_so({"time": {"rate": 100}})
+            f"{table.path}: no column looks like a clock. There are: {', '.join(table.names)}. "
+            "Give the rows per second: --rate HZ."
         )
     first = times[0]
     clock: dict[str, Any] = {} if first.name == TIME else {"from": first.name}

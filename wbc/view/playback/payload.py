@@ -17,6 +17,7 @@ from wbc.robot.coordinates import unit_at
 from wbc.transmission import Direction
 from wbc.view.palette import (
     DIRECTION_COLOURS,
+    DIRECTION_LABELS,
     GHOST,
     GREEN,
     RESIDUAL_OVER,
@@ -61,6 +62,7 @@ def playback_payload(
 ) -> str:
     """Return the JSON text that the player reads; arrays are base64 of float32."""
     document: dict[str, Any] = {
+        "modes": {str(int(d)): DIRECTION_LABELS[d] for d in Direction},
         "time": _packed(track.time),
         "robot": {"joints": robot.model.njoints, "poses": _packed(track.poses)},
         "ghost": None,

@@ -9,14 +9,8 @@ from matplotlib.patches import Patch
 
 from wbc.arrays import FloatArray
 from wbc.transmission import Direction
-from wbc.view.palette import DIRECTION_COLOURS
+from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS
 from wbc.view.quantities.impacts import RecordedImpact
-
-DIRECTION_LABELS = {
-    Direction.FORWARD: "forward (motor drives)",
-    Direction.BACKWARD: "backward (joint drives)",
-    Direction.STUCK: "stuck or idle",
-}
 
 
 def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:

@@ -15,7 +15,6 @@ for (const g of data.gears) {
   for (const k of ["torque", "power", "direction"]) g[k] = floats(g[k]);
   if (g.residual) g.residual = floats(g.residual);
 }
-const MODES = { "1": "motor drives", "-1": "joint drives", "0": "stuck" };
 const modeColour = Object.fromEntries(Object.entries(data.colours.modes).map(([k, v]) => [k, colour(v)]));
 const quiet = colour(data.colours.quiet), over = colour(data.colours.over), under = colour(data.colours.under);
 const residualColour = (x) => mix(quiet, x > 0 ? over : under, Math.min(Math.abs(x) / data.residual_span, 1));

@@ -25,8 +25,7 @@ function drawLegend() {
   const lines = [];
   if (told && residualShown()) lines.push("residual: " + entry(data.colours.over, "measured above the model") +
     entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} noise floors)`);
-  else if (told) lines.push("power through the gear: " + entry(data.colours.modes["1"], "motor drives") +
-    entry(data.colours.modes["-1"], "joint drives") + entry(data.colours.modes["0"], "stuck or idle"));
+  else if (told) lines.push("power through the gear: " + ["1", "-1", "0"].map((m) => entry(data.colours.modes[m], data.modes[m])).join(""));
   // Beside joints in the colours of the power the ghost has a third one.
   const ghostColour = residualShown() || !told ? data.colours.ghost : data.colours.other_ghost;
   if (veil) veil.color.set(ghostColour);
@@ -47,7 +46,8 @@ function readout(i) {
     torque.textContent = signed(g.torque[i], 1);
     power.textContent = signed(g.power[i], 1);
     const known = !Number.isNaN(g.power[i]), chip = mode.firstChild;
-    chip.textContent = known ? MODES[g.direction[i]] : "unknown";
+    chip.hidden = !known;
+    chip.textContent = known ? data.modes[g.direction[i]] : "";
     chip.style.background = data.colours.modes[known && !residualShown() ? g.direction[i] : "0"];
     if (residual) residual.textContent = g.residual ? signed(g.residual[i], 1) : "–";
   });
