@@ -19,6 +19,7 @@ from wbc.arrays import IntArray, frozen
 
 FixedTable = types.Array(types.int64, 2, "C", readonly=True)
 """The table of some `FixedArrays`, as an argument of a compiled function."""
+_DTYPES = {kind: np.dtype(str(kind)) for kind in (types.float64, types.int64, types.boolean)}
 _WORDS = 5  # address, two lengths, two strides
 
 
@@ -50,7 +51,7 @@ class FixedArrays:
 
 def _described(kind: Any, array: Any) -> list[int]:
     """Return address, lengths and strides of an array."""
-    if array.ndim != kind.ndim or array.dtype != np.dtype(str(kind.dtype)):
+    if array.ndim != kind.ndim or array.dtype != _DTYPES[kind.dtype]:
         raise TypeError(f"an array of {array.ndim} dimensions of {array.dtype} is no {kind}")
     if (kind.layout == "C" and not array.flags.c_contiguous) or (
         kind.mutable and not array.flags.writeable

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.control.contacts.contact_set import ContactSet
 from wbc.control.efforts import ContactForceTask, Effort
 from wbc.control.limits import CollisionRows, JointLimit
@@ -14,9 +14,9 @@ from wbc.control.output_torques import OutputTorques, TorqueTerms
 from wbc.control.program.contact_force_cost import ContactForceCost
 from wbc.control.program.effort_cost import EffortCost
 from wbc.control.program.placing import Placing
+from wbc.control.program.rows.gear_torque_rows import GearTorqueRows, Judged
 from wbc.control.program.rows.inequality_rows import InequalityRows, place_passing
 from wbc.control.program.rows.row_basis import RowBasis
-from wbc.control.program.rows.torque_rows import place_directed_rows, place_torque_rows
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem
@@ -59,7 +59,7 @@ class ContactForceProgram:
         placing: what writes balance and tasks.
         off: how many rows of tasks are left out.
         hardens: whether a task has an infinite weight.
-        torque_map: (m, n), T = torque_map @ x + D' bias_m.
+        gear_torques: what solutions ask of the gears, and the rows that limit it.
     """
 
     def __init__(
@@ -138,8 +138,7 @@ class ContactForceProgram:
             *(gears, contacts, joint_limit, self.nv, scale, slack),
             () if collision is None else collision.labels,
         )
-        more = len(self.rows.lower) + len(self.gears)
-        self._directed = np.zeros((more, self.n)), np.zeros(more), np.zeros(more)
+        self.gear_torques = GearTorqueRows(plant, contacts, self.rows, self.gears, scale)
         self._seen = _NOTHING_SEEN
         self.placing = Placing(
             *(plant, contacts, self.A[balance], self.b[balance]),
@@ -149,7 +148,6 @@ class ContactForceProgram:
         self.off = 0
         self._views: dict[int, _Views] = {}
         self._count_equalities(rest)
-        self.torque_map = np.zeros((robot.transmission.size, self.n))
 
     def assemble_constraints(
         self,
@@ -242,10 +240,7 @@ class ContactForceProgram:
 
     def assemble_torque_map(self) -> None:
         """Write the map from x to T; call after the constraints."""
-        plant, nv = self.plant, self.nv
-        self.torque_map[:, :nv] = plant.to_motors(plant.mass)
-        pushed = plant.to_motors(self.contacts.jacobian.T)
-        np.multiply(pushed, -self.force_scale, out=self.torque_map[:, nv:])
+        self.gear_torques.place_map()
 
     def assemble_efforts(self, slopes: FloatArray, speed: FloatArray, last: FloatArray) -> None:
         """Add the efforts for one slope per gear; call after the map and the costs.
@@ -256,7 +251,7 @@ class ContactForceProgram:
             last: T (m,) of the last tick [N m].
         """
         if self.efforts:
-            self.effort_cost.fill(self.torque_map, slopes, speed, last)
+            self.effort_cost.fill(self.gear_torques.map, slopes, speed, last)
 
     def assemble_lock(self, matrix: FloatArray, solution: FloatArray) -> None:
         """Hold what rows (k, n) give x (n,) of the level above, which the bounds let pass."""
@@ -293,7 +288,7 @@ class ContactForceProgram:
             hardens=self.hardens,
         )
         free = slice(rows.torque.stop, None)
-        C, lower, upper = self._directed
+        C, lower, upper = self.gear_torques.directed
         directed = blocks._replace(C=C, lower=lower, upper=upper)
         unbound = blocks._replace(C=rows.C[free], lower=rows.lower[free], upper=rows.upper[free])
         return blocks, directed, unbound
@@ -307,10 +302,9 @@ class ContactForceProgram:
             slopes: e (m,) in the predicted directions.
             lower, upper: least and greatest N tau_phi (m,) [N m].
         """
-        rows = self.rows
-        place_torque_rows(*self._gear_terms(), slopes, lower, upper, *rows.of_torque)
+        self.gear_torques.limit(slopes, lower, upper)
         if self.passing is not None:
-            rows.let_pass(self.passing, rows.torque)
+            self.rows.let_pass(self.passing, self.rows.torque)
 
     def directed(
         self,
@@ -328,25 +322,12 @@ class ContactForceProgram:
             choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
                 there is none.
         """
-        C, lower, upper = self._directed
-        rows = self.rows
-        size, torque = len(rows.lower), rows.torque
-        np.copyto(C[:size], rows.C)
-        np.copyto(lower[:size], rows.lower)
-        np.copyto(upper[:size], rows.upper)
-        place_directed_rows(
-            *(*self._gear_terms(), *slopes, *limits, choice),
-            *(C[torque], lower[torque], upper[torque], C[size:], lower[size:], upper[size:]),
-        )
+        self.gear_torques.direct(slopes, limits, choice)
         if self.passing is not None:
-            decided = np.concatenate([rows.decided, rows.decided[torque]])
+            rows, (C, lower, upper) = self.rows, self.gear_torques.directed
+            decided = np.concatenate([rows.decided, rows.decided[rows.torque]])
             place_passing(C, lower, upper, self.passing, rows.slack, decided, lower, upper)
         return self._directed_blocks
-
-    def _gear_terms(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-        """Return what torque rows are made of: T and rotors, their constant parts, the gears."""
-        plant = self.plant
-        return self.torque_map, plant.rotor, plant.output_bias, plant.rotor_bias, self.gears
 
     def _write_normal_bounds(self, ceilings: Mapping[str, float] | None) -> None:
         set_ = self.contacts
@@ -370,6 +351,17 @@ class ContactForceProgram:
         if x is not self._seen[0]:
             self._seen = x, self.plant.torques(x, self.contacts.jacobian, self.force_scale)
         return self._seen[1]
+
+    def judged(
+        self,
+        x: FloatArray,
+        slopes: tuple[FloatArray, FloatArray],
+        limits: tuple[FloatArray, FloatArray],
+    ) -> Judged:
+        """Return what a solution asks of the gears; arguments as for `GearTorqueRows.judged`."""
+        judged = self.gear_torques.judged(x, slopes, limits)
+        self._seen = x, (judged.output, judged.share)
+        return judged
 
     def terms(self, x: FloatArray) -> TorqueTerms:
         """Return what the torques of a solution are made of, as `OutputTorques.terms`."""

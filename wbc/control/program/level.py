@@ -221,7 +221,7 @@ class Level:
         positive, directional = first > 0.0, slopes.positive != slopes.negative
         for round_ in range(1, GUESSES + 1):
             program.effort_cost.fill(
-                program.torque_map, slopes.at(positive), gears.speed, gears.last_output
+                program.gear_torques.map, slopes.at(positive), gears.speed, gears.last_output
             )
             start = perf_counter()
             solution = guess.guess(program.unbound, program.rows.torque.stop)

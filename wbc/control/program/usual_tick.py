@@ -32,7 +32,8 @@ from wbc.control.program.stacking import rest, want
 from wbc.control.program.task_stack import TaskStack
 from wbc.control.reference import Reference
 from wbc.control.solvers import BlockProblem, DualActiveSet, QPSolution, QPStatus
-from wbc.control.solvers.guess import guess_fixed
+from wbc.control.solvers.dual_solve import solve_fixed
+from wbc.control.solvers.dual_steps import SOLVED
 from wbc.control.torque.blending import place_advanced, place_judged, place_realised
 from wbc.control.torque.gears import GearLaw, GearState
 from wbc.control.torque.motors import TorqueBounds
@@ -246,7 +247,7 @@ USUAL = (
 """Kinds of what `pass_usual` reads and writes.
 
 Tables of `move_joints`, `fill_state_rows` and `want` for tasks, `fill_state_rows` and `rest` for
-contacts, `place_program`, `guess_fixed`; numbers, counts, driven coordinates, D^-1; mass, bias,
+contacts, `place_program`, `solve_fixed`; numbers, counts, driven coordinates, D^-1; mass, bias,
 contacts' jacobian, topology, rotor, rotor_bias and memory of `place_realised`; slopes of the
 meshes, bounds, inverse gear ratios, dry and viscous friction of the rotors (m,).
 """
@@ -316,19 +317,20 @@ def pass_usual(
     start = first + 2 * nv
     x = block[start : start + n]
     y, z = block[start + n : start + n + hard], block[start + n + hard : end]
-    size, before, after, work = guess_fixed(
+    status, before, after, work, _ = solve_fixed(
         system,
         array_at(memory, 7, FixedTable),
         numbers[4],
         numbers[5],
         counts[0],
+        0,
         counts[1],
         counts[2],
         x,
         y,
         z,
     )
-    if size < 0:
+    if status != SOLVED:
         return UNSOLVED, before, after, work
     exact = place_realised(
         array_at(memory, 12, Dense),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.solvers.budget import ROUNDS, UNIT, system_work, units
+from wbc.control.solvers.dual_solve import solve_fixed
 from wbc.control.solvers.dual_steps import (
     CLIMB,
     CONTRADICTION,
@@ -17,12 +18,7 @@ from wbc.control.solvers.dual_steps import (
     climb_fixed,
 )
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
-from wbc.control.solvers.row_system import (
-    SYSTEM,
-    place_blocks,
-    settle,
-    settle_fixed,
-)
+from wbc.control.solvers.row_system import SYSTEM, place_blocks
 from wbc.fixed_arrays import FixedArrays
 
 # Units of a guess: with one foot of Solo12 in the air and noise in the state one tick in a hundred
@@ -34,6 +30,9 @@ _ENDED = {
     UNFINISHED: QPStatus.ITERATION_LIMIT,
     UNMET: QPStatus.FAILED,
 }
+_SOLVED = QPStatus.SOLVED
+_PROGRAM, _BOUNDS = 8, 3  # arrays of a program in SYSTEM and in CLIMB
+_MANY = 16  # programs described at a time: those of lower levels are new in every tick
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
 
 
@@ -83,27 +82,20 @@ class DualActiveSet:
         self._systems = [units(count * system) for count in range(ROUNDS + 1)]
         self._allowed = (_ROUNDING * tolerance) ** 2
         room, size = n, rows + more + n
-        self._rows = np.zeros((size, n)), np.zeros(size), np.zeros(size)
-        self._diagonal = np.zeros(n), np.zeros(n)
-        self._force, self._values = np.zeros(size), np.zeros(inequalities)
-        self._memory = np.zeros((size, n)), np.zeros((size, size)), np.zeros(size)
-        self._active = np.zeros(size, dtype=np.int_)
-        self._taken = np.zeros(inequalities, dtype=np.int_)
-        self._memory_of_rows = *self._rows, *self._diagonal
-        taking: tuple[Any, ...] = self._force, self._values, self._active, self._taken
-        self._memory_of_settling = taking + self._memory
+        self._blocks = np.zeros((size, n)), *np.zeros((2, size)), *np.zeros((2, n))
+        self._force, self._taken = np.zeros(size), np.zeros(inequalities, dtype=np.int_)
+        active, values = np.zeros(size, dtype=np.int_), np.zeros(inequalities)
+        factor = np.zeros((size, n)), np.zeros((size, size)), np.zeros(size)
+        settling = self._force, values, active, self._taken, *factor
         square, wide = np.zeros((room, room)), max(n + size, inequalities)
-        self._memory_of_climbing = (
-            *(*self._memory_of_rows, self._force, *self._memory, self._active, self._taken),
-            *(np.zeros(room), np.zeros((room, n + size)), square, np.zeros((room, n))),
-            np.zeros((10, wide)),
+        climbing = np.zeros(room), np.zeros((room, n + size)), square, np.zeros((room, n))
+        directions = np.zeros((size, size)), np.zeros((size, size)), np.zeros((n, size))
+        kept = self._force, *factor, active, self._taken
+        self._system = FixedArrays(SYSTEM[_PROGRAM:], self._blocks + settling)
+        self._climb = FixedArrays(
+            CLIMB[_BOUNDS:], (*self._blocks, *kept, *climbing, np.zeros((10, wide)), *directions)
         )
-        self._bounds: FloatArray | None = None
-        self._climb: FixedArrays
-        self._last: BlockProblem | None = None  # a second time it is worth describing
-        self._fixed: FixedArrays | None = None
-        self._reached = np.full(n, np.nan)
-        self._known = 0  # rows of the present program whose factor is known
+        self._described: dict[int, tuple[BlockProblem, FixedArrays, IntArray, IntArray]] = {}
         self.steps, self.blocking = 0, -1
 
     def forget(self) -> None:
@@ -119,14 +111,8 @@ class DualActiveSet:
 
         Its multipliers begin with `skipped` zeros, of rows that the problem leaves out.
         """
-        self.steps, self.blocking = 0, -1
-        self._recognise(problem)
-        found = self._settled(problem, skipped)
-        if found is None and self._climbed(problem, _SHORT) is QPStatus.SOLVED:
-            found = self._settled(problem, skipped)
-        if found is None:
-            self.forget()
-        return found
+        status, x, y, z = self._run(problem, _SHORT, False, skipped)
+        return QPSolution(x, y, z, _SOLVED, self.steps) if status is _SOLVED else None
 
     def solve(
         self, problem: BlockProblem, most: int | None = None, *, starts_over: bool = False
@@ -138,122 +124,76 @@ class DualActiveSet:
         where rows contradict one another, ITERATION_LIMIT after too many steps, both with the x
         reached; FAILED, with an x of NaN, where rounding leaves the rows unmet.
         """
-        self.steps, self.blocking = 0, -1
-        self._recognise(problem)
-        if starts_over:
-            self._take(problem)
-        else:
-            found = self._settled(problem)
-            if found is not None:
-                return found
-        status = self._climbed(problem, self._most if most is None else most)
-        if status is QPStatus.SOLVED:
-            found = self._settled(problem)
-            if found is not None:
-                return found
-            status = QPStatus.FAILED
-        self.forget()
-        n, k = problem.rows.shape[1], len(problem.right) - problem.soft
-        empty = np.zeros(k), np.zeros(len(problem.lower))
-        x = np.full(n, np.nan) if status is QPStatus.FAILED else self._reached
-        return QPSolution(x, *empty, status, self.steps)
+        status, x, y, z = self._run(problem, self._most if most is None else most, starts_over, 0)
+        if status is not _SOLVED:
+            y[:], z[:] = 0.0, 0.0
+        if status is QPStatus.FAILED:
+            x[:] = np.nan
+        return QPSolution(x, y, z, status, self.steps)
 
     def nearest(self, problem: BlockProblem, x: FloatArray, most: int) -> FloatArray | None:
         """Return the point nearest to x (n,) that keeps the constraints, None where none is found.
 
         Distances count by the diagonal. At most `most` units of the budget are spent.
         """
-        self.steps, self.blocking = 0, -1
-        closest = problem.nearest_to(x)
-        self._take(closest)
-        return self._reached if self._climbed(closest, most) is QPStatus.SOLVED else None
+        diagonal, pull, rows, right, softness, *_ = closest = problem.nearest_to(x)
+        place_blocks(rows, right, softness, diagonal, pull, *self._blocks)
+        found = np.empty(len(x))
+        climbing, size, tolerance = self.memory(problem)[1], len(closest.right), self._tolerance
+        ended, work, self.blocking = climb_fixed(
+            climbing, 0, size, self._allowed, 0.5 * tolerance, most * UNIT, found
+        )
+        self.steps = units(work)
+        return found if ended == SOLVED else None
 
     def memory(self, problem: BlockProblem) -> tuple[IntArray, IntArray]:
         """Return the memory of SYSTEM and CLIMB for a program; it lives as long as this does."""
-        self._recognise(problem)
-        self._recognise(problem)
-        self._describe_climb(problem)
-        assert self._fixed is not None
-        return self._fixed.table, self._climb.table
+        known = self._described.get(id(problem))
+        if known is None or known[0] is not problem:
+            diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
+            program = rows, right, softness, diagonal, pull, C, lower, upper
+            made = FixedArrays(SYSTEM[:_PROGRAM], program)
+            bounds = made.table[_PROGRAM - _BOUNDS :]
+            system = frozen(np.vstack([made.table, self._system.table]), np.int64)
+            climb = frozen(np.vstack([bounds, self._climb.table]), np.int64)
+            known = problem, made, system, climb
+            if len(self._described) == _MANY:
+                self._described.clear()
+            self._described[id(problem)] = known
+        return known[2], known[3]
 
     @property
     def precision(self) -> tuple[float, float, int]:
         """Tolerance, square of what rows may miss, and multiplications of a short climb."""
         return self._tolerance, self._allowed, _SHORT * UNIT
 
-    def took(self, before: int, after: int, work: int) -> int:
-        """Take what a guess took, as `guess_fixed` tells it; return the units of the budget."""
+    def took(self, before: int, after: int, work: int, blocking: int = -1) -> int:
+        """Take what `solve_fixed` took, as it tells; return the units of the budget."""
         systems = self._systems
-        self.steps, self.blocking = systems[before] + systems[after] + units(work), -1
+        self.steps, self.blocking = systems[before] + systems[after] + units(work), blocking
         return self.steps
 
-    def _take(self, problem: BlockProblem) -> None:
-        """Copy what climbing needs of a program."""
-        diagonal, pull, rows, right, softness, *_ = problem
-        place_blocks(rows, right, softness, diagonal, pull, *self._rows, *self._diagonal)
-        self._known = 0
-
-    def _settled(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
-        """Correct the binding rows a few times; return the solution where that ends."""
-        x = np.empty(len(problem.pull))
-        diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
-        if self._fixed is not None and problem is self._last:
-            size, rounds, self._known = settle_fixed(
-                self._fixed.table, self._tolerance, self._allowed, ROUNDS, self._known, x
-            )
-        else:
-            size, rounds, self._known = settle(
-                *(rows, right, softness, diagonal, pull, C, lower, upper),
-                *(self._tolerance, self._allowed, ROUNDS, self._known),
-                *self._memory_of_rows,
-                x,
-                *self._memory_of_settling,
-            )
-        self.steps += self._systems[rounds]
-        if size >= 0:
-            return self._solution(problem, x, size, skipped)
-        self.forget()
-        return None
-
-    def _recognise(self, problem: BlockProblem) -> None:
-        """Describe the memory of a program that comes a second time, as it will in every tick."""
-        self._known = 0
-        if problem is not self._last:
-            self._last, self._fixed = problem, None
-        elif self._fixed is None:
-            diagonal, pull, rows, right, softness, _, C, lower, upper, _ = problem
-            program = rows, right, softness, diagonal, pull, C, lower, upper
-            own = self._memory_of_rows + self._memory_of_settling
-            self._fixed = FixedArrays(SYSTEM, program + own)
-
-    def _climbed(self, problem: BlockProblem, most: int) -> QPStatus:
-        """Find the binding rows one by one; return how that ended."""
-        x = np.empty(len(problem.pull))
-        self._reached = x
-        self._describe_climb(problem)
-        ended, work, self.blocking = climb_fixed(
-            *(self._climb.table, self._known, len(problem.right)),
-            *(self._allowed, 0.5 * self._tolerance),
-            *(most * UNIT, x),
+    def _run(
+        self, problem: BlockProblem, most: int, starts_over: bool, skipped: int
+    ) -> tuple[QPStatus, FloatArray, FloatArray, FloatArray]:
+        """Solve a program with `most` units; return how that ended, x, y and z."""
+        x, z = np.empty(len(problem.pull)), np.empty(skipped + len(problem.lower))
+        y = np.empty(len(problem.right) - problem.soft)
+        system, climbing = self.memory(problem)
+        ended, before, after, work, blocking = solve_fixed(
+            system,
+            climbing,
+            self._tolerance,
+            self._allowed,
+            most * UNIT,
+            int(starts_over),
+            problem.soft,
+            skipped,
+            x,
+            y,
+            z,
         )
-        self.steps += units(work)
-        self._known = 0 if ended == UNMET else len(problem.right) // 2 * 2
-        return _ENDED[ended]
-
-    def _describe_climb(self, problem: BlockProblem) -> None:
-        """Describe the memory that climbing needs, unless it is that of the last time."""
-        if self._bounds is not problem.C:
-            self._bounds = problem.C
-            bounds: tuple[Any, ...] = problem.C, problem.lower, problem.upper
-            self._climb = FixedArrays(CLIMB, bounds + self._memory_of_climbing)
-
-    def _solution(
-        self, problem: BlockProblem, x: FloatArray, size: int, skipped: int
-    ) -> QPSolution:
-        base, push = len(problem.right), np.zeros(skipped + len(problem.lower))
-        if size > base:
-            push[skipped + self._active[: size - base]] = -self._force[base:size]
-        y = -self._force[problem.soft : base]
+        self.took(before, after, work, blocking)
         if problem.hardens:
             y = np.concatenate([y, -self._force[problem.hard]])
-        return QPSolution(x, y, push, QPStatus.SOLVED, self.steps)
+        return _ENDED[ended], x, y, z

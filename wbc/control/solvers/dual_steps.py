@@ -18,7 +18,8 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.solvers.positive_definite import substitute
+from wbc.control.solvers.dual_direction import place_direction
+from wbc.control.solvers.positive_definite import invert_factor
 from wbc.control.solvers.row_system import meet_rows, place_values
 from wbc.fixed_arrays import FixedTable, array_at
 
@@ -27,56 +28,6 @@ _CALL = 1400  # multiplications that a step takes as long as on a program withou
 # Below these shares of a squared length a row is one that the equalities or the active rows already
 # decide: well above what rounding leaves of a length (1e-16), squared.
 _DECIDED, _DEPENDENT = 1e-18, 1e-12
-
-
-@compiled(
-    Nothing,
-    *(Dense, Row, Row, Dense, Count, Row),
-    *(OutRow, OutRow, OutRow, OutRow),
-)
-def place_direction(
-    G: FloatArray,
-    softness: FloatArray,
-    inverse: FloatArray,
-    factor: FloatArray,
-    size: int,
-    row: FloatArray,
-    w: FloatArray,
-    z: FloatArray,
-    left: FloatArray,
-    taken: FloatArray,
-) -> None:
-    """Write z = D^-1 (c - G'w) with K w = G D^-1 c, where x goes by -z for a unit push of row c.
-
-    One step of refinement on G z = S w, which holds exactly.
-
-    Args:
-        G, softness, inverse: as for `meet_rows`, of which `size` rows count.
-        factor: of K = G D^-1 G' + S, from `factorise`.
-        row: c (n,).
-        w, z: results (size,), (n,).
-        left, taken: memory (size,), (n,).
-    """
-    n = len(row)
-    for j in range(n):
-        z[j] = inverse[j] * row[j]
-    for i in range(size):
-        w[i] = 0.0
-    for _ in range(2):
-        for i in range(size):
-            missing = -softness[i] * w[i]
-            for j in range(n):
-                missing += G[i, j] * z[j]
-            left[i] = missing
-        substitute(factor, size, left)
-        for j in range(n):
-            taken[j] = 0.0
-        for i in range(size):
-            w[i] += left[i]
-            for j in range(n):
-                taken[j] += G[i, j] * left[i]
-        for j in range(n):
-            z[j] -= inverse[j] * taken[j]
 
 
 @compiled(Number, Dense, Count, OutRow, OutRow)
@@ -198,7 +149,7 @@ def first_to_leave(push: FloatArray, fall: FloatArray, count: int) -> int:
 @compiled(
     types.UniTuple(Count, 3),
     *(Dense, Row, Row, Dense, Count, Dense, Row, Row, Number, Count),
-    *(OutRow, OutPlaces, OutPlaces, OutRow, OutDense, OutDense, OutDense, OutDense),
+    *(OutRow, OutPlaces, OutPlaces, OutRow, *[OutDense] * 7),
 )
 def climb(
     G: FloatArray,
@@ -219,6 +170,9 @@ def climb(
     triangle: FloatArray,
     moves: FloatArray,
     memory: FloatArray,
+    root: FloatArray,
+    across: FloatArray,
+    turned: FloatArray,
 ) -> tuple[int, int, int]:
     """Add violated rows one by one from the optimum without inequalities, dropping what pulls.
 
@@ -226,7 +180,8 @@ def climb(
     back and the method ends; a row that can be met only by pulling at others is a contradiction.
 
     Args:
-        G, softness, inverse, factor, size: as for `place_direction`.
+        G, softness, inverse, size: as for `place_direction`.
+        factor: of K = G D^-1 G' + S, from `factorise`.
         C, lower, upper: inequalities (r, n), (r,).
         tolerance: how far beyond its bound a row may be.
         most: multiplications after which it stops.
@@ -235,6 +190,7 @@ def climb(
         taken: result (r,), +1 upper bound, -1 lower bound, 0 does not bind.
         push: result (..,), how hard each active row pushes, >= 0.
         basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (10, n + size or r).
+        root, across, turned: memory of `place_direction`.
 
     Returns:
         SOLVED, CONTRADICTION or UNFINISHED; multiplications; the row that failed, -1 where none.
@@ -243,6 +199,10 @@ def climb(
     along, fall, w, left = memory[0], memory[1], memory[2], memory[3]
     rest, z, row, values = memory[4], memory[5], memory[6], memory[7, : len(lower)]
     taken[:] = 0
+    invert_factor(factor, size, root, across)
+    for j in range(n):
+        for i in range(size):
+            turned[j, i] = G[i, j]
     roots = memory[8]
     for j in range(n):
         roots[j] = 1.0 / sqrt(inverse[j])
@@ -272,7 +232,9 @@ def climb(
                 whole += row[j] * inverse[j] * row[j]
             gap = values[chosen] - upper[chosen] if side > 0 else lower[chosen] - values[chosen]
             own, fresh = 0.0, False
-            place_direction(G, softness, inverse, factor, size, row[:n], w, z[:n], left, rest[:n])
+            place_direction(
+                G, turned, softness, inverse, root, across, size, row[:n], w, z[:n], left, rest
+            )
         own_size = 0.0
         for j in range(n):
             rest[j] = z[j] * roots[j]
@@ -329,7 +291,7 @@ def climb(
 CLIMB = (
     *(Dense, Row, Row, OutDense, OutRow, OutRow, OutRow, OutRow),
     *(OutRow, OutDense, OutDense, OutRow, OutPlaces, OutPlaces),
-    *(OutRow, OutDense, OutDense, OutDense, OutDense),
+    *(OutRow, *[OutDense] * 7),
 )
 """Kinds of what `climb_fixed` needs.
 
@@ -400,4 +362,7 @@ def climb_fixed(
         array_at(memory, 16, OutDense),
         array_at(memory, 17, OutDense),
         array_at(memory, 18, OutDense),
+        array_at(memory, 19, OutDense),
+        array_at(memory, 20, OutDense),
+        array_at(memory, 21, OutDense),
     )

@@ -79,3 +79,24 @@ def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
         values[i] *= factor[i, i]
         for k in range(i):
             values[k] -= factor[i, k] * values[i]
+
+
+@compiled(Nothing, Dense, Count, OutDense, OutDense)
+def invert_factor(factor: FloatArray, size: int, root: FloatArray, across: FloatArray) -> None:
+    """Write the inverse of a factor, from `factorise`, and its transpose.
+
+    Args:
+        factor: its leading `size` rows count.
+        size: number of rows.
+        root: result L^-1, its lower half.
+        across: result, the upper half of its transpose.
+    """
+    for i in range(size):
+        scale = factor[i, i]
+        for j in range(i):
+            total = 0.0
+            for k in range(j, i):
+                total += factor[i, k] * across[j, k]
+            root[i, j] = -scale * total
+            across[j, i] = -scale * total
+        root[i, i], across[i, i] = scale, scale

@@ -143,11 +143,31 @@ class BlockProblem(NamedTuple):
 
     def cost(self, x: FloatArray) -> float:
         """Return the cost of x (n,)."""
-        k = self.soft
-        counts = self.softness[:k] > 0.0
-        miss = (self.rows[:k] @ x - self.right[:k])[counts]
-        soft = miss @ (miss / self.softness[:k][counts])
-        return float(0.5 * (x @ (self.diagonal * x) + soft) - self.pull @ x)
+        soft = self.rows, self.right, self.softness, self.soft
+        return cost_at(self.diagonal, self.pull, *soft, x)
+
+
+@compiled(Number, *(Row, Row, Dense, Row, Row, Count, Row))
+def cost_at(
+    diagonal: FloatArray,
+    pull: FloatArray,
+    rows: FloatArray,
+    right: FloatArray,
+    softness: FloatArray,
+    soft: int,
+    x: FloatArray,
+) -> float:
+    """Return the cost of x (n,), arguments as in `BlockProblem`; hard rows cost nothing."""
+    cost = 0.0
+    for j in range(len(x)):
+        cost += (0.5 * diagonal[j] * x[j] - pull[j]) * x[j]
+    for i in range(soft):
+        if softness[i] > 0.0:
+            miss = -right[i]
+            for j in range(len(x)):
+                miss += rows[i, j] * x[j]
+            cost += 0.5 * miss * miss / softness[i]
+    return cost
 
 
 @compiled(Number, *(Dense, Row, Row, Count, Count, Dense, Row, Row, Row))

@@ -338,3 +338,20 @@ def settle_fixed(
         array_at(memory, 18, OutDense),
         array_at(memory, 19, OutRow),
     )
+
+
+@compiled(Nothing, FixedTable)
+def place_blocks_fixed(memory: IntArray) -> None:
+    """Do as `place_blocks` does in the memory of SYSTEM."""
+    place_blocks(
+        array_at(memory, 0, Dense),
+        array_at(memory, 1, Row),
+        array_at(memory, 2, Row),
+        array_at(memory, 3, Row),
+        array_at(memory, 4, Row),
+        array_at(memory, 8, OutDense),
+        array_at(memory, 9, OutRow),
+        array_at(memory, 10, OutRow),
+        array_at(memory, 11, OutRow),
+        array_at(memory, 12, OutRow),
+    )

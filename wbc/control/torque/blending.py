@@ -86,6 +86,30 @@ def place_advanced(
         advanced[i] = speed[i] + step * acceleration[i]
 
 
+@compiled(Nothing, *[Vector] * 4, *[OutVector] * 2)
+def place_slopes(
+    sigma: FloatArray,
+    rest: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+    positive: FloatArray,
+    negative: FloatArray,
+) -> None:
+    """Write the slopes (m,) for either sign of T of gears that turn with certainty `sigma` (m,).
+
+    Args:
+        sigma: certainty of direction.
+        rest, forward, backward: slopes at standstill, where T sigma > 0, and elsewhere.
+        positive, negative: results.
+    """
+    for i in range(len(sigma)):
+        ahead = max(sigma[i], 0.0)
+        astern = ahead - sigma[i]
+        along, against = forward[i] - rest[i], backward[i] - rest[i]
+        positive[i] = ahead * along + astern * against + rest[i]
+        negative[i] = ahead * against + astern * along + rest[i]
+
+
 @compiled(Flag, *[Vector] * 8, *[OutVector] * 3)
 def place_torques(
     output: FloatArray,

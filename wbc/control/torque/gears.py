@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.control.torque.blending import place_slopes
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 
@@ -89,19 +90,12 @@ class GearLaw:
         }[self._policy]
         free = self._margin * (high - low)
         self._rest[:] = np.clip(preferred, low + free, high - free)
-        # rows: slopes for T > 0 and for T < 0
-        self._both = np.array([self._rest, self._rest])
-        self._ahead = np.array([self._forward, self._backward]) - self._rest
-        self._astern = self._ahead[::-1].copy()
 
     def slopes(self, sigma: FloatArray) -> Slopes:
         """Return the slopes for gears that turn with certainty and direction `sigma` (m,)."""
-        ahead = np.maximum(sigma, 0.0)
-        astern = ahead - sigma
-        both = ahead * self._ahead
-        both += astern * self._astern
-        both += self._both
-        return Slopes(both[0], both[1])
+        positive, negative = np.empty(len(sigma)), np.empty(len(sigma))
+        place_slopes(sigma, *self.blended, positive, negative)
+        return Slopes(positive, negative)
 
     def interval(self, output: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest mesh input (m,) that transmit `output` T at `sigma`.

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.program.rows.torque_rows import place_beyond
 from wbc.control.solvers import QPSolution
 from wbc.control.torque.gears import Slopes
 
@@ -18,7 +15,4 @@ def beyond_limits(
     program: ContactForceProgram, solution: QPSolution, slopes: Slopes, limits: Limits
 ) -> BoolArray:
     """Return the gears (m,) whose torque by the mesh law is beyond their limits."""
-    output, share = program.torques(solution.x)
-    beyond = np.empty(len(output), dtype=np.bool_)
-    place_beyond(output, share, slopes.positive, slopes.negative, *limits, beyond)
-    return beyond
+    return program.judged(solution.x, slopes, limits).beyond

@@ -6,10 +6,13 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
     Dense,
+    Matrix,
     Nothing,
     Number,
+    OutDense,
     OutFlags,
     OutMatrix,
+    OutRow,
     OutVector,
     Places,
     Row,
@@ -28,6 +31,42 @@ def _place_row(
         C[row, j] = slope * torque_map[gear, j]
     for j in range(rotor.shape[1]):
         C[row, j] += rotor[gear, j]
+
+
+@compiled(Nothing, Dense, Row, Matrix, Number, Places, Dense, Count, OutDense, OutRow)
+def place_torque_map(
+    mass: FloatArray,
+    bias: FloatArray,
+    jacobian: FloatArray,
+    scale: float,
+    driven: IntArray,
+    topology: FloatArray,
+    serial: int,
+    torque_map: FloatArray,
+    output_bias: FloatArray,
+) -> None:
+    """Write T = D' (M qdd + bias - scale J' f)_driven as a map (m, n) and its constant part (m,).
+
+    Args:
+        mass, bias, jacobian, scale, driven, topology: as for `place_output`.
+        serial: 1 where D is the identity.
+        torque_map, output_bias: results.
+    """
+    nv, m = len(bias), len(driven)
+    for gear in range(m):
+        output_bias[gear] = 0.0
+        for j in range(torque_map.shape[1]):
+            torque_map[gear, j] = 0.0
+        for i in range(m):
+            share = topology[i, gear]
+            if share == 0.0 or (serial == 1 and i != gear):
+                continue
+            row = driven[i]
+            output_bias[gear] += share * bias[row]
+            for j in range(nv):
+                torque_map[gear, j] += share * mass[row, j]
+            for k in range(len(jacobian)):
+                torque_map[gear, nv + k] -= scale * share * jacobian[k, row]
 
 
 @compiled(
