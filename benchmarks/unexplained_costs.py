@@ -151,8 +151,8 @@ def _swept(
     amplitude *= np.reshape(size, (-1, 1)) / amplitude.sum(axis=1, keepdims=True)
     steps = np.arange(int(duration * rate)) / rate
     angle = steps[:, None, None] * omega + random.uniform(0.0, 2.0 * np.pi, (count, 4))
-    centre = robot.pose() if robot.poses else pin.neutral(robot.model) + 0.3
-    q = np.tile(centre, (len(steps), 1))
+    center = robot.pose() if robot.poses else pin.neutral(robot.model) + 0.3
+    q = np.tile(center, (len(steps), 1))
     v, a = np.zeros((2, len(steps), robot.model.nv))
     q[:, robot.actuated_position] += (amplitude * np.sin(angle)).sum(axis=2)
     v[:, robot.actuated] = (amplitude * omega * np.cos(angle)).sum(axis=2)

@@ -61,7 +61,7 @@ class Machine:
         topology: (m, m) D, dq = D dpsi.
         contacts: (name, number of the link, point in its frame).
         gravity: (3,) field [m/s^2].
-        centre: (m,) middle of the driven joints' range [rad].
+        center: (m,) middle of the driven joints' range [rad].
     """
 
     family: str
@@ -72,7 +72,7 @@ class Machine:
     topology: np.ndarray
     contacts: tuple[tuple[str, int, np.ndarray], ...]
     gravity: np.ndarray
-    centre: np.ndarray
+    center: np.ndarray
 
     @property
     def base_size(self) -> int:

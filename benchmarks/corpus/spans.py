@@ -70,8 +70,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
         yield from ((flaw(level=_SMALL * torque, length=length),) for length in _BENT)
     elif effect == "joint_spring":
         yield tuple(flaw(stiffness=_SMALL * torque, rest=rest) for rest in (0.0, 1.0))
-        centre = float(machine.centre[j])
-        yield from ((flaw(stiffness=_SMALL * torque, rest=centre + r),) for r in (-0.5, 0.0, 0.5))
+        center = float(machine.center[j])
+        yield from ((flaw(stiffness=_SMALL * torque, rest=center + r),) for r in (-0.5, 0.0, 0.5))
     elif effect == "torque_ripple":
         for order in _ORDERS:
             yield tuple(
