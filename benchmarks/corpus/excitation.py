@@ -62,7 +62,7 @@ def reference(machine: Machine, excitation: Excitation) -> BSpline:
     if excitation.kind == "one_joint":
         moved = int(random.integers(count))
         wave[:, [k for k in range(count) if k != moved]] = 0.0
-    return make_interp_spline(time - excitation.lead, machine.centre + reach * wave, k=5)
+    return make_interp_spline(time - excitation.lead, machine.center + reach * wave, k=5)
 
 
 def _wave(random: np.random.Generator, kind: str, time: np.ndarray) -> np.ndarray:

@@ -58,8 +58,8 @@ def _hanging(random: np.random.Generator, family: str) -> Machine:
     felt = [mass[-1] * reach**2 / 3.0, mass[-1] * length[-1] ** 2 / 3.0][-count:]
     ratio, reflected = _gears(random, felt)
     contacts = (("tip", count - 1, -length[-1] * Z),)
-    centre = np.array([random.uniform(-0.6, 0.6), random.uniform(-1.0, 1.0)])[:count]
-    return _machine(family, links, ratio, reflected, contacts, centre)
+    center = np.array([random.uniform(-0.6, 0.6), random.uniform(-1.0, 1.0)])[:count]
+    return _machine(family, links, ratio, reflected, contacts, center)
 
 
 def _arm(random: np.random.Generator, family: str) -> Machine:
@@ -85,12 +85,12 @@ def _arm(random: np.random.Generator, family: str) -> Machine:
     carried = np.cumsum(mass[::-1])[::-1] * lever**2 / 3.0
     ratio, reflected = _gears(random, carried)
     contacts = (("tip", len(axes) - 1, length[-1] * Z + 0.03 * X),)
-    centre = np.array([0.0, 0.5, 0.9, 0.2, 0.6, 0.0])[: len(axes)]
-    centre = centre + random.uniform(-0.4, 0.4, len(axes))
+    center = np.array([0.0, 0.5, 0.9, 0.2, 0.6, 0.0])[: len(axes)]
+    center = center + random.uniform(-0.4, 0.4, len(axes))
     topology = np.eye(len(axes))
     if family == "wrist6":
         topology[5, 4] = float(random.choice([-1.0, 1.0]))
-    return _machine(family, links, ratio, reflected, contacts, centre, topology)
+    return _machine(family, links, ratio, reflected, contacts, center, topology)
 
 
 def _biped(random: np.random.Generator) -> Machine:
@@ -177,8 +177,8 @@ def _flyer(random: np.random.Generator) -> Machine:
             felt.append(mass * length**2)
         contacts.append((f"hand_{name}", root + 1, -length * Z))
     ratio, reflected = _gears(random, felt)
-    centre = random.uniform(-0.5, 0.5, 4)
-    return _machine("flyer", links, ratio, reflected, tuple(contacts), centre, undriven=1)
+    center = random.uniform(-0.5, 0.5, 4)
+    return _machine("flyer", links, ratio, reflected, tuple(contacts), center, undriven=1)
 
 
 def _machine(
@@ -187,11 +187,11 @@ def _machine(
     ratio: np.ndarray,
     reflected: np.ndarray,
     contacts: tuple[tuple[str, int, np.ndarray], ...],
-    centre: np.ndarray,
+    center: np.ndarray,
     topology: np.ndarray | None = None,
     undriven: int = 0,
 ) -> Machine:
     driven = tuple(link.joint for link in links[undriven:])
     square = np.eye(len(driven)) if topology is None else topology
     field = np.array([0.0, 0.0, -GRAVITY])
-    return Machine(family, tuple(links), driven, ratio, reflected, square, contacts, field, centre)
+    return Machine(family, tuple(links), driven, ratio, reflected, square, contacts, field, center)

@@ -61,7 +61,7 @@ class Machine:
         topology: (m, m) D, dq = D dpsi.
         contacts: (name, number of the link, point in its frame).
         gravity: (3,) field [m/s^2].
-        centre: (m,) middle of the driven joints' range [rad].
+        center: (m,) middle of the driven joints' range [rad].
     """
 
     family: str
@@ -72,7 +72,7 @@ class Machine:
     topology: np.ndarray
     contacts: tuple[tuple[str, int, np.ndarray], ...]
     gravity: np.ndarray
-    centre: np.ndarray
+    center: np.ndarray
 
     @property
     def base_size(self) -> int:
@@ -90,6 +90,12 @@ class Machine:
     def bodies(self) -> tuple[str, ...]:
         """Links with a mass worth the name."""
         return tuple(link.name for link in self.links if link.mass > 1e-6)
+
+    @property
+    def coupled(self) -> tuple[str, ...]:
+        """Joints whose motors other joints turn, too."""
+        turned_by = np.count_nonzero(np.linalg.inv(self.topology), axis=1)
+        return tuple(self.driven[k] for k in np.flatnonzero(turned_by > 1))
 
     def body(self, name: str) -> int:
         """Return the number of the link called `name`."""

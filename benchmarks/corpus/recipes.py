@@ -91,6 +91,8 @@ def _simple(effect: str, torque: float, speed: float) -> tuple[str, float] | Non
     return {
         "viscous_friction": ("coefficient", 0.8 * torque / speed),
         "coulomb_friction": ("level", 0.8 * torque),
+        "rotor_viscous_friction": ("coefficient", 0.8 * torque / speed),
+        "rotor_coulomb_friction": ("level", 0.8 * torque),
         "quadratic_drag": ("coefficient", 0.8 * torque / speed**2),
         "load_friction": ("coefficient", 0.3),
         "torque_offset": ("offset", 0.8 * torque),
@@ -114,7 +116,7 @@ def _of_joints(random: np.random.Generator, effect: str, j: int, typical: Typica
         slow = float(random.uniform(0.1, 0.5)) * speed
         return Recipe(lambda u: {"coefficient": u, "speed": slow}, 0.4)
     if effect == "joint_spring":
-        rest = float(typical.machine.centre[j] + random.uniform(-0.5, 0.5))
+        rest = float(typical.machine.center[j] + random.uniform(-0.5, 0.5))
         return Recipe(lambda u: {"stiffness": u, "rest": rest}, 2.0 * torque)
     if effect == "torque_ripple":
         fastest = 2.0 * np.pi * 5.0 / speed
@@ -196,13 +198,13 @@ def _of_drives(random: np.random.Generator, effect: str, j: int, typical: Typica
 
 def _unlisted(random: np.random.Generator, effect: str, j: int, typical: Typical) -> Recipe | None:
     torque = float(typical.torque[j])
-    centre = float(typical.machine.centre[j])
+    center = float(typical.machine.center[j])
     rest, phase = float(random.uniform(-0.3, 0.3)), float(random.uniform(-3.0, 3.0))
-    both = centre + float(typical.machine.centre[j - 1]) + rest
+    both = center + float(typical.machine.center[j - 1]) + rest
     shape, most = {
         "presliding": ({"length": 1.0 / float(random.uniform(5.0, 20.0))}, 0.8 * torque),
         "bouc_wen": ({"rate": float(random.uniform(2.0, 6.0))}, 0.8 * torque),
-        "one_sided_cable": ({"rest": centre + rest}, 3.0 * torque),
+        "one_sided_cable": ({"rest": center + rest}, 3.0 * torque),
         "position_dependent_friction": ({"order": 3.0, "phase": phase}, 0.8 * torque),
         "tendon": ({"rest": both}, 1.5 * torque),
         "intermittent_slip": ({"rate": float(random.uniform(3.0, 7.0))}, torque),

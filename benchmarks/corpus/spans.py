@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.corpus.conditions import NOMINAL
-from benchmarks.corpus.flaws import DRAWING, WHOLE_ROBOT, Flaw, point_mass
+from benchmarks.corpus.flaws import AT_MOTORS, DRAWING, WHOLE_ROBOT, Flaw, point_mass
 from benchmarks.corpus.machine import Link
 from benchmarks.corpus.recipes import Typical
 
@@ -70,8 +70,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
         yield from ((flaw(level=_SMALL * torque, length=length),) for length in _BENT)
     elif effect == "joint_spring":
         yield tuple(flaw(stiffness=_SMALL * torque, rest=rest) for rest in (0.0, 1.0))
-        centre = float(machine.centre[j])
-        yield from ((flaw(stiffness=_SMALL * torque, rest=centre + r),) for r in (-0.5, 0.0, 0.5))
+        center = float(machine.center[j])
+        yield from ((flaw(stiffness=_SMALL * torque, rest=center + r),) for r in (-0.5, 0.0, 0.5))
     elif effect == "torque_ripple":
         for order in _ORDERS:
             yield tuple(
@@ -96,6 +96,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
 _PLAIN = {
     "viscous_friction": ("coefficient", 0.0),
     "coulomb_friction": ("level", 0.0),
+    "rotor_viscous_friction": ("coefficient", 0.0),
+    "rotor_coulomb_friction": ("level", 0.0),
     "quadratic_drag": ("coefficient", 0.0),
     "load_friction": ("coefficient", 0.0),
     "torque_offset": ("offset", 0.0),
@@ -144,4 +146,6 @@ def places_of(effect: str, typical: Typical) -> tuple[str, ...]:
         return (*machine.bodies, *(name for name, _, _ in machine.contacts))
     if effect in ("center_of_mass", DRAWING):
         return machine.bodies
+    if effect in AT_MOTORS:
+        return machine.coupled
     return machine.driven

@@ -80,7 +80,7 @@ def noise_of(case: Case) -> FloatArray:
 
 
 def _task(case: Case, robot: Robot) -> tuple[MotionLimits, dict[str, Any]]:
-    limits = MotionLimits.of(robot, _SPAN, _SPEED, _ACCELERATION, case.machine.centre)
+    limits = MotionLimits.of(robot, _SPAN, _SPEED, _ACCELERATION, case.machine.center)
     rate = min(case.sensors.rate, 100.0)
     settings = {"rate": rate, "rounds": ROUNDS, "seed": case.number}
     return limits, settings

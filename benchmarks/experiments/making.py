@@ -53,8 +53,8 @@ def poor_run(machine: Machine, random: np.random.Generator, number: int) -> Exci
     kind, duration = str(random.choice(KINDS)), float(random.uniform(SHORTEST, LONGEST))
     size = float(np.exp(random.uniform(np.log(SMALLEST), 0.0)))
     whole = Excitation(kind, number, duration, number)
-    moves = reference(machine, whole)(PlannedExcitation.times(duration)) - machine.centre
-    return PlannedExcitation(kind, number, duration, number, 0.0, machine.centre + size * moves)
+    moves = reference(machine, whole)(PlannedExcitation.times(duration)) - machine.center
+    return PlannedExcitation(kind, number, duration, number, 0.0, machine.center + size * moves)
 
 
 def small_and_close(

@@ -74,7 +74,7 @@ def test_a_wrong_zero_of_the_first_joint_is_a_tilted_gravity() -> None:
     assert "gravity_direction" not in cause.stand_ins
 
 
-def test_a_shifted_centre_of_mass_is_a_wrong_zero_with_more_parameters() -> None:
+def test_a_shifted_center_of_mass_is_a_wrong_zero_with_more_parameters() -> None:
     """In case 331 neither direction of the shift does alone."""
     cause = truth_of(draw_case(331)).causes[0]
     assert (cause.effect, cause.stand_ins, cause.equals) == (

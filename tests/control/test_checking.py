@@ -87,7 +87,7 @@ def test_task_derivatives(case, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_balance_task_accelerates_the_centre_of_mass(seed):
+def test_balance_task_accelerates_the_center_of_mass(seed):
     task = PointFootBalanceTask(contact="foot", frame="base")
     assert check_task(LEG, task, *random_motion(LEG, seed)).drift < 1e-6
 

@@ -92,14 +92,14 @@ def test_a_robot_without_solids_has_no_clearance() -> None:
 def test_a_row_touches_whatever_stands_in_the_rows_before_it() -> None:
     """A whole motion keeps apart just where each of its rows, judged alone, does."""
     robot = load_robot("solo12").lossless()
-    found = LinkDistances.of(robot, centre := robot.pose()[robot.actuated_position])
+    found = LinkDistances.of(robot, center := robot.pose()[robot.actuated_position])
     assert found is not None
     random, time = np.random.default_rng(0), np.arange(300) / 50.0
-    phase = random.uniform(0.0, 6.0, (len(centre), 3))
+    phase = random.uniform(0.0, 6.0, (len(center), 3))
     waves = [
         np.sin(0.6 * np.pi * (k + 1) * time[:, None] + phase[:, k]) for k in range(phase.shape[1])
     ]
-    rows = centre + 0.4 * sum(waves)
+    rows = center + 0.4 * sum(waves)
     apart = np.array([found.least(row[None]) >= found.margin for row in rows])
     assert 50 < apart.sum() < 280
     free = rows[apart]

@@ -149,8 +149,8 @@ def assert_within(site: Site, found: Designed) -> None:
     limits, robot = site.limits, site.rivals.robot
     q, v, a = found.path.at(np.linspace(0.0, site.duration, 3001))
     kept = ROOM + 0.01  # compared on a grid of 50 Hz
-    assert np.all(q - limits.centre <= kept * (limits.high - limits.centre))
-    assert np.all(limits.centre - q <= kept * (limits.centre - limits.low))
+    assert np.all(q - limits.center <= kept * (limits.high - limits.center))
+    assert np.all(limits.center - q <= kept * (limits.center - limits.low))
     assert np.all(np.abs(v) <= kept * limits.speed)
     assert np.all(np.abs(a) <= kept * limits.acceleration)
     for cause in ((), *site.rivals.causes):
@@ -175,5 +175,5 @@ def test_a_climb_ends_when_its_torques_are_spent() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_Hill, "slope", counting)
         climbed_path(site, path, deciding, site.rivals.pairs, 100 * count)
-    per_step = 9 + 3 * len(hill.site.limits.centre)  # halvings and slopes of one step
+    per_step = 9 + 3 * len(hill.site.limits.center)  # halvings and slopes of one step
     assert 10 * count < spent[-1] <= (100 + 2 * per_step) * count

@@ -45,7 +45,7 @@ def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> Non
     one = path()
     time = np.linspace(0.0, one.duration, 200_001)
     q, v, a = one.at(time)
-    for ends in (q[[0, -1]] - one.centre, v[[0, -1]], a[[0, -1]]):
+    for ends in (q[[0, -1]] - one.center, v[[0, -1]], a[[0, -1]]):
         np.testing.assert_allclose(ends, 0.0, atol=1e-9)
     np.testing.assert_allclose(np.gradient(q, time, axis=0)[1:-1], v[1:-1], atol=1e-6)
     # The third derivative jumps where the window is open: no central difference across that.

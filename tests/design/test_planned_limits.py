@@ -77,19 +77,19 @@ def test_set_points_come_at_the_stated_rate_and_are_one_motion(planned) -> None:
 
 def test_positions_speeds_and_accelerations_keep_their_limits(planned) -> None:
     robot, _, (q, _, _) = planned
-    centre, rows = q[0], robot.actuated_position
+    center, rows = q[0], robot.actuated_position
     low, high = robot.model.lowerPositionLimit[rows], robot.model.upperPositionLimit[rows]
-    low = np.maximum(np.where(high > low, low, -np.inf), centre - SPAN)
-    high = np.minimum(np.where(high > low, high, np.inf), centre + SPAN)
+    low = np.maximum(np.where(high > low, low, -np.inf), center - SPAN)
+    high = np.minimum(np.where(high > low, high, np.inf), center + SPAN)
     speed = np.where(robot.model.velocityLimit > 0.0, robot.model.velocityLimit, np.inf)
     fastest = np.minimum(speed[robot.actuated], SPEED)
-    assert np.all(q <= centre + KEPT * (high - centre))
-    assert np.all(q >= centre + KEPT * (low - centre))
+    assert np.all(q <= center + KEPT * (high - center))
+    assert np.all(q >= center + KEPT * (low - center))
     assert np.all(np.abs(np.diff(q, axis=0)) * RATE <= KEPT * fastest)
     # Positions have nine digits: a second difference is uncertain by 4e-9 RATE^2.
     bend = np.abs(np.diff(q, n=2, axis=0)) * RATE**2
     assert np.all(bend <= KEPT * ACCELERATION + 4e-9 * RATE**2)
-    shares = [np.abs(q - centre) / np.minimum(high - centre, centre - low), bend / ACCELERATION,
+    shares = [np.abs(q - center) / np.minimum(high - center, center - low), bend / ACCELERATION,
               torques(robot, planned[2]) / robot.transmission.torque_limit]  # fmt: skip
     shares.append(np.abs(np.diff(q, axis=0)) * RATE / fastest)
     assert max(share.max() for share in shares) > 0.5  # a limit is used, not only kept

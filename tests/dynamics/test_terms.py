@@ -96,7 +96,7 @@ def test_evaluating_does_not_change_the_robot(random_state) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_centre_of_mass_outlives_the_terms_it_came_from(name: str, random_state) -> None:
+def test_the_center_of_mass_outlives_the_terms_it_came_from(name: str, random_state) -> None:
     robot = load_robot(name)
     for seed in range(5):
         q, v = random_state(robot, seed)

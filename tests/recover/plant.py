@@ -239,10 +239,10 @@ class _Flaws:
         m1 = MASS + self.thigh_mass
         first1 = m1 * half
         second1 = ROD + m1 * half**2
-        centre = half + self.shin_shift
+        center = half + self.shin_shift
         m2 = MASS + self.shin_mass + self.foot_mass
-        first2 = MASS * centre + self.shin_mass * half + self.foot_mass * LENGTH
-        second2 = ROD + MASS * centre**2 + self.shin_mass * half**2 + self.foot_mass * LENGTH**2
+        first2 = MASS * center + self.shin_mass * half + self.foot_mass * LENGTH
+        second2 = ROD + MASS * center**2 + self.shin_mass * half**2 + self.foot_mass * LENGTH**2
         c, s = np.cos(q2), np.sin(q2)
         m11 = second1 + m2 * LENGTH**2 + second2 + 2.0 * LENGTH * first2 * c
         m12 = second2 + LENGTH * first2 * c
@@ -261,7 +261,7 @@ def _reference(lane: Lane):
     frequency = random.uniform(0.1, 1.6, size=(2, 6))
     phase = random.uniform(0.0, 2.0 * np.pi, size=(2, 6))
     size = lane.amplitude * random.uniform(0.5, 1.0, size=(2, 6)) * 0.3 / (0.4 + frequency)
-    centre = np.array([0.45, -0.75])
+    center = np.array([0.45, -0.75])
 
     def motion(t):
         t = np.asarray(t, dtype=float)
@@ -270,7 +270,7 @@ def _reference(lane: Lane):
         angle = 2.0 * np.pi * frequency[..., None] * t.reshape(1, 1, -1) + phase[..., None]
         wave = (size[..., None] * np.sin(angle)).sum(1)
         rise = (size[..., None] * 2.0 * np.pi * frequency[..., None] * np.cos(angle)).sum(1)
-        position = centre[:, None] + ramp * wave
+        position = center[:, None] + ramp * wave
         velocity = ramp * rise + slope * wave
         if t.ndim == 0:
             return position[:, 0], velocity[:, 0]

@@ -169,7 +169,7 @@ def test_feet_that_hold_contradict_a_wrong_zero_that_is_not_there() -> None:
     assert wrong.held_contacts(fit) > 30.0
 
 
-def test_a_ball_that_rolls_moves_its_centre() -> None:
+def test_a_ball_that_rolls_moves_its_center() -> None:
     turns = 0.3 * np.sin(np.linspace(0.0, 3.0, 40))
     about_y = np.array([pin.exp3(np.array([0.0, t, 0.0])) for t in turns])
     way = rolled(about_y[:, None], [0.1], np.array([0.0, 0.0, 1.0]))[:, 0]

@@ -36,13 +36,13 @@ class MultiSine:
         amplitude = random.uniform(0.5, 1.0, (n, 4)) / self.omega**0.5
         self.amplitude = size * amplitude / amplitude.sum(axis=1, keepdims=True)
         self.phase = random.uniform(0.0, 2.0 * np.pi, (n, 4))
-        self.centre = robot.pose()[robot.actuated_position]
+        self.center = robot.pose()[robot.actuated_position]
 
     def at(self, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return positions, velocities and accelerations (m,) at a time [s]."""
         angle = self.omega * time + self.phase
         sine, cosine = self.amplitude * np.sin(angle), self.amplitude * np.cos(angle)
-        position = self.centre + sine.sum(axis=1)
+        position = self.center + sine.sum(axis=1)
         return position, (self.omega * cosine).sum(axis=1), -(self.omega**2 * sine).sum(axis=1)
 
 

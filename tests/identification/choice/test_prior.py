@@ -54,7 +54,7 @@ def test_drives_that_deliver_something_else_cost_by_the_factor(problem: Estimati
     assert costs == pytest.approx([spread * np.log(f) ** 2 for f in (1.0, 1.1, 2.0, 4.0)])
 
 
-def test_a_centre_of_mass_costs_that_is_shifted_by_much_of_its_link(
+def test_a_center_of_mass_costs_that_is_shifted_by_much_of_its_link(
     problem: EstimationProblem,
 ) -> None:
     shin = LEG.bodies[-1]

@@ -11,9 +11,9 @@ def test_dry_friction_is_one_curve_over_speed_and_none_over_position() -> None:
     rng = np.random.default_rng(2)
     speed, position = rng.uniform(-2.0, 2.0, 2000), rng.uniform(-1.0, 1.0, 2000)
     friction = 0.5 * np.sign(speed)
-    ((centre, mean),) = explained_curves(speed, friction, speed)
-    clear = np.abs(centre) > 0.2
-    np.testing.assert_allclose(mean[clear], 0.5 * np.sign(centre[clear]))
+    ((center, mean),) = explained_curves(speed, friction, speed)
+    clear = np.abs(center) > 0.2
+    np.testing.assert_allclose(mean[clear], 0.5 * np.sign(center[clear]))
     # Over the position each direction of motion is a constant, which the position does not decide.
     assert explained_curves(position, friction, speed) == ()
     noise = rng.standard_normal(2000)

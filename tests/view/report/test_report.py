@@ -115,7 +115,12 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert "turn the knee at several constant speeds." in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
     assert "no known effect explains" in verdict_sentence(unknown)
-    assert "disagree" in verdict_sentence(replace(diagnosis, verdict="not_repeatable"))
+    apart = OutputLevel("knee", "N m", 0.5, 0.5, 0.5, 0.42, excess=6.1)
+    torn = replace(diagnosis, verdict="not_repeatable", outputs=(*diagnosis.outputs, apart))
+    assert verdict_sentence(torn) == (
+        "Runs that repeat one another disagree: by 0.42 N m at knee, 6.1 times what the noise of "
+        "their sensors explains. So nothing can be named from these logs."
+    )
     said = str(diagnosis)
     assert "viscous_friction at knee, or coulomb_friction" in said
     assert "knee: 4.0 -> 0.10 N m" in said
@@ -134,10 +139,12 @@ def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
     # Two kinds of certainty say what they are about.
     assert "60\u00a0% sure</span> that it is there" in seen
     assert "90&nbsp;% interval: 0.396 … 0.404" in seen
+    # A title begins with a capital.
+    assert "<h3>Viscous friction <" in seen
     # One word for the noise floor, and one number: the limit that everything is measured by.
     assert "noise of the sensors</th>" not in seen
     # Effects that are named are explained; squared units and words of the method are gone.
-    words = seen[seen.index("what these effects are") :]
+    words = seen[seen.index("What these effects are") :]
     assert "<dt>Coulomb friction</dt>" in words
     assert "Surfaces rub" in words
     assert not re.search("floors²|linear estimate|ot needed", seen)
@@ -419,6 +426,9 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         assert tab.locator("details:not([open])").count() == 0
         assert tab.evaluate("document.documentElement.dataset.theme") == "light"
         assert tab.locator("#shown").inner_text() == "log in memory"
+        # On paper the heading of a box stood on the box's blue line.
+        box, head = (tab.locator(f"#ambiguity{e}").bounding_box()["x"] for e in ("", " h2"))
+        assert head - box > 12.0
         tab.evaluate("dispatchEvent(new Event('afterprint'))")
         tab.emulate_media(media="screen")
 
@@ -431,6 +441,9 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         # Logs have long names.
         tab.evaluate("document.querySelector('#motion h2').textContent = 'run_'.repeat(30)")
         tab.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=5000)
+        # The names of what the residual depends on stood in a column of one word.
+        name = "Math.min(...[...document.querySelectorAll('.bars td:nth-child(2)')].map("
+        assert tab.evaluate(f"{name}e => e.clientWidth))") > 120
         cut = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth)"
         assert tab.evaluate(f"{cut}.map(e => e.closest('section').id)") == []
         assert troubles == []

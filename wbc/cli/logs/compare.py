@@ -187,8 +187,8 @@ def where_table(comparison: Comparison, most: int = 8) -> Table:
             b.variable,
             b.unit,
             f"{100.0 * b.share:.0f} %",
-            f"{b.mean[low]:+.2g} at {b.centre[low]:.2g}",
-            f"{b.mean[high]:+.2g} at {b.centre[high]:.2g}",
+            f"{b.mean[low]:+.2g} at {b.center[low]:.2g}",
+            f"{b.mean[high]:+.2g} at {b.center[high]:.2g}",
         )
     table.caption = "share of the residual's variance that its mean over this variable explains"
     return table

@@ -31,12 +31,12 @@ class LinkDistances:
     margin: float
 
     @classmethod
-    def of(cls, robot: Robot, centre: FloatArray, margin: float = MARGIN) -> LinkDistances | None:
+    def of(cls, robot: Robot, center: FloatArray, margin: float = MARGIN) -> LinkDistances | None:
         """Return the clearance of a robot, None where its model file holds no pair of solids.
 
         Args:
             robot: with collision geometry in its URDF or MJCF file.
-            centre: (m,) of the driven joints, about which it moves.
+            center: (m,) of the driven joints, about which it moves.
             margin: [m].
         """
         solids, parents = collision_solids(robot), robot.model.parents
@@ -46,7 +46,7 @@ class LinkDistances:
                 if a != b and parents[a] != b and parents[b] != a:
                     solids.addCollisionPair(pin.CollisionPair(i, k))
         found = cls(robot, solids, margin)
-        near = found._distances(centre) < margin
+        near = found._distances(center) < margin
         for pair in [pair for pair, touch in zip(_pairs(solids), near, strict=True) if touch]:
             solids.removeCollisionPair(pair)
         return found if len(solids.collisionPairs) else None

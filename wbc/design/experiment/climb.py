@@ -80,7 +80,7 @@ class _Hill:
     def start(self, path: FourierPath) -> FloatArray:
         """Return the coefficients of a path, made a little smaller until no limit is reached."""
         parts = round(path.frequency / self.frequency)
-        free = np.zeros((2, len(path.centre), self._count))
+        free = np.zeros((2, len(path.center), self._count))
         free[:, :, parts - 1 : parts * path.sine.shape[1] : parts] = path.sine, path.cosine
         here = (free * np.arange(1, self._count + 1)).ravel()
         while self.value(here, 1.0)[1] is None:
@@ -90,8 +90,8 @@ class _Hill:
     def path(self, here: FloatArray) -> FourierPath:
         """Return the path of coefficients."""
         free = here.reshape(2, -1, self._count) / np.arange(1, self._count + 1)
-        centre = self.site.limits.centre
-        return FourierPath(centre, free[0], free[1], self.frequency, self.site.duration)
+        center = self.site.limits.center
+        return FourierPath(center, free[0], free[1], self.frequency, self.site.duration)
 
     def keeps_apart(self, here: FloatArray) -> bool:
         """Whether no links of the path come too near one another."""
@@ -119,7 +119,7 @@ class _Hill:
         loads = [weight * _barrier(tau, *self._torque_bounds)[1] for tau in _torques(found)]
         _, pulls = self._climbed(found, self.pairs)
         parts = motion_slopes(found, pulls, {k - 1: load for k, load in enumerate(loads)})
-        self.spent += 3 * len(path.centre) * self.site.rivals.torque_count
+        self.spent += 3 * len(path.center) * self.site.rivals.torque_count
         held = [weight * _barrier(*one)[1] for one in self._bounds(motion)]
         each = [
             wave.T @ (part + bend) for wave, part, bend in zip(self.waves, parts, held, strict=True)
@@ -134,11 +134,11 @@ class _Hill:
         """Return moves from the centre, velocities and accelerations, each with its two bounds."""
         limits = self.site.limits
         sides = (
-            (limits.low - limits.centre, limits.high - limits.centre),
+            (limits.low - limits.center, limits.high - limits.center),
             (-limits.speed, limits.speed),
             (-limits.acceleration, limits.acceleration),
         )
-        moves = (motion[0] - limits.centre, *motion[1:])
+        moves = (motion[0] - limits.center, *motion[1:])
         return [(m, ROOM * low, ROOM * high) for m, (low, high) in zip(moves, sides, strict=True)]
 
     @property

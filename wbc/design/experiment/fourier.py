@@ -14,19 +14,19 @@ _RAMP = 0.1  # share of the duration over which the window opens, and closes
 
 @dataclass(frozen=True, eq=False)
 class FourierPath:
-    """q(t) = centre + w(t) sum_k [s_k sin(k omega t) + c_k cos(k omega t)] of every driven joint.
+    """q(t) = center + w(t) sum_k [s_k sin(k omega t) + c_k cos(k omega t)] of every driven joint.
 
     The window w rises from 0 to 1 and falls back with continuous second derivative, so that the
-    robot starts and ends at rest in `centre`.
+    robot starts and ends at rest in `center`.
 
     Attributes:
-        centre: (m,) [rad, m].
+        center: (m,) [rad, m].
         sine, cosine: (m, K) [rad, m].
         frequency: of the first harmonic [Hz].
         duration: [s].
     """
 
-    centre: FloatArray
+    center: FloatArray
     sine: FloatArray
     cosine: FloatArray
     frequency: float
@@ -34,7 +34,7 @@ class FourierPath:
 
     def __post_init__(self) -> None:
         """Check sizes."""
-        if self.sine.shape != self.cosine.shape or len(self.sine) != len(self.centre):
+        if self.sine.shape != self.cosine.shape or len(self.sine) != len(self.center):
             raise DesignError("a path needs as many sines as cosines, one row per joint.")
         if not (self.frequency > 0.0 and self.duration > 0.0):
             raise DesignError("frequency and duration of a path must be > 0.")
@@ -48,14 +48,14 @@ class FourierPath:
         rate = (cos * order) @ self.sine.T - (sin * order) @ self.cosine.T
         bend = -(sin * order**2) @ self.sine.T - (cos * order**2) @ self.cosine.T
         w, w1, w2 = (part[:, None] for part in self._window(time))
-        position = self.centre + w * wave
+        position = self.center + w * wave
         return position, w * rate + w1 * wave, w * bend + 2.0 * w1 * rate + w2 * wave
 
     def scaled(self, share: float | FloatArray) -> FourierPath:
         """Return the path with all amplitudes multiplied by `share`, one or one per joint (m,)."""
-        rows = np.broadcast_to(share, self.centre.shape)[:, None]
+        rows = np.broadcast_to(share, self.center.shape)[:, None]
         return FourierPath(
-            self.centre, rows * self.sine, rows * self.cosine, self.frequency, self.duration
+            self.center, rows * self.sine, rows * self.cosine, self.frequency, self.duration
         )
 
     def times(self, rate: float) -> FloatArray:

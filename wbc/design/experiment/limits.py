@@ -21,7 +21,7 @@ class MotionLimits:
         speed: of the joints [rad/s, m/s].
         acceleration: of the joints [rad/s^2, m/s^2].
         torque: of the rotors [N m].
-        centre: strictly between `low` and `high`; motions start and end there [rad, m].
+        center: strictly between `low` and `high`; motions start and end there [rad, m].
         clearance: links that keep apart; None where the model file holds no collision solids.
     """
 
@@ -30,7 +30,7 @@ class MotionLimits:
     speed: FloatArray
     acceleration: FloatArray
     torque: FloatArray
-    centre: FloatArray
+    center: FloatArray
     clearance: LinkDistances | None = None
 
     @classmethod
@@ -40,16 +40,16 @@ class MotionLimits:
         span: float = np.inf,
         speed: float = np.inf,
         acceleration: float = np.inf,
-        centre: FloatArray | None = None,
+        center: FloatArray | None = None,
     ) -> MotionLimits:
         """Return the robot's own limits, narrowed by what is given.
 
         Args:
             robot: the robot; its model holds positions and speeds, its motors torque and speed.
-            span: furthest from `centre` [rad, m].
+            span: furthest from `center` [rad, m].
             speed: of every joint [rad/s, m/s].
             acceleration: of every joint [rad/s^2, m/s^2].
-            centre: (m,) about which the robot moves; its usual pose when left out, the middle of
+            center: (m,) about which the robot moves; its usual pose when left out, the middle of
                 its range where that pose lies at a limit.
 
         Raises:
@@ -61,7 +61,7 @@ class MotionLimits:
                 raise DesignError(f"the limit of {name} must be > 0, got {value:g}.")
         gears, rows = robot.transmission, robot.actuated
         pose = robot.pose() if robot.poses else robot.neutral()
-        middle = pose[robot.actuated_position] if centre is None else centre
+        middle = pose[robot.actuated_position] if center is None else center
         # A joint's speed turns several motors in a parallel drive: each bounds it alone.
         per_speed = np.abs(gears.gear_ratio[:, None] * gears.motor_from_joint)
         share = np.where(per_speed > 0.0, per_speed, np.nan)
@@ -85,7 +85,7 @@ class MotionLimits:
             speed=np.minimum(np.minimum(model, own), speed),
             acceleration=np.full(gears.size, acceleration),
             torque=np.array(gears.torque_limit),
-            centre=middle,
+            center=middle,
             clearance=LinkDistances.of(robot, middle),
         )
 
@@ -114,8 +114,8 @@ class MotionLimits:
         """
         q, v, a = motion
         shares = [
-            (q - self.centre) / (self.high - self.centre),
-            (self.centre - q) / (self.centre - self.low),
+            (q - self.center) / (self.high - self.center),
+            (self.center - q) / (self.center - self.low),
             np.abs(v) / self.speed,
             np.abs(a) / self.acceleration,
         ]

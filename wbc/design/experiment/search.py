@@ -244,15 +244,15 @@ def _decided(distances: FloatArray) -> float:
 
 
 def _drawn(site: Site, random: np.random.Generator) -> FourierPath:
-    centre = site.limits.centre
-    m = len(centre)
+    center = site.limits.center
+    m = len(center)
     weight = 1.0 / np.arange(1, HARMONICS + 1)
     # One size per joint: what tells two causes apart may need another joint to move little.
     size = random.uniform(0.2, 1.0, (m, 1))
     sine, cosine = random.normal(size=(2, m, HARMONICS)) * weight * size
     # A short run holds a whole period of the first harmonic, as far as the last one allows.
     base = float(np.clip(random.choice(_BASES), min(1.0 / site.duration, _BASES[-1]), None))
-    return FourierPath(centre, sine, cosine, base, site.duration)
+    return FourierPath(center, sine, cosine, base, site.duration)
 
 
 def _changed(path: FourierPath, random: np.random.Generator, size: float) -> FourierPath:
@@ -263,4 +263,4 @@ def _changed(path: FourierPath, random: np.random.Generator, size: float) -> Fou
     sine = grown * (path.sine + some * size * scale * random.normal(size=path.sine.shape))
     cosine = grown * (path.cosine + some * size * scale * random.normal(size=path.sine.shape))
     base = path.frequency * float(np.exp(0.5 * size * random.normal()))
-    return FourierPath(path.centre, sine, cosine, base, path.duration)
+    return FourierPath(path.center, sine, cosine, base, path.duration)

@@ -50,8 +50,8 @@ class Site:
         Raises:
             DesignError: they do not, so that no motion, however small, is within the limits.
         """
-        nothing = np.zeros((len(self.limits.centre), 1))
-        still = FourierPath(self.limits.centre, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
+        nothing = np.zeros((len(self.limits.center), 1))
+        still = FourierPath(self.limits.center, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
         peak = self.rivals.predictions(self.motion(still, SEARCH_RATE)).peak()
         share = peak.max(axis=0) / self.limits.torque
         if share.max() >= ROOM:

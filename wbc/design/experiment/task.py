@@ -212,7 +212,7 @@ def _summary(found: Mapping[str, Designed]) -> dict[str, Any]:
     }
     path = found[DESIGNED].path
     written = {
-        "centre": path.centre.tolist(),
+        "center": path.center.tolist(),
         "sine": path.sine.tolist(),
         "cosine": path.cosine.tolist(),
         "frequency": path.frequency,
@@ -224,5 +224,5 @@ def _summary(found: Mapping[str, Designed]) -> dict[str, Any]:
 def read_path(text: str) -> FourierPath:
     """Return the motion of column `path` of a table of planned experiments."""
     table = json.loads(text)
-    arrays = {name: np.array(table[name]) for name in ("centre", "sine", "cosine")}
+    arrays = {name: np.array(table[name]) for name in ("center", "sine", "cosine")}
     return FourierPath(**arrays, frequency=table["frequency"], duration=table["duration"])

@@ -109,8 +109,8 @@ def fit_servos(
         if name not in spans:
             raise IdentificationError(unknown_name("number of the fit", name, spans))
     names, table = list(spans), np.array([tuple(span) for span in spans.values()])
-    low, centre, high = table.T
-    scale = np.maximum(np.abs(centre), 0.02 * (high - low))
+    low, center, high = table.T
+    scale = np.maximum(np.abs(center), 0.02 * (high - low))
     firsts = [np.array([start.get(name, spans[name].start) for name in names]) for start in starts]
     row_of = np.concatenate([np.full(len(r.position[::_EVERY]), k) for k, r in enumerate(runs)])
     seen = np.array([np.isin(range(len(runs)), subset) for subset in subsets for _ in firsts])
@@ -127,7 +127,7 @@ def fit_servos(
 
     tasks = [FitStart(first, np.isin(row_of, subset)) for subset in subsets for first in firsts]
     pull = np.array([hold.get(name, 0.0) for name in names]) / scale
-    found = lockstep_fit(residuals, tasks, (low, high), scale, (pull, centre), _SOFT, iterations)
+    found = lockstep_fit(residuals, tasks, (low, high), scale, (pull, center), _SOFT, iterations)
     best = []
     for k in range(len(subsets)):
         x, cost = min(found[k * len(firsts) : (k + 1) * len(firsts)], key=lambda one: one[1])

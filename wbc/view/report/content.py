@@ -126,6 +126,11 @@ def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str
     return rows
 
 
+def titled(text: str) -> str:
+    """Return a text as a title has it: its first letter is a capital."""
+    return text[:1].upper() + text[1:]
+
+
 def log_name(label: str) -> str:
     """Return the name of a log without its folders."""
     path, mark, part = label.partition("#")
@@ -190,7 +195,7 @@ def finding_cards(findings: Sequence[Finding]) -> list[dict[str, Any]]:
             )
         cards.append(
             {
-                "effect": spoken(finding.effect.name),
+                "effect": titled(spoken(finding.effect.name)),
                 "where": finding.effect.where,
                 "sure": sure(finding.probability),
                 "explanation": finding.effect.explanation,
@@ -220,7 +225,8 @@ def ranking_rows(rows: Sequence[Ranked]) -> list[dict[str, Any]]:
 def ranking_words(rows: Sequence[Ranked]) -> list[tuple[str, str]]:
     """Return name and explanation of every effect that a ranked table names."""
     names = dict.fromkeys(name for row in rows for name, _ in (*row.added, *row.removed))
-    return [(spoken(name), EFFECTS[name].explanation) for name in names if name in EFFECTS]
+    known = [name for name in names if name in EFFECTS]
+    return [(titled(spoken(name)), EFFECTS[name].explanation) for name in known]
 
 
 def quality_rows(qualities: Sequence[LogQuality]) -> list[dict[str, Any]]:

@@ -23,7 +23,7 @@ class Breakdown:
         output: joint or coordinate.
         variable: for example `speed`, `load`, `position`.
         unit: of the variable.
-        centre: (k,) mean of the variable in each bin.
+        center: (k,) mean of the variable in each bin.
         mean: (k,) mean residual [N m, N].
         rms: (k,) root mean square residual.
         share: how much of the residual's variance the bin means explain, 0 to 1.
@@ -32,7 +32,7 @@ class Breakdown:
     output: str
     variable: str
     unit: str
-    centre: FloatArray
+    center: FloatArray
     mean: FloatArray
     rms: FloatArray
     share: float
@@ -66,10 +66,10 @@ def binned(
     count = np.maximum(np.bincount(index, minlength=len(edges) - 1), 1)
     mean = np.bincount(index, residual, minlength=len(edges) - 1) / count
     power = np.bincount(index, residual**2, minlength=len(edges) - 1) / count
-    centre = np.bincount(index, values, minlength=len(edges) - 1) / count
+    center = np.bincount(index, values, minlength=len(edges) - 1) / count
     total = float(np.mean(residual**2))
     share = float(np.sum(count * mean**2) / count.sum() / total) if total > 0.0 else 0.0
-    return Breakdown(output, variable, unit, centre, mean, np.sqrt(power), share)
+    return Breakdown(output, variable, unit, center, mean, np.sqrt(power), share)
 
 
 def _variables(records: Sequence[Record], column: int) -> list[tuple[str, str, FloatArray]]:

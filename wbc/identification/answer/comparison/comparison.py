@@ -166,7 +166,7 @@ class Comparison:
                     "variable": b.variable,
                     "unit": b.unit,
                     "share": b.share,
-                    "centre": b.centre.tolist(),
+                    "center": b.center.tolist(),
                     "mean": b.mean.tolist(),
                     "rms": b.rms.tolist(),
                 }

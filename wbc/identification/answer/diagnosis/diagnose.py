@@ -229,7 +229,7 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
     before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
-    floor = problem.floor.values
+    floor, excess = problem.floor.values, problem.floor.excesses
     unknown = without_links(problem.robot)
     return tuple(
         OutputLevel(
@@ -240,6 +240,7 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
             attainable=float(max(after[k] * share.get(k, 1.0), min(after[k], floor[k]))),
             floor=float(floor[k]),
             judged=k in share,
+            excess=float(excess[k]),
         )
         for k, name in enumerate(names)
         if k not in unknown

@@ -134,6 +134,8 @@ class OutputLevel:
             where what was found is.
         floor: the noise floor, what noise alone leaves.
         judged: False where the drive reports next to nothing and the output was set aside.
+        excess: how many times the noise floor is what the noise of the sensors explains; above 1
+            where repeated runs differ by more than that.
     """
 
     output: str
@@ -143,6 +145,7 @@ class OutputLevel:
     attainable: float
     floor: float
     judged: bool = True
+    excess: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -343,6 +346,7 @@ class Diagnosis:
                     "attainable": o.attainable,
                     "floor": o.floor,
                     "judged": o.judged,
+                    "excess": o.excess,
                 }
                 for o in self.outputs
             },

@@ -77,8 +77,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             return " ".join(sentence for sentence in said if sentence)
         case "not_repeatable":
             return (
-                "Repeated runs disagree with one another by more than their noise, so nothing can "
-                "be named from these logs."
+                f"Runs that repeat one another disagree{_scatter(diagnosis)}. So nothing can be "
+                "named from these logs."
             )
 
 
@@ -124,6 +124,15 @@ def _left(diagnosis: Diagnosis) -> str:
     if worst is None:
         return "nothing is left"
     return f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
+
+
+def _scatter(diagnosis: Diagnosis) -> str:
+    """Return by how much repeated runs differ where they do so most, beside their noise."""
+    worst = max(_judged(diagnosis), key=lambda o: o.excess, default=None)
+    if worst is None:
+        return ""
+    times = f"{plain(worst.excess, 2)} times what the noise of their sensors explains"
+    return f": by {plain(worst.floor, 2)} {worst.unit} at {worst.output}, {times}"
 
 
 def _judged(diagnosis: Diagnosis) -> list[OutputLevel]:

@@ -43,7 +43,12 @@ class NoiseFloor:
     @property
     def excess(self) -> float:
         """How many times the floor exceeds what the sensors explain, at the worst output."""
-        return float(np.sqrt(np.max(np.diag(self.covariance) / np.diag(self.sensors))))
+        return float(self.excesses.max())
+
+    @property
+    def excesses(self) -> FloatArray:
+        """How many times (m + b,) the floor is what the sensors explain."""
+        return np.asarray(np.sqrt(np.diag(self.covariance) / np.diag(self.sensors)))
 
     @property
     def whitening(self) -> FloatArray:

@@ -31,7 +31,7 @@ function drawStairs() {
   Object.assign(shown.xaxis, { range: [0, (narrow ? 1.35 : 1.15) * Math.max(most, 1.2)], rangemode: "tozero", nticks: narrow ? 4 : 8 });
   Object.assign(shown.yaxis, { title: "", tickfont: { size: narrow ? 10 : 12 } });
   shown.margin.t = 20;
-  shown.shapes = [{ type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: { color: style("--before"), dash: "dash" } }];
+  shown.shapes = [{ type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: { color: style("--before"), dash: "dash" }, layer: "below" }];
   shown.annotations = [{ x: 1, xanchor: "left", xref: "x", y: 1.0, yref: "paper", yanchor: "bottom", text: "noise floor", showarrow: false, font: { color: style("--before"), size: 11 } }];
   const label = (text) => narrow && text.length > 24 ? text.replace(" at ", "<br>at ") : text;
   Plotly.react("stairs", [{ type: "bar", orientation: "h", x: steps.map((s) => s.error), y: steps.map((s) => label(s.label)),
