@@ -5,7 +5,8 @@
 The machines carry viscous and Coulomb friction in every joint, and friction that remembers how far
 it slid since it turned round (Dahl). `arm` has two logs of 20 s at 200 Hz of a six-axis arm,
 `plain` the same without memory, `quadruped` one log of 24 s at 200 Hz of twelve joints on its feet,
-`long` three logs of 50 s at 100 Hz of the arm, `eight` the same of a seven-axis arm on a lift.
+`long` three logs of 50 s at 100 Hz of the arm, `seven` the same of a seven-axis arm, `eight` of
+that arm on its lift.
 Times are those of the process.
 """
 
@@ -14,17 +15,21 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import resource
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from math import inf
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.recorded import ROBOTS
 from benchmarks.results import finish
 from wbc import load_robot
 from wbc.arrays import FloatArray
@@ -92,14 +97,29 @@ def _counted(effects: Any) -> str:
 
 
 def arm(
-    name: str, duration: float, rate: float, runs: int, memory: float
+    robot: Robot, duration: float, rate: float, runs: int, memory: float
 ) -> tuple[Robot, list[Log]]:
     """Return an arm without friction, and logs of it with friction."""
-    robot = load_robot(name).without_effects().lossless()
+    robot = robot.without_effects().lossless()
     size = np.where([slides(robot, joint) for joint in robot.transmission.joints], 0.15, 1.2)
     motions = [_swept(robot, seed, duration, rate, size) for seed in range(runs)]
     zeros = [np.zeros_like(motion.velocity) for motion in motions]
     return robot, _logs(robot, motions, [{}] * runs, zeros, rate, memory)
+
+
+def _fixed(folder: Path, joint: str) -> Robot:
+    """Return a robot of the repository with one joint that cannot move."""
+    model = next(folder.glob("*.urdf"))
+    tree = ElementTree.parse(model)
+    for found in tree.iter("joint"):
+        if found.get("name") == joint:
+            found.set("type", "fixed")
+    sections = (folder / "robot.toml").read_text().split("\n[")
+    kept = [section for section in sections if not section.startswith(f"gears.{joint}]")]
+    with tempfile.TemporaryDirectory() as place:
+        tree.write(Path(place) / model.name)
+        (Path(place) / "robot.toml").write_text("\n[".join(kept))
+        return load_robot(Path(place) / "robot.toml")
 
 
 def quadruped(duration: float, rate: float, memory: float) -> tuple[Robot, list[Log]]:
@@ -111,11 +131,12 @@ def quadruped(duration: float, rate: float, memory: float) -> tuple[Robot, list[
 
 
 CASES: dict[str, Callable[[], tuple[Robot, list[Log]]]] = {
-    "plain": lambda: arm("staubli_tx40", 20.0, 200.0, 2, 0.0),
-    "arm": lambda: arm("staubli_tx40", 20.0, 200.0, 2, MEMORY),
+    "plain": lambda: arm(load_robot("staubli_tx40"), 20.0, 200.0, 2, 0.0),
+    "arm": lambda: arm(load_robot("staubli_tx40"), 20.0, 200.0, 2, MEMORY),
     "quadruped": lambda: quadruped(24.0, 200.0, MEMORY),
-    "long": lambda: arm("staubli_tx40", 50.0, 100.0, 3, MEMORY),
-    "eight": lambda: arm("tiago", 50.0, 100.0, 3, MEMORY),
+    "long": lambda: arm(load_robot("staubli_tx40"), 50.0, 100.0, 3, MEMORY),
+    "seven": lambda: arm(_fixed(ROBOTS / "tiago", "torso_lift_joint"), 50.0, 100.0, 3, MEMORY),
+    "eight": lambda: arm(load_robot("tiago"), 50.0, 100.0, 3, MEMORY),
 }
 
 

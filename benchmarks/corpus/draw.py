@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import CLOSED_LOOP, FAMILIES, draw_machine
-from benchmarks.corpus.flaws import DRAWING, INERTIAL, POINTS, WHOLE_ROBOT, Flaw
+from benchmarks.corpus.flaws import AT_MOTORS, DRAWING, INERTIAL, POINTS, WHOLE_ROBOT, Flaw
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.recipes import Typical, flaws_of_size, recipe
 from benchmarks.corpus.sensors import Sensors
@@ -29,18 +29,20 @@ LISTED = (
 )  # fmt: skip
 LATER = (
     "presliding", "directional_viscous_friction", "load_presliding", "load_stribeck_friction",
-    "thermal_viscous_friction", "voltage_scaling",
+    "thermal_viscous_friction", "voltage_scaling", *AT_MOTORS,
 )  # fmt: skip
 """Effects that came to the list later; seeds below `_FIRST` are the cases that they always were."""
 _FIRST = {
     "presliding": 24, "directional_viscous_friction": 30, "load_presliding": 30, DRAWING: 30,
     "load_stribeck_friction": 33, "thermal_viscous_friction": 38, "voltage_scaling": 38,
+    **dict.fromkeys(AT_MOTORS, 46),
 }  # fmt: skip
 _WRONG_DRAWINGS = 1.0 / 3.0  # share of all cases
 _ONLY_CLOSED_LOOP = ("backlash", "current_limit")
 BY_CONDITIONS = ("thermal_viscous_friction", "voltage_scaling")
 _CONDITIONS = 0.3  # share of the cases from then on that record temperatures and voltage anyway
 ONLY_PRESCRIBED = ("load_presliding", "load_stribeck_friction", *BY_CONDITIONS)
+_AT_MOTORS = 0.5  # share of the machines with coupled motors whose first effect is at such a motor
 _ALONE = ("backlash", "joint_compliance", "current_limit")
 _ALL_GEARS = {"actuation_delay": 0.7} | dict.fromkeys(
     ("viscous_friction", "coulomb_friction", "transmission_efficiency", "load_friction",
@@ -156,7 +158,8 @@ def _excitations(
 
 
 def _effects(random: np.random.Generator, machine: Machine, kind: str, seed: int) -> list[str]:
-    inside = (*LISTED, *(name for name in LATER if seed >= _FIRST[name]))
+    since = [name for name in LATER if seed >= _FIRST[name] and name not in AT_MOTORS]
+    inside = (*LISTED, *since)
     new = "presliding" in inside
     closed, single = machine.family in CLOSED_LOOP, len(machine.driven) == 1
     outside = [n for n in (NAMES if new else DRAWN) if not (single and n in TWO_JOINTS)]
@@ -171,7 +174,11 @@ def _effects(random: np.random.Generator, machine: Machine, kind: str, seed: int
     if kind in ("two", "three"):
         possible = [n for n in possible if n not in _ALONE]
     size = {"one": 1, "two": 2, "three": 3}.get(kind, 0)
-    return [str(name) for name in random.choice(possible, size=size, replace=False)]
+    names = [str(name) for name in random.choice(possible, size=size, replace=False)]
+    later = names and machine.coupled and seed >= _FIRST[AT_MOTORS[0]]
+    if later and random.uniform() < _AT_MOTORS:
+        names[0] = str(random.choice(AT_MOTORS))
+    return names
 
 
 def _places(random: np.random.Generator, effect: str, machine: Machine) -> tuple[str, ...]:
@@ -181,6 +188,8 @@ def _places(random: np.random.Generator, effect: str, machine: Machine) -> tuple
         return (str(random.choice([*machine.bodies, *(name for name, _, _ in machine.contacts)])),)
     if effect == "center_of_mass":
         return (str(random.choice(machine.bodies)),)
+    if effect in AT_MOTORS:
+        return (str(random.choice(machine.coupled)),)
     if random.uniform() < _ALL_GEARS.get(effect, 0.0):
         return machine.driven
     first = 1 if effect in TWO_JOINTS else 0

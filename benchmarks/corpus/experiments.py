@@ -15,7 +15,9 @@ RUN_FOR = {
     "thermal_viscous_friction": "speeds",  # cold and warm
     "voltage_scaling": "multisine",  # one motion at two voltages
     "quadratic_drag": "speeds",
+    "rotor_viscous_friction": "speeds",
     "coulomb_friction": "sweep",  # slowly both ways
+    "rotor_coulomb_friction": "sweep",
     "stribeck_friction": "sweep",
     "presliding": "sweep",
     "load_presliding": "sweep",

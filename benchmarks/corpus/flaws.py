@@ -12,6 +12,7 @@ from benchmarks.corpus.machine import Link, Machine
 
 WHOLE_ROBOT = ("gravity_direction", "supply_sag")
 DRAWING = "link_inertia"
+AT_MOTORS = ("rotor_coulomb_friction", "rotor_viscous_friction")
 INERTIAL = ("payload_mass", "center_of_mass", DRAWING)
 POINTS = 2  # masses that the drawing of a link lacks
 LUBRICANT = 40.0  # [deg C], at which the viscosity of lubricants is stated
@@ -163,6 +164,14 @@ def smooth_torque(
         elif flaw.effect == "torque_ripple":
             torque[:, j] += p["amplitude"] * np.sin(p["order"] * q[:, j] + p["phase"])
     return torque
+
+
+def rotor_friction(
+    machine: Machine, flaws: Sequence[Flaw], spin: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (viscous torque (N, m), dry levels (m,)) at the motors; spin is (N, m)."""
+    viscous = per_joint(machine, flaws, "rotor_viscous_friction", "coefficient", 0.0) * spin
+    return viscous, per_joint(machine, flaws, "rotor_coulomb_friction", "level", 0.0)
 
 
 def dry_level(machine: Machine, flaws: Sequence[Flaw], v: np.ndarray) -> np.ndarray:

@@ -91,6 +91,12 @@ class Machine:
         """Links with a mass worth the name."""
         return tuple(link.name for link in self.links if link.mass > 1e-6)
 
+    @property
+    def coupled(self) -> tuple[str, ...]:
+        """Joints whose motors other joints turn, too."""
+        turned_by = np.count_nonzero(np.linalg.inv(self.topology), axis=1)
+        return tuple(self.driven[k] for k in np.flatnonzero(turned_by > 1))
+
     def body(self, name: str) -> int:
         """Return the number of the link called `name`."""
         return [link.name for link in self.links].index(name)

@@ -15,6 +15,7 @@ from benchmarks.corpus.flaws import (
     changed_machine,
     dry_level,
     gains_at,
+    rotor_friction,
     smooth_torque,
 )
 from benchmarks.corpus.machine import Machine
@@ -93,7 +94,8 @@ def needed_torque(
             j = machine.driven.index(flaw.where)
             bent = bristles((theta @ inverse.T)[:, j], flaw.values["length"])
             mesh[:, j] = loaded(output[:, j], bent, gains[0][:, j], gains[1][:, j])
-    delivered = mesh + machine.reflected * rise
+    dragged, dry = rotor_friction(machine, flaws, spin)
+    delivered = mesh + machine.reflected * rise + dragged + dry * np.tanh(spin / SLOW)
     reported = reported_torque(machine, flaws, motion.time, spin, delivered, motion.conditions)
     return np.concatenate([reported, -links[:, :b]], axis=1)
 

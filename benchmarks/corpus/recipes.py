@@ -91,6 +91,8 @@ def _simple(effect: str, torque: float, speed: float) -> tuple[str, float] | Non
     return {
         "viscous_friction": ("coefficient", 0.8 * torque / speed),
         "coulomb_friction": ("level", 0.8 * torque),
+        "rotor_viscous_friction": ("coefficient", 0.8 * torque / speed),
+        "rotor_coulomb_friction": ("level", 0.8 * torque),
         "quadratic_drag": ("coefficient", 0.8 * torque / speed**2),
         "load_friction": ("coefficient", 0.3),
         "torque_offset": ("offset", 0.8 * torque),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.corpus.conditions import NOMINAL
-from benchmarks.corpus.flaws import DRAWING, WHOLE_ROBOT, Flaw, point_mass
+from benchmarks.corpus.flaws import AT_MOTORS, DRAWING, WHOLE_ROBOT, Flaw, point_mass
 from benchmarks.corpus.machine import Link
 from benchmarks.corpus.recipes import Typical
 
@@ -96,6 +96,8 @@ def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
 _PLAIN = {
     "viscous_friction": ("coefficient", 0.0),
     "coulomb_friction": ("level", 0.0),
+    "rotor_viscous_friction": ("coefficient", 0.0),
+    "rotor_coulomb_friction": ("level", 0.0),
     "quadratic_drag": ("coefficient", 0.0),
     "load_friction": ("coefficient", 0.0),
     "torque_offset": ("offset", 0.0),
@@ -144,4 +146,6 @@ def places_of(effect: str, typical: Typical) -> tuple[str, ...]:
         return (*machine.bodies, *(name for name, _, _ in machine.contacts))
     if effect in ("center_of_mass", DRAWING):
         return machine.bodies
+    if effect in AT_MOTORS:
+        return machine.coupled
     return machine.driven

@@ -11,7 +11,7 @@ from benchmarks.corpus.case import Case
 from benchmarks.corpus.draw import BY_CONDITIONS, LATER, LISTED, ONLY_PRESCRIBED
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import draw_machine
-from benchmarks.corpus.flaws import Flaw
+from benchmarks.corpus.flaws import AT_MOTORS, Flaw
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.planar import PlanarLinks
 from benchmarks.corpus.record import record_cases
@@ -37,6 +37,8 @@ def flaw_of(effect: str, machine: Machine) -> Flaw:
     return {
         "viscous_friction": Flaw(effect, last, {"coefficient": 0.2 * torque}),
         "coulomb_friction": Flaw(effect, last, {"level": 0.2 * torque}),
+        "rotor_viscous_friction": Flaw(effect, last, {"coefficient": 0.2 * torque}),
+        "rotor_coulomb_friction": Flaw(effect, last, {"level": 0.2 * torque}),
         "stribeck_friction": Flaw(effect, last, {"level": 0.2 * torque, "speed": 0.5}),
         "presliding": Flaw(effect, last, {"level": 0.2 * torque, "length": 0.05}),
         "directional_viscous_friction": Flaw(
@@ -100,8 +102,9 @@ def test_a_machine_without_flaws_leaves_nothing_but_noise(family: str) -> None:
     [
         ("arm3", effect)
         for effect in (*LISTED, *LATER)
-        if effect not in ("current_limit", "backlash")
+        if effect not in ("current_limit", "backlash", *AT_MOTORS)
     ]
+    + [("wrist6", effect) for effect in AT_MOTORS]
     + [("biped", effect) for effect in ("load_friction", "payload_mass", "gravity_direction")],
 )
 def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, effect: str) -> None:
@@ -111,7 +114,7 @@ def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, e
 
 def test_the_librarys_effects_are_the_plants_in_closed_loop() -> None:
     machine = draw_machine(np.random.default_rng(3), "pendulum")
-    left_out = ("joint_compliance", "backlash", "supply_sag", *ONLY_PRESCRIBED)
+    left_out = ("joint_compliance", "backlash", "supply_sag", *ONLY_PRESCRIBED, *AT_MOTORS)
     names = [e for e in (*LISTED, *LATER) if e not in left_out]
     cases = [recorded(machine, (flaw_of(name, machine),), ("multisine",)) for name in names]
     jobs = [(case, case.excitations) for case in cases]

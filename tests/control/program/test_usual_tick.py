@@ -107,7 +107,9 @@ def test_one_call_does_what_the_parts_do(name):
 def test_standing_swinging_and_flying_are_usual(monkeypatch):
     """Else a tick costs twice as much: only the first one, which takes its targets, is not."""
     robot, seen, run = legged("solo12"), [], UsualTick.run
-    monkeypatch.setattr(UsualTick, "run", lambda *given: seen.append(1) or run(*given))
+    monkeypatch.setattr(
+        UsualTick, "run", lambda *given, **more: seen.append(1) or run(*given, **more)
+    )
     names = [contact.name for contact in robot.contacts]
     state = Motion(next(iter(robot.poses.values())), np.zeros(robot.model.nv))
     off = {f"swing {name}": 0.0 for name in names}

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.unexplained_costs import arm, quadruped
-from wbc.effects import EFFECTS, CurrentLimit, TorqueConstant, TransmissionEfficiency
+from wbc.effects import (
+    EFFECTS,
+    CurrentLimit,
+    TorqueConstant,
+    TransmissionEfficiency,
+    load_robot,
+)
 from wbc.identification.choice.screening.candidate_columns import evidence, make_regressors
 from wbc.identification.model.columns.added_torque import ADDS, added_column
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -18,7 +24,7 @@ from wbc.robot import Effect, Robot
 
 ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
 CASES: dict[str, Callable[[], tuple[Robot, list[Log]]]] = {
-    "an arm with a coupled wrist": lambda: arm("staubli_tx40", 4.0, 100.0, 1, 0.0),
+    "an arm with a coupled wrist": lambda: arm(load_robot("staubli_tx40"), 4.0, 100.0, 1, 0.0),
     "a quadruped on its feet": lambda: quadruped(4.0, 100.0, 0.0),
 }
 

@@ -147,9 +147,10 @@ class Level:
             ControlError: a reference that does not fit its task.
         """
         usual = self.usual
-        if usual is None or self._saturated or not usual.prepare(motion, *asked, dt):
+        if usual is None or not usual.prepare(motion, *asked, dt):
             return None
-        passed = usual.run(motion, expected, last_output, dt)
+        tries = not self._saturated
+        passed = usual.run(motion, expected, last_output, dt, tries=tries)
         self._whole, self._output = False, passed.block[usual.at.output]
         return passed
 
@@ -158,7 +159,7 @@ class Level:
         if passed.ended == TOO_LARGE:
             return Refusal(None, None, self)
         self._whole = True
-        return self._searched(passed.gears, first, starts_over=True)
+        return self._searched(passed.gears, first, starts_over=not self._saturated)
 
     def _lock_decided(self, lock: LevelLock, found: DirectedSolution, gears: GearState) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""

@@ -179,7 +179,13 @@ class UsualTick:
         return True
 
     def run(
-        self, motion: Motion, expected: FloatArray, last_output: FloatArray, dt: float
+        self,
+        motion: Motion,
+        expected: FloatArray,
+        last_output: FloatArray,
+        dt: float,
+        *,
+        tries: bool,
     ) -> Passed:
         """Pass through a tick; call after `prepare`.
 
@@ -188,6 +194,7 @@ class UsualTick:
             expected: v (nv,) [rad/s] expected of it.
             last_output: T (m,) of the last tick [N m].
             dt: time until the next tick [s].
+            tries: whether a guess is worth a try; it ends UNSOLVED without.
         """
         start = perf_counter()
         position, velocity = motion.position, motion.velocity
@@ -196,7 +203,9 @@ class UsualTick:
         program.leave_out(self._tasks.rows_off)
         known = self._known.get(program.off)
         memory = self._described() if known is None else known[1].table
-        ended, before, after, work = pass_usual(memory, position, velocity, expected, dt, block)
+        ended, before, after, work = pass_usual(
+            memory, position, velocity, expected, dt, int(tries), block
+        )
         steps = self._guess.took(before, after, work)
         gears = GearState(block[at.sigma], self._bounds, block[at.turning], last_output)
         return Passed(ended, block, gears, steps, perf_counter() - start)
@@ -253,20 +262,21 @@ meshes, bounds, inverse gear ratios, dry and viscous friction of the rotors (m,)
 """
 
 
-@compiled(types.UniTuple(Count, 4), FixedTable, *[Vector] * 3, Number, OutRow)
+@compiled(types.UniTuple(Count, 4), FixedTable, *[Vector] * 3, Number, Count, OutRow)
 def pass_usual(
     memory: IntArray,
     position: FloatArray,
     velocity: FloatArray,
     expected: FloatArray,
     dt: float,
+    tries: int,
     block: FloatArray,
 ) -> tuple[int, int, int, int]:
     """Pass through a tick in the memory of USUAL.
 
     Args:
         memory: where all lies.
-        position, velocity, expected, dt: as for `UsualTick.run`.
+        position, velocity, expected, dt, tries: as for `UsualTick.run`.
         block: results, as `BlockPlaces` says.
 
     Returns:
@@ -311,6 +321,8 @@ def pass_usual(
     asked = place_program(array_at(memory, 5, FixedTable), scale, numbers[2])
     if not asked < numbers[3]:
         return TOO_LARGE, 0, 0, 0
+    if tries == 0:
+        return UNSOLVED, 0, 0, 0
     system = array_at(memory, 6, FixedTable)
     hard = len(array_at(system, 1, Row)) - counts[1]
     n = len(array_at(system, 3, Row))

@@ -14,6 +14,7 @@ from wbc.control.output_torques import OutputTorques
 from wbc.control.safety.inputs import Complaint
 from wbc.control.safety.policies import LastGood, SafetyPolicy, Situation, Statics
 from wbc.control.safety.standing import Standing
+from wbc.control.safety.statics import place_clipped
 from wbc.control.torque.direction_search import DirectedSolution
 from wbc.control.torque.motors import Motors
 from wbc.robot import Motion, Robot
@@ -41,6 +42,8 @@ class Fallback:
         """
         self._robot, self._plant, self._motors = robot, plant, motors
         self._standing, self._policy, self._all = standing, policy, contacts
+        gears = robot.transmission
+        self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
         self.forget()
 
     def forget(self) -> None:
@@ -136,7 +139,7 @@ class Fallback:
         with np.errstate(all="ignore"):
             try:
                 chosen = self._policy.rotor_torque(self._situation(motion, dt))
-                torque = self._motors.clipped(np.where(np.isfinite(chosen), chosen, 0.0))
+                torque = _clipped(chosen, self._nameplate)
             except Exception:  # a policy of the user's own may raise anything
                 torque = self._motors.clipped(self._torque)
             rotor = torque / ratio
@@ -144,8 +147,7 @@ class Fallback:
                 # An effect of the user's own may raise anything; then it is not compensated.
                 with suppress(Exception):
                     rotor = self._motors.to_drive(motion, torque)
-        limit = self._robot.transmission.torque_limit
-        return np.clip(np.where(np.isfinite(rotor), rotor, 0.0), -limit, limit)
+        return _clipped(rotor, self._robot.transmission.torque_limit)
 
     def _situation(self, motion: Motion | None, dt: float) -> Situation:
         unknown = np.full(self._robot.transmission.size, np.nan)
@@ -173,3 +175,17 @@ class Fallback:
             m = self._robot.transmission.size
             return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
         return self._standing.statics(position, self._contacts)
+
+
+def _clipped(torque: object, limit: FloatArray) -> FloatArray:
+    """Return torques within +-limit (m,); what is not finite counts as zero.
+
+    Raises:
+        TypeError, ValueError: no numbers, or neither one nor m of them.
+    """
+    values = np.asarray(torque, dtype=np.float64)
+    if values.shape != limit.shape:
+        values = np.broadcast_to(values, limit.shape)
+    clipped = np.empty(limit.shape)
+    place_clipped(values, limit, clipped)
+    return clipped

@@ -14,6 +14,7 @@ from wbc.control.command import Status
 from wbc.control.contacts import BoundContact
 from wbc.control.efforts import ContactForceTask
 from wbc.control.reference import Reference
+from wbc.control.solvers.problem import is_finite
 from wbc.control.state import State
 from wbc.errors import unknown_name
 from wbc.robot import Motion, Robot
@@ -226,4 +227,4 @@ def size_complaint(references: Mapping[str, Reference]) -> Complaint:
 
 def all_finite(*vectors: FloatArray) -> bool:
     """Whether the vectors (n,) are finite."""
-    return all(bool(np.isfinite(vector).all()) for vector in vectors)
+    return all(is_finite(vector) for vector in vectors)

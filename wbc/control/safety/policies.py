@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.solvers.positive_definite import factorise, substitute
+from wbc.control.safety.statics import place_braking
 from wbc.errors import ControlError
 
 _SHARE = 0.25
@@ -86,16 +86,11 @@ class Situation:
         contacts be gone, nothing loses more than a quarter of its speed in a tick. The matrix is
         positive definite: the torque only takes energy. Zero where a speed is unknown.
         """
-        _, free, rested = self.statics
-        if not np.isfinite(self.speed).all() or not free.any() or rate == 0.0:
-            return np.zeros(self.speed.shape)
-        least = self.dt / _SHARE
-        slowing = max(1.0 / rate - least, 0.0) * rested + least * free
-        torque = -self.speed
-        if factorise(slowing, len(torque)):
-            substitute(slowing, len(torque), torque)
-            return torque
-        return np.zeros(self.speed.shape)
+        torque, least = np.zeros(self.speed.shape), self.dt / _SHARE
+        if rate > 0.0:
+            more, (_, free, rested) = max(1.0 / rate - least, 0.0), self.statics
+            place_braking(free, rested, self.speed, least, more, torque)
+        return torque
 
 
 class SafetyPolicy(Protocol):
@@ -142,7 +137,7 @@ class LetDown:
         known = last.motor_position is not None
         if known and over <= 0:
             return last.rotor_torque
-        share = np.clip(1.0 - (situation.time - self.hold) / self.lowering, 0.0, 1.0)
+        share = min(max(1.0 - (situation.time - self.hold) / self.lowering, 0.0), 1.0)
         torque = share * situation.statics.hold + situation.braking(self.rate)
         if not known or over > self.ride_through:
             return np.asarray(torque)

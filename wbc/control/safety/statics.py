@@ -6,17 +6,23 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
+    Dense,
     Flag,
     Matrix,
     Nothing,
     Number,
     OutDense,
+    OutRow,
     OutVector,
     Places,
+    Row,
     Vector,
     compiled,
 )
+from wbc.control.kinematics.frame_rows import fill_state_rows
+from wbc.control.kinematics.tree import move_joints
 from wbc.control.solvers.positive_definite import factorise, substitute
+from wbc.fixed_arrays import FixedTable, array_at
 
 
 @compiled(Nothing, Matrix, Vector, Places, Vector, Number, OutVector)
@@ -165,3 +171,99 @@ def place_mobilities(
             free[i, j], free[j, i] = whole, whole
             rested[i, j], rested[j, i] = whole - taken, whole - taken
     return True
+
+
+STATICS = (
+    *(FixedTable, FixedTable, Dense, Dense, Row, OutRow, Matrix),
+    *(Places, Places, Row, OutDense, OutRow, OutRow),
+)
+"""Kinds of what `place_statics` reads and writes.
+
+Tables of `move_joints` and `fill_state_rows`; mass and reflected inertia (nv, nv), their sum, bias,
+torque of effects; contacts' jacobian, undriven and driven coordinates, the load that each contact
+shares; memory (nv, nv), (nv,), (nv,).
+"""
+
+
+@compiled(Flag, FixedTable, Number, Number, Vector, Flag, OutVector, OutDense, OutDense)
+def place_statics(
+    memory: IntArray,
+    mass: float,
+    soft: float,
+    rest: FloatArray,
+    known: bool,
+    hold: FloatArray,
+    free: FloatArray,
+    rested: FloatArray,
+) -> bool:
+    """Write what `place_hold` and `place_mobilities` do, in the memory of STATICS.
+
+    Args:
+        memory: where all lies.
+        mass: of the robot [kg].
+        soft: as for `place_mobilities`.
+        rest: v = 0 (nv,).
+        known: whether bias and jacobian are known; otherwise they are evaluated at rest.
+        hold, free, rested: results.
+
+    Returns:
+        whether all systems were positive definite.
+    """
+    if not known:
+        move_joints(array_at(memory, 0, FixedTable), rest)
+        fill_state_rows(array_at(memory, 1, FixedTable), mass)
+    links, reflected = array_at(memory, 2, Dense), array_at(memory, 3, Dense)
+    bias, added = array_at(memory, 4, Row), array_at(memory, 5, OutRow)
+    jacobian, whole = array_at(memory, 6, Matrix), array_at(memory, 10, OutDense)
+    gravity, pushed = array_at(memory, 11, OutRow), array_at(memory, 12, OutRow)
+    undriven, driven = array_at(memory, 7, Places), array_at(memory, 8, Places)
+    for i in range(len(bias)):
+        gravity[i] = bias[i] - added[i]
+        for j in range(len(bias)):
+            whole[i, j] = links[i, j] + reflected[i, j]
+    place_pushed(jacobian, gravity, undriven, array_at(memory, 9, Row), soft, pushed)
+    if not place_hold(whole, gravity, pushed, undriven, driven, hold):
+        return False
+    return place_mobilities(whole, jacobian, soft, driven, free, rested)
+
+
+@compiled(Nothing, Dense, Dense, Vector, Number, Number, OutRow)
+def place_braking(
+    free: FloatArray,
+    rested: FloatArray,
+    speed: FloatArray,
+    least: float,
+    more: float,
+    torque: FloatArray,
+) -> None:
+    """Write -(more C + least F)^-1 dpsi (m,); zero where a speed is unknown or nothing moves.
+
+    Args:
+        free, rested: F and C (m, m).
+        speed: dpsi (m,).
+        least, more: [s].
+        torque: result.
+    """
+    m = len(torque)
+    slowing = np.empty((m, m))
+    moves = 0.0
+    for i in range(m):
+        torque[i] = -speed[i]
+        for j in range(m):
+            slowing[i, j] = more * rested[i, j] + least * free[i, j]
+            moves = max(moves, abs(free[i, j]))
+    known = moves > 0.0
+    for i in range(m):
+        known = known and np.isfinite(speed[i])
+    if known and factorise(slowing, m):
+        substitute(slowing, m, torque)
+    else:
+        torque[:] = 0.0
+
+
+@compiled(Nothing, Vector, Vector, OutRow)
+def place_clipped(torque: FloatArray, limit: FloatArray, clipped: FloatArray) -> None:
+    """Write torques (m,) within +-limit (m,); what is not finite counts as zero."""
+    for i in range(len(torque)):
+        value = torque[i] if np.isfinite(torque[i]) else 0.0
+        clipped[i] = min(max(value, -limit[i]), limit[i])

@@ -18,7 +18,7 @@ from wbc.control.solvers.dual_steps import (
     climb_fixed,
 )
 from wbc.control.solvers.problem import BlockProblem, QPSolution, QPStatus
-from wbc.control.solvers.row_system import SYSTEM, place_blocks
+from wbc.control.solvers.row_system import SYSTEM, place_blocks, place_pushing
 from wbc.fixed_arrays import FixedArrays
 
 # Units of a guess: with one foot of Solo12 in the air and noise in the state one tick in a hundred
@@ -104,7 +104,7 @@ class DualActiveSet:
 
     def learn(self, z: FloatArray) -> None:
         """Take the rows that push in a solution, of multipliers z (r,), as the next guess."""
-        self._taken[:] = np.where(np.abs(z) > 10.0 * self._tolerance, np.sign(z), 0.0)
+        place_pushing(z, 10.0 * self._tolerance, self._taken)
 
     def guess(self, problem: BlockProblem, skipped: int = 0) -> QPSolution | None:
         """Return the solution if a few steps from the last binding rows find it, None otherwise.

@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Number, Row, compiled
+from wbc.compiled import Count, Dense, Flag, Number, Row, Vector, compiled
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -145,6 +145,15 @@ class BlockProblem(NamedTuple):
         """Return the cost of x (n,)."""
         soft = self.rows, self.right, self.softness, self.soft
         return cost_at(self.diagonal, self.pull, *soft, x)
+
+
+@compiled(Flag, Vector)
+def is_finite(values: FloatArray) -> bool:
+    """Return whether all values (k,) are finite."""
+    found = True
+    for i in range(len(values)):
+        found = found and np.isfinite(values[i])
+    return found
 
 
 @compiled(Number, *(Row, Row, Dense, Row, Row, Count, Row))

@@ -355,3 +355,10 @@ def place_blocks_fixed(memory: IntArray) -> None:
         array_at(memory, 11, OutRow),
         array_at(memory, 12, OutRow),
     )
+
+
+@compiled(Nothing, Row, Number, OutPlaces)
+def place_pushing(z: FloatArray, least: float, taken: IntArray) -> None:
+    """Write the signs (r,) of multipliers z (r,), 0 for those of size `least` or less."""
+    for i in range(len(taken)):
+        taken[i] = (1 if z[i] > 0.0 else -1) if abs(z[i]) > least else 0

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.rows.torque_rows import place_target
 from wbc.control.solvers import BlockProblem, QPSolution, QPStatus
 from wbc.control.solvers.cascade import Cascade
 from wbc.control.torque.gears import Slopes
@@ -134,12 +135,8 @@ class DirectionBranching:
         Each gear keeps the convex rows and the half-space of its direction at x: whatever keeps
         those keeps the limits, in its own directions too.
         """
-        program, gears = self._program, self._program.gears
-        output, share = program.torques(near)
-        torque = np.abs(slopes.at(output > 0.0) * output + share)[gears]
-        limit = np.maximum(np.abs(limits[0]), np.abs(limits[1]))[gears]
-        shares = np.divide(limit, torque, out=np.ones(len(gears)), where=torque > limit)
-        target = near * float(shares.min(initial=1.0))
+        program, target = self._program, np.empty(len(near))
+        place_target(*program.torques(near), near, *slopes, *limits, program.gears, target)
         choice = np.where(program.output_torque(target) > 0.0, 1.0, -1.0)
         found = self.solver.nearest(self.problem(choice, slopes, limits), target)
         return self._plain(found, slopes, limits)

@@ -8,8 +8,10 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.program.contact_force_program import ContactForceProgram
+from wbc.control.program.rows.torque_rows import place_doubtful
 from wbc.control.solvers import QPSolution, QPStatus
 from wbc.control.solvers.cascade import Cascade
+from wbc.control.solvers.problem import is_finite
 from wbc.control.torque.direction_branching import DirectionBranching
 from wbc.control.torque.gears import Slopes
 from wbc.control.torque.solution_torques import Limits, beyond_limits
@@ -110,19 +112,17 @@ class DirectionSearch:
             program.assemble_efforts(slope, speed, last_output)
             solution = self._plain.solve(program.blocks, starts_over=starts_over)
             starts_over = False
-            if np.isfinite(solution.x).all():
+            solved = solution.status is QPStatus.SOLVED
+            if solved or is_finite(solution.x):
                 near = solution.x
-            if solution.status is not QPStatus.SOLVED:
+            if not solved:
                 break
-            output = program.output_torque(solution.x)
-            turned = self._turned(positive, output, slopes, limits, solution)
-            if not turned.any():
-                contested = self._contested(slopes, solution)
+            turned, contested = self._doubtful(positive, slopes, limits, solution)
+            if turned is None:
                 if not contested.size:
                     return self._found(solution, True)
                 return self._branch(slopes, limits, solution, contested, positive, solution, near)
             positive = np.where(turned, ~positive, positive)
-        solved = solution.status is QPStatus.SOLVED
         if not program.gears.size or np.array_equal(slopes.positive, slopes.negative):
             if not solved and solution.status is not QPStatus.INFEASIBLE:
                 return self._feasible(slopes, limits, solution, near)
@@ -155,36 +155,24 @@ class DirectionSearch:
         row = self._plain.blocking
         return "" if row < 0 else self.program.rows.labels[row]
 
-    def _turned(
-        self,
-        positive: BoolArray,
-        output: FloatArray,
-        slopes: Slopes,
-        limits: Limits,
-        solution: QPSolution,
-    ) -> BoolArray:
-        """Return the gears (m,) whose guess was wrong in a way that changes the solution."""
-        wrong = (output > 0.0) != positive
-        if not wrong.any():
-            return np.asarray(wrong)
-        wrong &= slopes.positive != slopes.negative
-        program = self.program
-        if program.efforts:
-            return np.asarray(wrong & (np.abs(output) > SMALL))
-        beyond = beyond_limits(program, solution, slopes, limits)
-        pushing = np.zeros(len(output), dtype=bool)
-        pushing[program.gears] = np.abs(solution.z[program.rows.torque]) > _ACTIVE
-        return np.asarray(wrong & (np.abs(output) > SMALL) & (beyond | pushing))
+    def _doubtful(
+        self, positive: BoolArray, slopes: Slopes, limits: Limits, solution: QPSolution
+    ) -> tuple[BoolArray | None, IntArray]:
+        """Return which directions are wrong in a way that counts, and which could be either.
 
-    def _contested(self, slopes: Slopes, solution: QPSolution) -> IntArray:
-        """Return the gears at a limit on the side where the allowed set is a union."""
+        The former are the gears (m,) whose guess changes the solution, None where there are none.
+        The latter are numbers of the gears at a limit on the side where the allowed set is a union.
+        """
         program = self.program
-        push, gears = solution.z[program.rows.torque], program.gears
-        if not push.any():
-            return _NONE
-        convex = slopes.positive[gears] > slopes.negative[gears]
-        concave = slopes.positive[gears] < slopes.negative[gears]
-        return np.asarray(gears[(convex & (push < -_ACTIVE)) | (concave & (push > _ACTIVE))])
+        output, _, beyond = program.judged(solution.x, slopes, limits)
+        turned, contested = np.empty((2, len(output)), dtype=np.bool_)
+        push = solution.z[program.rows.torque]
+        any_turned, any_contested = place_doubtful(
+            *(output, beyond, *slopes, positive, program.gears, push),
+            *(bool(program.efforts), SMALL, _ACTIVE, turned, contested),
+        )
+        gears = np.flatnonzero(contested) if any_contested else _NONE
+        return turned if any_turned else None, gears
 
     def _branch(
         self,

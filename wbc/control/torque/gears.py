@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.control.torque.blending import place_slopes
+from wbc.control.torque.blending import allowed, place_slopes
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 
@@ -115,12 +115,7 @@ class GearLaw:
         FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all
         within 1e-6 of the largest torque.
         """
-        forward, backward = self._forward * output, self._backward * output
-        ahead, astern = directions > 0.0, directions < 0.0
-        low = np.where(ahead, forward, np.where(astern, backward, np.minimum(forward, backward)))
-        high = np.where(ahead, forward, np.where(astern, backward, np.maximum(forward, backward)))
-        slack = 1e-6 * (1.0 + float(np.abs(output).max(initial=0.0)))
-        return bool((mesh_input >= low - slack).all() and (mesh_input <= high + slack).all())
+        return allowed(directions, output, mesh_input, self._forward, self._backward)
 
 
 def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:

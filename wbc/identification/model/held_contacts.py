@@ -11,6 +11,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.identification.model.derivatives import with_changes
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.information import beside_others
 from wbc.identification.records.contacts.held_points import settled, stray_noise, strays
 from wbc.identification.records.folds import correlated_rows
 from wbc.identification.records.record import Record
@@ -164,10 +165,7 @@ def _marginal(fit: Fit, noise: FloatArray, rows: Sequence[int]) -> FloatArray:
     count = len(fit.parameters)
     a = (fit.jacobian / np.sqrt(noise)[:, None]).reshape(-1, count)
     gram = a.T @ a + fit.usual.jacobian.T @ fit.usual.jacobian
-    others = [row for row in range(count) if row not in rows]
-    own, beside = gram[np.ix_(rows, rows)], gram[np.ix_(others, rows)]
-    taken = np.linalg.lstsq(gram[np.ix_(others, others)], beside, rcond=1e-9)[0]
-    return np.asarray(own - beside.T @ taken)
+    return beside_others(gram, rows)
 
 
 def _changed(fit: Fit, slots: Sequence[tuple[int, int]], change: FloatArray) -> tuple[Effect, ...]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from numba import types
+
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
     Dense,
+    Flag,
+    Flags,
     Matrix,
     Nothing,
     Number,
@@ -181,3 +185,90 @@ def place_beyond(
         torque = (positive[i] if output[i] > 0.0 else negative[i]) * output[i] + share[i]
         slack = 1e-5 * (1.0 + abs(torque))
         beyond[i] = torque < lower[i] - slack or torque > upper[i] + slack
+
+
+@compiled(
+    types.UniTuple(Flag, 2),
+    *(Row, Flags, Vector, Vector, Flags, Places, Row, Flag, Number, Number),
+    *(OutFlags, OutFlags),
+)
+def place_doubtful(
+    output: FloatArray,
+    beyond: BoolArray,
+    positive: FloatArray,
+    negative: FloatArray,
+    guessed: BoolArray,
+    gears: IntArray,
+    push: FloatArray,
+    always: bool,
+    small: float,
+    active: float,
+    turned: BoolArray,
+    contested: BoolArray,
+) -> tuple[bool, bool]:
+    """Write which gears (m,) turn the other way than guessed, and which could turn either way.
+
+    A wrong guess counts where the gear is beyond its limits or pushes at them. At a limit that is
+    a union of half-spaces, one per direction, the other direction might be better.
+
+    Args:
+        output: T (m,) of a solution.
+        beyond: (m,) gears beyond their limits by the mesh law.
+        positive, negative: slopes (m,) for either sign of T.
+        guessed: (m,) where T > 0 was guessed.
+        gears: numbers of the gears that have a limit (g,).
+        push: multipliers (g,) of the limits' rows.
+        always: whether every wrong guess counts.
+        small: [N m] up to which an output torque has no direction.
+        active: push from which a row binds.
+        turned, contested: results.
+
+    Returns:
+        whether there are any of either.
+    """
+    turned[:], contested[:] = False, False
+    any_turned, any_contested = False, False
+    for row in range(len(gears)):
+        i = gears[row]
+        convex, concave = positive[i] > negative[i], positive[i] < negative[i]
+        contested[i] = (convex and push[row] < -active) or (concave and push[row] > active)
+        any_contested = any_contested or contested[i]
+        turned[i] = abs(push[row]) > active
+    for i in range(len(output)):
+        wrong = (output[i] > 0.0) != guessed[i] and positive[i] != negative[i]
+        turned[i] = wrong and abs(output[i]) > small and (always or beyond[i] or turned[i])
+        any_turned = any_turned or turned[i]
+    return any_turned, any_contested
+
+
+@compiled(Nothing, *[Row] * 3, *[Vector] * 4, Places, OutRow)
+def place_target(
+    output: FloatArray,
+    share: FloatArray,
+    x: FloatArray,
+    positive: FloatArray,
+    negative: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    gears: IntArray,
+    target: FloatArray,
+) -> None:
+    """Write x (n,) scaled down until no gear needs more than the greater of its limits.
+
+    Args:
+        output, share: T and what the rotors take themselves (m,) [N m] at x.
+        x: (n,).
+        positive, negative: slopes (m,) for either sign of T.
+        lower, upper: least and greatest N tau_phi (m,) [N m].
+        gears: numbers of the gears that have a limit (g,).
+        target: result.
+    """
+    least = 1.0
+    for row in range(len(gears)):
+        i = gears[row]
+        torque = (positive[i] if output[i] > 0.0 else negative[i]) * output[i] + share[i]
+        limit = max(abs(lower[i]), abs(upper[i]))
+        if abs(torque) > limit:
+            least = min(least, limit / abs(torque))
+    for j in range(len(x)):
+        target[j] = least * x[j]

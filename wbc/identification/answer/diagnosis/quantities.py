@@ -10,12 +10,12 @@ from wbc.arrays import FloatArray
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.information import beside_others, scaled
 from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps
 from wbc.robot import Effect, Quantity
 
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
 _STEP = 1e-4  # of a scale, by which parameters are varied
-_RIDGE = 1e-9
 
 
 def quantities_of(
@@ -42,7 +42,7 @@ def quantities_of(
     slopes = _slopes(problem, fit, effect, rows, found)
     usual = fit.usual.jacobian[:, rows]
     alone = _spread(usual.T @ usual, slopes)
-    after = _spread(_left_by_others(fit, rows), slopes)
+    after = _spread(beside_others(_known(fit), rows), slopes)
     moves = bootstrap_steps(fit, problem.blocks)[:, rows] @ slopes.T
     low, high = np.percentile(WIDER * moves, [5.0, 95.0], axis=0)
     others = np.hypot(TAIL * after, slopes @ distortion[rows])
@@ -76,7 +76,7 @@ def _numbers_told(fit: Fit, rows: list[int]) -> str:
     """
     usual = fit.usual.jacobian[:, rows].T @ fit.usual.jacobian[:, rows]
     root = np.linalg.inv(np.linalg.cholesky(usual))
-    logs = _left_by_others(fit, rows) - usual
+    logs = beside_others(_known(fit), rows) - usual
     known = np.linalg.eigvalsh(root @ logs @ root.T)
     count = int(np.sum(known > 1.0 / _TOLD**2 - 1.0))
     return (
@@ -85,26 +85,16 @@ def _numbers_told(fit: Fit, rows: list[int]) -> str:
     )
 
 
-def _left_by_others(fit: Fit, rows: list[int]) -> FloatArray:
-    """Return the information about some parameters when all others are free to move."""
-    whole = fit.information + fit.usual.jacobian.T @ fit.usual.jacobian
-    others = [row for row in range(len(whole)) if row not in rows]
-    own = whole[np.ix_(rows, rows)]
-    if not others:
-        return own
-    beside = whole[np.ix_(others, others)]
-    size = np.sqrt(np.maximum(np.diagonal(beside), 1e-300))
-    scaled = beside / np.outer(size, size) + _RIDGE * np.eye(size.size)
-    across = whole[np.ix_(others, rows)] / size[:, None]
-    return np.asarray(own - across.T @ np.linalg.solve(scaled, across))
+def _known(fit: Fit) -> FloatArray:
+    """Return (p, p) what logs and prior know of the parameters."""
+    return np.asarray(fit.information + fit.usual.jacobian.T @ fit.usual.jacobian)
 
 
 def _spread(information: FloatArray, slopes: FloatArray) -> FloatArray:
     """Return the standard deviations of quantities with these slopes (n, p)."""
-    size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    scaled = information / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    known, size = scaled(information)
     along = slopes / size
-    return np.asarray(np.sqrt(np.sum(along.T * np.linalg.solve(scaled, along.T), axis=0)))
+    return np.asarray(np.sqrt(np.sum(along.T * np.linalg.solve(known, along.T), axis=0)))
 
 
 def _slopes(
