@@ -93,7 +93,7 @@ class DualActiveSet:
         kept = self._force, *factor, active, self._taken
         self._system = FixedArrays(SYSTEM[_PROGRAM:], self._blocks + settling)
         self._climb = FixedArrays(
-            CLIMB[_BOUNDS:], (*self._blocks, *kept, *climbing, np.zeros((10, wide)), *directions)
+            CLIMB[_BOUNDS:], (*self._blocks, *kept, *climbing, np.zeros((11, wide)), *directions)
         )
         self._described: dict[int, tuple[BlockProblem, FixedArrays, IntArray, IntArray]] = {}
         self.steps, self.blocking = 0, -1
