@@ -32,7 +32,7 @@ _ENDED = {
 }
 _SOLVED = QPStatus.SOLVED
 _PROGRAM, _BOUNDS = 8, 3  # arrays of a program in SYSTEM and in CLIMB
-_MANY = 16  # programs described at a time: those of lower levels are new in every tick
+_MANY = 64  # programs described at a time: those of lower levels come in many sizes
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
 
 
