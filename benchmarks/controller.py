@@ -55,9 +55,7 @@ def main():
     console, messages = Console(width=110), set()
     console.print(machine())
     times = Table("robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio")
-    breakdown = Table(
-        "robot", "state to terms", "tasks, contacts", "rows", "solve", "torques", "rest"
-    )
+    breakdown = Table("robot", "check", "targets", "inertia", "state to torques", "command", "rest")
     for name in names:
         robot, states = scene(name, TICKS)
         found = compare(robot, states, rounds, messages, only_peers)

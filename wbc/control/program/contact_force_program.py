@@ -146,7 +146,7 @@ class ContactForceProgram:
         )
         self._write_normal_bounds(None)
         self.off = 0
-        self._views: dict[int, _Views] = {}
+        self._views: dict[tuple[int, int], _Views] = {}
         self._count_equalities(rest)
 
     def assemble_constraints(
@@ -264,14 +264,14 @@ class ContactForceProgram:
         """Make the views of a program with as many equalities."""
         top, end = self.cost_rows, self.cost_rows + count
         self.A, self.b = self._stacked[top:end], self._right[top:end]
-        self._views.clear()
         self._take_views()
 
     def _take_views(self) -> None:
-        """Take the views that leave out the rows of tasks without weight."""
-        views = self._views.get(self.off)
+        """Take the views that leave out the rows of tasks without weight; they are kept."""
+        which = self.off, len(self.b)
+        views = self._views.get(which)
         if views is None:
-            views = self._views[self.off] = self._made_views()
+            views = self._views[which] = self._made_views()
         self.blocks, self._directed_blocks, self.unbound = views
 
     def _made_views(self) -> _Views:

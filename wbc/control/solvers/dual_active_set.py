@@ -32,7 +32,7 @@ _ENDED = {
 }
 _SOLVED = QPStatus.SOLVED
 _PROGRAM, _BOUNDS = 8, 3  # arrays of a program in SYSTEM and in CLIMB
-_MANY = 16  # programs described at a time: those of lower levels are new in every tick
+_MANY = 64  # programs described at a time: those of lower levels come in many sizes
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
 
 
@@ -93,7 +93,7 @@ class DualActiveSet:
         kept = self._force, *factor, active, self._taken
         self._system = FixedArrays(SYSTEM[_PROGRAM:], self._blocks + settling)
         self._climb = FixedArrays(
-            CLIMB[_BOUNDS:], (*self._blocks, *kept, *climbing, np.zeros((10, wide)), *directions)
+            CLIMB[_BOUNDS:], (*self._blocks, *kept, *climbing, np.zeros((11, wide)), *directions)
         )
         self._described: dict[int, tuple[BlockProblem, FixedArrays, IntArray, IntArray]] = {}
         self.steps, self.blocking = 0, -1

@@ -18,9 +18,9 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.solvers.dual_direction import place_direction
+from wbc.control.solvers.dual_direction import multiply, place_direction, subtract_rows
 from wbc.control.solvers.positive_definite import invert_factor
-from wbc.control.solvers.row_system import meet_rows, place_values
+from wbc.control.solvers.row_system import meet_rows
 from wbc.fixed_arrays import FixedTable, array_at
 
 SOLVED, CONTRADICTION, UNFINISHED, UNMET = 0, 1, 2, 3
@@ -30,36 +30,32 @@ _CALL = 1400  # multiplications that a step takes as long as on a program withou
 _DECIDED, _DEPENDENT = 1e-18, 1e-12
 
 
-@compiled(Number, Dense, Count, OutRow, OutRow)
-def project(basis: FloatArray, count: int, rest: FloatArray, along: FloatArray) -> float:
+@compiled(Number, Dense, Count, OutRow, OutRow, OutRow)
+def project(
+    basis: FloatArray, count: int, rest: FloatArray, along: FloatArray, part: FloatArray
+) -> float:
     """Take `count` orthonormal rows out of `rest`; return what is left of it, squared.
 
     A second time where less than half is left (twice is enough: Giraud & others, 2005).
-    `along` (count,) gets the components taken out.
+    `along` (count,) gets the components taken out; `part` (count,) is memory.
     """
     length = len(rest)
-    whole = 0.0
+    before = 0.0
     for j in range(length):
-        whole += rest[j] * rest[j]
+        before += rest[j] * rest[j]
     for i in range(count):
         along[i] = 0.0
-    for again in range(2):
-        if again == 1:
-            total = 0.0
-            for j in range(length):
-                total += rest[j] * rest[j]
-            if total > 0.5 * whole:
-                return total
+    total = before
+    for _ in range(2):
+        multiply(basis, count, rest, part)
         for i in range(count):
-            product = 0.0
-            for j in range(length):
-                product += basis[i, j] * rest[j]
-            along[i] += product
-            for j in range(length):
-                rest[j] -= product * basis[i, j]
-    total = 0.0
-    for j in range(length):
-        total += rest[j] * rest[j]
+            along[i] += part[i]
+        subtract_rows(basis, count, part, rest)
+        total = 0.0
+        for j in range(length):
+            total += rest[j] * rest[j]
+        if total > 0.5 * before:
+            return total
     return total
 
 
@@ -120,7 +116,7 @@ def most_violated(
         scales: (r,) what violations are compared by.
         values: result C x (r,).
     """
-    place_values(C, x, values)
+    multiply(C, len(values), x, values)
     best, side, worst = -1, 0, 0.0
     for i in range(len(values)):
         if taken[i] == 0:
@@ -189,7 +185,7 @@ def climb(
         active: result (.., ), rows that bind.
         taken: result (r,), +1 upper bound, -1 lower bound, 0 does not bind.
         push: result (..,), how hard each active row pushes, >= 0.
-        basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (10, n + size or r).
+        basis, triangle, moves, memory: (.., n + size), (.., ..), (.., n), (11, n + size or r).
         root, across, turned: memory of `place_direction`.
 
     Returns:
@@ -208,7 +204,7 @@ def climb(
         roots[j] = 1.0 / sqrt(inverse[j])
     for i in range(size):
         roots[n + i] = sqrt(softness[i])
-    scales = memory[9, : len(lower)]
+    scales, half = memory[9, : len(lower)], memory[10]
     for i in range(len(lower)):
         length = 0.0
         for j in range(n):
@@ -242,7 +238,7 @@ def climb(
         for i in range(size):
             rest[n + i] = w[i] * roots[n + i]
             own_size += rest[n + i] * rest[n + i]
-        free_size = project(basis, count, rest[: n + size], along)
+        free_size = project(basis, count, rest[: n + size], along, half)
         free = free_size > _DECIDED * whole and free_size > _DEPENDENT * own_size
         for i in range(count - 1, -1, -1):
             value = along[i]
@@ -264,9 +260,8 @@ def climb(
             for j in range(n):
                 x[j] -= share * z[j]
             for i in range(count):
-                back = share * fall[i]
-                for j in range(n):
-                    x[j] += back * moves[i, j]
+                half[i] = -share * fall[i]
+            subtract_rows(moves, count, half, x)
         if leaves:
             taken[active[leaving]] = 0
             drop(basis, triangle, moves, push, active, count, leaving)

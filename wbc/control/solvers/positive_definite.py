@@ -88,9 +88,12 @@ def invert_factor(factor: FloatArray, size: int, root: FloatArray, across: Float
     Args:
         factor: its leading `size` rows count.
         size: number of rows.
-        root: result L^-1, its lower half.
-        across: result, the upper half of its transpose.
+        root: result L^-1.
+        across: result, its transpose.
     """
+    for i in range(size):
+        for j in range(i + 1, size):
+            root[i, j], across[j, i] = 0.0, 0.0
     for i in range(size):
         scale = factor[i, i]
         for j in range(i):
