@@ -169,6 +169,9 @@ def test_the_frame_button_finds_a_robot_that_went_away(
         other.evaluate("player.setPlaying(false), player.seek(1.9)")
         other.click("#frame")
         assert max(map(abs, other.evaluate("player.middle()"))) < 0.7
+        if followed:  # also to the next instant that is asked for: a film lost the way to its start
+            other.evaluate("player.frameCamera(), player.seek(0.1)")
+            assert max(map(abs, other.evaluate("player.middle()"))) < 0.7
     other.close()
 
 

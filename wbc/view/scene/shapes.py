@@ -86,7 +86,9 @@ def stick_shapes(robot: Robot) -> tuple[LinkShape, ...]:
     shapes: list[LinkShape] = []
     for joint in range(1, model.njoints):
         far = [end for end in ends[joint] if np.linalg.norm(end) > 1e-9]
-        shapes += [_rod(robot, joint, i, end, radius) for i, end in enumerate(far)]
+        # Balls of one size in one place flicker: links that meet differ in thickness.
+        own = radius * (1.0 - 0.05 * (joint % len(_NEUTRALS)))
+        shapes += [_rod(robot, joint, i, end, own) for i, end in enumerate(far)]
         if not far and model.inertias[joint].mass > 0.0:
             shapes.append(_inertia_box(robot, joint, radius))
     return tuple(shapes)

@@ -48,7 +48,8 @@ function frameCamera() {
   if (covered()) look(size.right > size.below ? "right" : "below");
   // The points of a robot that moves away are those of its start.
   if (data.follow) shift(at3(data.com, 0), centerNow());
-  anchor = null;
+  // The next frame may be a far one: from here the camera follows.
+  anchor = layers.follow ? centerNow() : null;
   viewer.controls.update();
   viewer.set_dirty();
 }
