@@ -62,7 +62,8 @@ class KnownProspect(NamedTuple):
 
     Attributes:
         found: the forces by contact.
-        position, velocity: of the driven joints (m,) one tick later.
+        position: of the driven joints (m,) one tick later.
+        velocity: of the driven joints (m,) one tick later.
     """
 
     found: Mapping[str, FloatArray]

@@ -29,7 +29,7 @@ class Recorder:
     A row holds the state at its time and the torques and forces of the step that starts there:
     `rotor_torque` as the drives report it, `joint_torque` what the gears pass to the joints, and
     contact forces as means over the step, impacts included. Where a gear is compliant or has play
-    `rotor_position` and `rotor_velocity` stand beside the joint's own `position` and `velocity`.
+    `rotor_position` and `rotor_velocity` stand beside the joint's own position and velocity.
     """
 
     def __init__(self, robot: Robot, temperature: FloatArray | None = None) -> None:

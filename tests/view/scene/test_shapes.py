@@ -12,8 +12,10 @@ import pytest
 import wbc
 from wbc.effects import PayloadMass
 from wbc.errors import RobotError
-from wbc.robot import Robot, bare_robot
+from wbc.robot import Robot, bare_robot, placed_geometry
+from wbc.robot.coordinates import joint_axis
 from wbc.view.scene.geometry import _clustered, along, capsule, meshcat_geometry
+from wbc.view.scene.scene import hub_of, scene_size
 from wbc.view.scene.shapes import robot_shapes, stick_shapes
 
 
@@ -116,3 +118,54 @@ def test_along_turns_the_z_axis(direction: tuple[float, float, float]) -> None:
     )
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(turn) == pytest.approx(1.0)
+
+
+def seen_of_hub(robot: Robot, joint: str) -> float:
+    """Return the share of a joint's disc that no link of the robot covers, in its neutral pose."""
+    shapes = robot_shapes(robot)
+    hub, axis = hub_of(robot, shapes, joint, scene_size(robot, shapes)), joint_axis(robot, joint)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.neutral())
+    place = data.oMi[robot.model.getJointId(joint)] * pin.SE3(along(axis), hub.low * axis)
+    angle, share = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 24), [0.0, 0.5, 1.0])
+    rim = np.stack([np.cos(angle), np.sin(angle), share * (hub.high - hub.low) / hub.radius], -1)
+    bodies = [
+        (item.geometry, data.oMi[number] * placement)
+        for item, _, number, placement in placed_geometry(robot, pin.GeometryType.VISUAL)
+    ]
+
+    def free(point: np.ndarray) -> bool:
+        dot = coal.Transform3s(np.eye(3), place.act(hub.radius * point))
+        for body, where in bodies:
+            there = coal.Transform3s(where.rotation, where.translation)
+            found = coal.distance(
+                coal.Sphere(1e-5), dot, body, there, coal.DistanceRequest(), coal.DistanceResult()
+            )
+            if found <= 0.0:
+                return False
+        return True
+
+    return float(np.mean([free(point) for point in rim.reshape(-1, 3)]))
+
+
+def test_no_link_hides_the_disc_of_a_joint() -> None:
+    """The discs of the TX40 lay within its links, which are as thick as they are long."""
+    for name in ("staubli_tx40", "planar_leg_fixed", "double_pendulum"):
+        robot = wbc.load_robot(name)
+        seen = {joint: seen_of_hub(robot, joint) for joint in robot.transmission.joints}
+        assert min(seen.values()) > 0.25, seen
+
+
+def test_discs_of_parallel_joints_at_one_place_keep_apart() -> None:
+    """The first and the last joint of a stretched wrist turn about one line."""
+    robot = wbc.load_robot("staubli_tx40")
+    shapes = robot_shapes(robot)
+    size = scene_size(robot, shapes)
+    first, last = (hub_of(robot, shapes, f"joint_{k}", size) for k in (4, 6))
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.neutral())
+    lines = [data.oMi[k].rotation @ joint_axis(robot, f"joint_{k}") for k in (4, 6)]
+    sign = float(np.round(lines[0] @ lines[1]))
+    assert abs(sign) == 1.0
+    spans = sorted([(first.low, first.high), tuple(sorted((sign * last.low, sign * last.high)))])
+    assert spans[0][1] < spans[1][0]

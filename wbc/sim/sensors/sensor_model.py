@@ -21,7 +21,8 @@ class SensorModel:
     """The sensors of a robot: one `Sensor` per quantity, or per column where they differ.
 
     Attributes:
-        position, velocity: of the joints.
+        position: of the joints.
+        velocity: of the joints.
         rotor_torque: as the drives report it.
         joint_torque: behind the gears; None where no sensor is there, as on most robots.
         force: of the contacts, each axis.

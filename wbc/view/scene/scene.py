@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import meshcat.geometry as mg
@@ -18,6 +19,14 @@ from wbc.view.quantities.impacts import robot_weight
 from wbc.view.scene.geometry import UprightCylinder, along
 from wbc.view.scene.ground import GroundSlab
 from wbc.view.scene.shapes import LinkShape
+
+_PIN = 0.6
+"""Radius of a pin over half the thickness of its link: the link still shows around it."""
+
+
+_NEAR = 0.07
+"""Of the robot's size, how far from a joint a mesh still decides about its disc: whole links of
+TALOS asked for discs that hid the robot."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +45,6 @@ class SceneSize:
     def metres_per_newton(self) -> float:
         """Length of a force arrow per newton."""
         return 0.45 * self.reach / max(self.weight, 1e-9)
-
-    @property
-    def hub(self) -> float:
-        """Half the length of the longest disc on a joint [m]."""
-        return 0.1 * self.reach
 
     @property
     def arrow_radius(self) -> float:
@@ -72,31 +76,74 @@ def add_robot(root: Any, shapes: tuple[LinkShape, ...]) -> None:
         place.set_transform(shape.placement.homogeneous)
 
 
+@dataclass(frozen=True)
+class Hub:
+    """The disc on a joint: from `low` to `high` along the joint's axis, with a radius [m]."""
+
+    low: float
+    high: float
+    radius: float
+
+
 def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: SceneSize) -> None:
     """Add a disc on the axis of every driven joint, at `root/j<number>/hub`, to be coloured."""
     for joint in robot.transmission.joints:
-        number = robot.model.getJointId(joint)
-        axis = joint_axis(robot, joint)
-        turn = along(axis)
-        half = min(_half_width(robot, shapes, number, axis) + 0.012 * size.reach, size.hub)
-        hub = UprightCylinder(2.0 * half, 0.034 * size.reach)
+        number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
+        hub = hub_of(robot, shapes, joint, size)
         place = root[f"j{number}"]["hub"]
-        place.set_object(hub, material(rgb(GREY), 1.0))
-        place.set_transform(pin.SE3(turn, np.zeros(3)).homogeneous)
+        body = UprightCylinder(hub.high - hub.low, hub.radius)
+        place.set_object(body, material(rgb(GREY), 1.0))
+        middle = 0.5 * (hub.low + hub.high) * axis
+        place.set_transform(pin.SE3(along(axis), middle).homogeneous)
 
 
-def _half_width(
-    robot: Robot, shapes: tuple[LinkShape, ...], number: int, axis: FloatArray
-) -> float:
-    """Return how far the bodies on both sides of a joint stick out along its axis [m]."""
+def hub_of(robot: Robot, shapes: tuple[LinkShape, ...], joint: str, size: SceneSize) -> Hub:
+    """Return a disc that sticks out of the bodies around a joint.
+
+    A pin through them where they reach no farther along the axis than the moved link does across
+    it; else a ring around that link, on the side to which they reach farther, so that the rings of
+    a wrist keep apart.
+    """
+    number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
     parent = int(robot.model.parents[number])
-    own = int(np.argmax(np.abs(axis)))
-    widths = [
-        float(max(abs(shape.low[own]), abs(shape.high[own])))
-        for shape in shapes
-        if shape.joint in (number, parent) and shape.low[own] <= 0.0 <= shape.high[own]
-    ]
-    return max(widths, default=0.0)
+    here = robot.model.jointPlacements[number].inverse()
+    slim, margin, near = 0.034 * size.reach, 0.012 * size.reach, _NEAR * size.reach
+    own = [_box(s, pin.SE3.Identity(), near) for s in shapes if s.joint == number]
+    other = [_box(s, here, near) for s in shapes if s.joint == parent]
+    own, other = ([box for box in boxes if box.size] for boxes in (own, other))
+    touching = [b for b in own + other if (b[0] <= margin).all() and (b[1] >= -margin).all()]
+    if not touching:
+        return Hub(-margin, margin, slim)
+    k = int(np.argmax(np.abs(axis)))
+    low = float(min(box[0, k] for box in touching))
+    high = float(max(box[1, k] for box in touching))
+    if axis[k] < 0.0:
+        low, high = -high, -low
+    sides = [np.delete(np.abs(box).max(axis=0), k) for box in own or other]
+    across = max(float(side.max()) for side in sides)
+    if max(-low, high) <= across + margin:
+        thick = max(float(side.min()) for side in sides)
+        return Hub(low - margin, high + margin, max(slim, min(_PIN * thick, 2.0 * slim)))
+    middle = slim if high >= -low else -slim
+    return Hub(middle - 0.5 * slim, middle + 0.5 * slim, across + margin)
+
+
+def _box(shape: LinkShape, place: pin.SE3, near: float) -> FloatArray:
+    """Return the lower and upper corner (2, 3) [m] of a body's box in another frame.
+
+    Of a mesh only what is `near` [m] the frame's origin counts; (0,) if nothing is.
+    """
+    mesh = getattr(shape.geometry, "vertices", None)
+    if mesh is None:
+        ends = np.array([shape.low, shape.high])
+        points = np.array([place.act(np.array(corner)) for corner in product(*ends.T)])
+    else:
+        whole = (place * shape.placement).homogeneous
+        points = np.asarray(mesh, dtype=np.float64) @ whole[:3, :3].T + whole[:3, 3]
+        points = points[np.linalg.norm(points, axis=1) < near]
+        if not len(points):
+            return np.empty(0)
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def add_contact(root: Any, friction: float, size: SceneSize) -> None:
