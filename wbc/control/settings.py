@@ -35,7 +35,7 @@ class ControllerSettings:
             the controller's own solver takes to add a row on a quadruped; ten times as many with
             `WarmStart.SOLVER`. Where they are spent, up to 0.4 times as many look for a motion
             that keeps the constraints without being the best. A tick then takes at most about
-            twenty times as long as a good one.
+            23 times as long as a good one.
         max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)

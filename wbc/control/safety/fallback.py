@@ -107,7 +107,7 @@ class Fallback:
     ) -> Command:
         m, nv = self._robot.transmission.size, self._robot.model.nv
         status, message = complaint
-        return Command(
+        return Command.of(
             rotor_torque=torque,
             acceleration=np.zeros(nv),
             consistent=False,
