@@ -79,7 +79,7 @@ def test_a_strangers_files_become_a_verdict(
     assert "still guesses of `wbc init`" in capsys.readouterr().out
     # With every effect there is, as a stranger would. One of the three prints all of the answer:
     # the rest of it takes as long again.
-    depth = ["--quiet"] if part == "" else []
+    depth = ["--quiet"] if model else []
     code = main(["diagnose", *read, *depth])
     assert code in (0, 1)
     answer = capsys.readouterr().out

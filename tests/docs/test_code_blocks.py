@@ -148,6 +148,25 @@ def test_the_commands_of_the_readme_lead_from_files_to_an_answer(
         assert Path(page).stat().st_size > 100_000
 
 
+def reduced(line: str) -> str:
+    """Return a command with one round of a search and two values of a sweep."""
+    line = re.sub(r"--rounds \d+", "--rounds 1", line)
+    return re.sub(r"(=[^ :]+:[^ :]+):\d+", r"\1:2", line)
+
+
+def test_the_commands_for_a_quadruped_and_an_arm_run_in_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All but the plan for Solo12, which takes 10 s with one round and one second of motion."""
+    monkeypatch.chdir(tmp_path)
+    commands = commands_of("docs/guide/tutorial-design.md")
+    for line in commands:
+        if not line.startswith("wbc experiment solo12"):
+            run_commands(reduced(line))
+    assert len(commands) == 6
+    assert len(list(Path("out").glob("*.png"))) >= 5
+
+
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
 def test_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -179,4 +198,4 @@ def test_blocks_pasted_into_the_prompt_print_what_the_page_shows(page, tmp_path,
         assert_same_text(printed.getvalue(), promised)
     if page == "docs/guide/tutorial-logs.md":
         for line in commands_of(page):
-            run_commands(line)
+            run_commands(reduced(line))
