@@ -1,16 +1,7 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.contact import ContactPoint
-from wbc.robot.effect import (
-    ContactForces,
-    Effect,
-    Hook,
-    MemoryEnergy,
-    Parameter,
-    Quantity,
-    Usual,
-    small_steps,
-)
+from wbc.robot.effect import ContactForces, Effect, Hook, MemoryEnergy
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.loading.description import (
     RobotDescription,
@@ -24,6 +15,7 @@ from wbc.robot.loading.library import find_description, robot_names, robots_dire
 from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
+from wbc.robot.parameter import Parameter, Quantity, Usual, small_steps
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.screening import Evidence, Screen
 
