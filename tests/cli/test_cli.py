@@ -44,6 +44,15 @@ def test_diagnose_names_the_effect_and_saves_a_robot_that_explains_the_logs(
     assert json.loads(result.read_text())["error"] < 1.3
 
 
+def test_a_robot_that_is_saved_without_an_effect_is_said_to_be_as_given(
+    excited_log, tmp_path, capsys
+):
+    sound, fitted = tmp_path / "sound.csv", tmp_path / "fitted.toml"
+    save_log(excited_log(), sound)
+    assert main(["diagnose", str(sound), *LEG, "--save", str(fitted)]) == 0
+    assert f"wrote {fitted}: the robot as given, no effect was added" in capsys.readouterr().out
+
+
 def test_json_to_standard_output_is_nothing_but_json(rubbing, capsys):
     assert main(["compare", *rubbing, *LEG, "--json", "-"]) == 0
     printed = json.loads(capsys.readouterr().out)

@@ -127,7 +127,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
             known = discovery.intervals if discovery.proposals else diagnosis.intervals()
             _save(options.save, found.robot, known, logs)
     if options.save:
-        shown.print(f"wrote {options.save}")
+        something = diagnosis.effects or (discovery is not None and discovery.proposals)
+        as_it_was = "" if something else ": the robot as given, no effect was added"
+        shown.print(f"wrote {options.save}{as_it_was}", soft_wrap=True)
     if options.json:
         before, *after = (one.to_json() for one in simulated())
         content["open_loop"] = {"before": before, "after": after[0] if after else before}
