@@ -22,6 +22,7 @@ from wbc.arrays import FloatArray
 from wbc.identification import diagnose
 from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -45,10 +46,7 @@ def measure(
     start = time.process_time()
     diagnosis = diagnose(robot, logs, budget=budget)
     seconds = time.process_time() - start
-    fit = problem.fit(diagnosis.effects)
-    left = held_out_residual(
-        problem, lambda used: fit.residual[~used] + fit.jacobian[~used] @ fit.step(used)
-    )
+    left = left_by(problem, problem.fit(diagnosis.effects))
     result = {
         "joints": list(classic.joints),
         "before": classic.before.tolist(),
@@ -66,6 +64,13 @@ def measure(
         ],
     }
     return result, table_of(machine, result)
+
+
+def left_by(problem: EstimationProblem, fit: Fit) -> FloatArray:
+    """Return (rows, outputs) what a fit leaves [N m], each fold predicted without itself."""
+    return held_out_residual(
+        problem, lambda used: fit.residual[~used] + fit.jacobian[~used] @ fit.step(used)
+    )
 
 
 def ratio_error(left: FloatArray, other: FloatArray, blocks: np.ndarray) -> FloatArray:

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from benchmarks.classic_fit import ratio_error
+from benchmarks.classic_fit import left_by, ratio_error
 from benchmarks.recorded import run_on_machines
 from wbc.effects import EFFECTS
 from wbc.effects.links import pseudo_inertia
-from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
+from wbc.identification.classic.classic_fit import classic_fit
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
@@ -52,9 +52,7 @@ def measure(
     fit = problem.fit(
         [effect for kind in _KINDS for effect in _everywhere(kind, robot)], _ITERATIONS
     )
-    left = held_out_residual(
-        problem, lambda used: fit.residual[~used] + fit.jacobian[~used] @ fit.step(used)
-    )
+    left = left_by(problem, fit)
     possible = np.sqrt(np.mean(left**2, axis=0))
     errors = ratio_error(left, classic.residual, problem.blocks)
     table = Table("joint", "classic", "bodies that can exist", "ratio", box=None, title=machine)

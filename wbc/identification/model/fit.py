@@ -82,6 +82,11 @@ class Fit:
         a = (self.jacobian * self.usual.weights[:, None]).reshape(-1, len(self.parameters))
         return np.asarray(a.T @ a)
 
+    @property
+    def known(self) -> FloatArray:
+        """(p, p) what the records and what is usual know of the parameters, as `information`."""
+        return np.asarray(self.information + self.usual.jacobian.T @ self.usual.jacobian)
+
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself."""
         return self.held_out_residual(folds) ** 2

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 
-# Of a diagonal of ones: columns that repeat one another leave a digit or two of what they share.
+# Added to a diagonal of ones, so that parameters that repeat one another can be solved for.
 _RIDGE = 1e-9
 
 
@@ -28,10 +28,11 @@ def beside_others(information: FloatArray, rows: Sequence[int]) -> FloatArray:
         information: (p, p) about all parameters, in squared standard deviations.
         rows: the k parameters.
     """
-    others = [row for row in range(len(information)) if row not in set(rows)]
-    own = information[np.ix_(rows, rows)]
-    if not others:
+    chosen = np.array(rows, dtype=np.intp)
+    others = np.setdiff1d(np.arange(len(information)), chosen)
+    own = information[np.ix_(chosen, chosen)]
+    if not others.size:
         return own
     beside, size = scaled(information[np.ix_(others, others)])
-    across = information[np.ix_(others, rows)] / size[:, None]
+    across = information[np.ix_(others, chosen)] / size[:, None]
     return np.asarray(own - across.T @ np.linalg.solve(beside, across))

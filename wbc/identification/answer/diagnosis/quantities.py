@@ -42,7 +42,7 @@ def quantities_of(
     slopes = _slopes(problem, fit, effect, rows, found)
     usual = fit.usual.jacobian[:, rows]
     alone = _spread(usual.T @ usual, slopes)
-    after = _spread(beside_others(_known(fit), rows), slopes)
+    after = _spread(beside_others(fit.known, rows), slopes)
     moves = bootstrap_steps(fit, problem.blocks)[:, rows] @ slopes.T
     low, high = np.percentile(WIDER * moves, [5.0, 95.0], axis=0)
     others = np.hypot(TAIL * after, slopes @ distortion[rows])
@@ -76,18 +76,13 @@ def _numbers_told(fit: Fit, rows: list[int]) -> str:
     """
     usual = fit.usual.jacobian[:, rows].T @ fit.usual.jacobian[:, rows]
     root = np.linalg.inv(np.linalg.cholesky(usual))
-    logs = beside_others(_known(fit), rows) - usual
+    logs = beside_others(fit.known, rows) - usual
     known = np.linalg.eigvalsh(root @ logs @ root.T)
     count = int(np.sum(known > 1.0 / _TOLD**2 - 1.0))
     return (
         f"these logs tell {count} of its {len(rows)} numbers or of their combinations; the rest "
         "stays as drawn"
     )
-
-
-def _known(fit: Fit) -> FloatArray:
-    """Return (p, p) what logs and prior know of the parameters."""
-    return np.asarray(fit.information + fit.usual.jacobian.T @ fit.usual.jacobian)
 
 
 def _spread(information: FloatArray, slopes: FloatArray) -> FloatArray:

@@ -93,7 +93,7 @@ def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
     usual = fit.usual
     moment = np.einsum("rop,ro->p", fit.jacobian, fit.residual / usual.noise)
     moment += usual.jacobian.T @ usual.residual
-    return fit.information + usual.jacobian.T @ usual.jacobian, moment
+    return fit.known, moment
 
 
 def _moved(
