@@ -48,19 +48,15 @@ class KillingWatch:
         self.counts.append(done)
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    with distributed.LocalCluster(
-        n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        yield cluster
-
-
 @pytest.fixture
-def client(cluster: Any) -> Iterator[Any]:
-    """A client that sees three workers; a worker that was killed is started again."""
-    with distributed.Client(cluster) as client:
-        client.wait_for_workers(3, timeout=60)
+def client() -> Iterator[Any]:
+    """A client of three workers of its own: each test kills one, and none waits for its return."""
+    with (
+        distributed.LocalCluster(
+            n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
         yield client
 
 
