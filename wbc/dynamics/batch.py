@@ -125,15 +125,19 @@ def output_torque(
     torque = links - contacts
     if robot.rotors_turn_with_links:
         torque = torque + _coupling_torque(robot, motion)[0]
-    smooth, level = np.zeros(torque.shape), np.zeros(torque.shape)
+    smooth: FloatArray | None = None
+    level: FloatArray | None = None
     for effect in robot.effects:
         pushed = effect.joint_torque(robot, motion)
         if pushed is not None:
-            smooth += pushed
+            smooth = pushed if smooth is None else smooth + pushed
         dry = effect.joint_friction(robot, motion)
         if dry is not None:
-            level += dry
-    torque = torque - smooth + level * np.sign(motion.velocity)
+            level = dry if level is None else level + dry
+    if smooth is not None:
+        torque = torque - smooth
+    if level is not None:
+        torque = torque + level * np.sign(motion.velocity)
     output = torque[..., robot.actuated] @ robot.transmission.topology
     return output, torque[..., robot.unactuated]
 
@@ -147,17 +151,19 @@ def motor_torque(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray
     spun = _coupling_torque(robot, motion)[1] if robot.rotors_turn_with_links else 0.0
     psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
     psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
-    mesh = mesh_input(output, psi_velocity, *robot.gear_efficiencies(motion))
+    efficiencies = robot.gear_efficiencies(motion)
+    perfect = all(np.all(efficiency == 1.0) for efficiency in efficiencies)
+    mesh = output if perfect else mesh_input(output, psi_velocity, *efficiencies)
     for effect in robot.effects:
         mesh = effect.meshed(robot, motion, output, mesh)
-    spin = psi_velocity * gears.gear_ratio
-    rotor = (
-        mesh / gears.gear_ratio
-        + gears.rotor_inertia * gears.gear_ratio * psi_acceleration
-        + gears.rotor_coulomb_friction * np.sign(spin)
-        + gears.rotor_viscous_friction * spin
-        + spun
-    )
+    # Most robots have none of some terms, and a diagnosis asks for whole logs again and again.
+    rotor = mesh / gears.gear_ratio + spun
+    if np.any(gears.rotor_inertia):
+        rotor = rotor + gears.rotor_inertia * gears.gear_ratio * psi_acceleration
+    if np.any(gears.rotor_coulomb_friction):
+        rotor = rotor + gears.rotor_coulomb_friction * np.sign(psi_velocity * gears.gear_ratio)
+    if np.any(gears.rotor_viscous_friction):
+        rotor = rotor + gears.rotor_viscous_friction * (psi_velocity * gears.gear_ratio)
     for effect in robot.effects:
         added = effect.rotor_torque(robot, motion)
         if added is not None:

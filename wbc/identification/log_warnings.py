@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.arguments import require_logs
-from wbc.identification.model.fit import Fit
+from wbc.identification.model.fit import Fit, change_along
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, find_duplicates
@@ -149,7 +149,7 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
 def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the step (p,) to what some rows alone say, and its standard deviation (p,)."""
     step = fit.step(rows)
-    left = fit.residual[rows] + fit.jacobian[rows] @ step
+    left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
     a = fit.jacobian[rows].reshape(-1, len(fit.parameters))
     norm = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-300)
     gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(norm.size)

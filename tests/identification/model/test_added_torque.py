@@ -16,7 +16,8 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification.choice.screening.candidate_columns import evidence, make_regressors
-from wbc.identification.model.columns.added_torque import ADDS, added_column
+from wbc.identification.model.columns.added_torque import ADDS, added_torque, condensed
+from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.measurement import Log
@@ -49,7 +50,8 @@ def test_it_is_what_the_whole_residual_loses(
 ) -> None:
     robot, records = problem.robot, problem.records
     effect = _some(robot, kind)
-    alone = added_column(robot, effect, records)
+    parts = [condensed(record, [added_torque(robot, effect, record)])[0] for record in records]
+    alone = SparseColumns.stacked(parts).full()[:, :, 0]
     before, after = (condensed_residual(r, records) for r in (robot, robot.with_effect(effect)))
     assert alone == pytest.approx(before - after, abs=1e-9 * max(1.0, float(np.abs(before).max())))
 

@@ -18,19 +18,25 @@ from wbc.identification.model.columns.kept_columns import (
     IMPOSSIBLE,
     STEP,
     KeptColumns,
+    Slots,
     keeps_motion,
     lossy_gears,
 )
 from wbc.identification.model.columns.own_gear import outputs_of, own_gear
+from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.link_friction import rubbing_at_link
-from wbc.identification.model.residual import condensed_residual, noise_sizes, swinging_torque
+from wbc.identification.model.residual import (
+    Asked,
+    asked_of_gears,
+    condensed_residual,
+    noise_sizes,
+    swinging_torque,
+)
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
-
-Slots = Sequence[tuple[int, Parameter]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +50,7 @@ class Evaluation:
         residual: (rows, outputs), whitened.
         swinging: per record (N, nv), what links that swing behind their gears need more, or None.
         sizes: (rows, m + b) by what the drives divide the residual.
+        asked: per record, what the motion asks of the gears, or None.
     """
 
     effects: tuple[Effect, ...]
@@ -52,6 +59,7 @@ class Evaluation:
     residual: FloatArray
     swinging: tuple[FloatArray | None, ...]
     sizes: FloatArray
+    asked: tuple[Asked | None, ...]
 
     @property
     def cost(self) -> float:
@@ -69,12 +77,15 @@ def evaluate(
     """
     whole = robot.with_effects(*effects)
     swinging = tuple(swinging_torque(whole, record) for record in records)
-    condensed = condensed_residual(whole, records, swinging)
+    pairs = zip(records, swinging, strict=True)
+    asked = tuple(asked_of_gears(whole, record, held) for record, held in pairs)
+    condensed = condensed_residual(whole, records, swinging, asked)
     if not np.isfinite(condensed).all():
         names = ", ".join(f"{effect.name} at '{effect.where}'" for effect in effects)
         raise DynamicsError(f"'{robot.name}' with {names} needs torque that is not finite.")
     sizes = noise_sizes(whole, records)
-    return Evaluation(tuple(effects), whole, condensed, condensed @ whitening, swinging, sizes)
+    whitened = condensed @ whitening
+    return Evaluation(tuple(effects), whole, condensed, whitened, swinging, sizes, asked)
 
 
 def derivatives(
@@ -100,21 +111,25 @@ def derivatives(
     """
     if not slots:
         return np.zeros((*at.residual.shape, 0))
-    jacobian = np.zeros((*at.residual.shape, len(slots)))
+    # One column after the other: each is written, and read again, as a whole.
+    columns = np.zeros((len(slots), *at.residual.shape))
     inertial = _inertial(robot, at, slots, records)  # by number of the column
     felt: dict[int, IntArray] = {}  # outputs that alone feel a parameter, by number of the column
     single = []  # numbers of the other columns
     lossy = np.flatnonzero(lossy_gears(at.robot))
-    for row, (k, parameter) in enumerate(slots):
+    taken = [] if known is None else _taken(robot, at, slots, records[0].motion)
+    rest = [row for row in range(len(slots)) if row not in inertial and row not in taken]
+    apart = _apart(at, slots, rest, kept)
+    for row, (k, _) in enumerate(slots):
         if row in inertial:
-            jacobian[:, :, row] = inertial[row] @ whitening
+            columns[row] = inertial[row] @ whitening
             continue
-        if known is not None and _swings(robot, at, k, records[0].motion):
-            jacobian[:, :, row] = known[:, :, row]
+        if known is not None and row in taken:
+            columns[row] = known[:, :, row]
             continue
-        column = None if kept is None else _kept_column(at, k, parameter, kept)
-        if column is not None and not np.any(column[:, lossy]):
-            jacobian[:, :, row] = (column / at.sizes) @ whitening
+        column = apart.get(row)
+        if column is not None and not np.isin(column.outputs, lossy).any():
+            columns[row] = _whitened(column, at.sizes, whitening)
             continue
         outputs = _felt(robot, at, k, column, records)
         if outputs is None:
@@ -127,16 +142,22 @@ def derivatives(
             single += group
             continue
         for row in group:
-            jacobian[:, :, row] = found[:, felt[row]] @ whitening[felt[row]]
+            columns[row] = found[:, felt[row]] @ whitening[felt[row]]
     for row in single:
         k, parameter = slots[row]
-        jacobian[:, :, row] = _derivative(robot, at, k, parameter, records) @ whitening
-    size = np.sqrt(np.einsum("rop,rop->p", jacobian, jacobian))
+        columns[row] = _derivative(robot, at, k, parameter, records) @ whitening
+    size = np.array([np.linalg.norm(column) for column in columns])
     for row, (k, _) in enumerate(slots):
         beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
         if size[row] < _UNFELT * beside:
-            jacobian[:, :, row] = 0.0
-    return jacobian
+            columns[row] = 0.0
+    return np.moveaxis(columns, 0, -1)
+
+
+def _whitened(column: SparseColumns, sizes: FloatArray, whitening: FloatArray) -> FloatArray:
+    """Return a single column (rows, outputs) that the drives divide by `sizes` (rows, m + b)."""
+    outputs = column.outputs
+    return np.asarray((column.values[:, :, 0] / sizes[:, outputs]) @ whitening[outputs])
 
 
 def _inertial(
@@ -157,15 +178,23 @@ def _inertial(
     return {row: columns[:, :, place] for place, row in enumerate(found)}
 
 
-def _kept_column(
-    at: Evaluation, k: int, parameter: Parameter, kept: KeptColumns
-) -> FloatArray | None:
-    """Return a column (rows, m + b) beside perfect gears and drives, None where it has none."""
-    return kept.column(at.effects, k, parameter) if keeps_motion(at.robot) else None
+def _taken(robot: Robot, at: Evaluation, slots: Slots, motion: Motion) -> list[int]:
+    """Return the columns of parameters that change how links swing."""
+    swings = {k: _swings(robot, at, k, motion) for k, _ in slots}
+    return [row for row, (k, _) in enumerate(slots) if swings[k]]
+
+
+def _apart(
+    at: Evaluation, slots: Slots, rows: Sequence[int], kept: KeptColumns | None
+) -> dict[int, SparseColumns]:
+    """Return single columns beside perfect gears and drives, by number; not all have one."""
+    if kept is None or not keeps_motion(at.robot):
+        return {}
+    return kept.columns(at.effects, slots, rows)
 
 
 def _felt(
-    robot: Robot, at: Evaluation, k: int, column: FloatArray | None, records: Sequence[Record]
+    robot: Robot, at: Evaluation, k: int, column: SparseColumns | None, records: Sequence[Record]
 ) -> IntArray | None:
     """Return the outputs that alone feel effect `k`, None where all may.
 
@@ -179,7 +208,7 @@ def _felt(
     if any(deflects(effect) for effect in at.effects):
         return None
     if column is not None:
-        return np.flatnonzero(column.any(axis=0))
+        return column.outputs
     gear = own_gear(robot, at.effects[k], records)
     return None if gear is None else outputs_of(robot, gear)
 
@@ -213,11 +242,14 @@ def _together(
     Returns:
         None where no step of this size can be made with all of them.
     """
+    in_gears = all(own_gear(robot, at.effects[k], records) is not None for k, _ in slots)
+    asked = at.asked if in_gears else None  # of the gears: the same for all that acts within them
     for size in (STEP, -STEP):
         changes = {(k, parameter.name): size * parameter.scale for k, parameter in slots}
         try:
             changed = with_changes(at.effects, changes)
-            moved = condensed_residual(robot.with_effects(*changed), records, at.swinging)
+            whole = robot.with_effects(*changed)
+            moved = condensed_residual(whole, records, at.swinging, asked)
         except IMPOSSIBLE:
             continue
         if np.isfinite(moved).all():

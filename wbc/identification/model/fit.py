@@ -10,16 +10,16 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.columns.kept_columns import IMPOSSIBLE, KeptColumns
+from wbc.identification.model.columns.kept_columns import IMPOSSIBLE, KeptColumns, Slots
 from wbc.identification.model.derivatives import (
     Evaluation,
-    Slots,
     derivatives,
     evaluate,
     with_changes,
 )
 from wbc.identification.model.usual import UsualRows
 from wbc.identification.model.yielding import some_deflect
+from wbc.identification.records.folds import rows_of_folds
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
 
@@ -41,7 +41,7 @@ class Fit:
         effects: as fitted, in order.
         residual: (rows, outputs), whitened.
         jacobian: (rows, outputs, p) change of the whitened residual per unit of each parameter's
-            scale.
+            scale; in memory one parameter stands after the other.
         parameters: the p fitted parameters as (number of effect, parameter).
         usual: rows of what is usual, which are fitted beside those of the records.
         settled: whether more steps would gain nothing.
@@ -79,7 +79,7 @@ class Fit:
 
         Beside numbers that are drawn to what is usual: in squared standard deviations.
         """
-        a = (self.jacobian * self.usual.weights[:, None]).reshape(-1, len(self.parameters))
+        a = self.usual.weighted(self.jacobian)
         return np.asarray(a.T @ a)
 
     @property
@@ -100,18 +100,18 @@ class Fit:
         held = self.residual.copy()
         if self.failed or not self.parameters:
             return held
-        parts = [np.flatnonzero(folds == fold) for fold in np.unique(folds)]
+        parts = rows_of_folds(folds)
         sums = [self._sums(rows) for rows in parts]
         gram, moment = (sum(own[k] for own in sums) for k in (0, 1))
         for rows, own in zip(parts, sums, strict=True):
             step = self._solved(gram - own[0], moment - own[1])
-            moved = self.residual[rows] + self.jacobian[rows] @ step
+            moved = self.residual[rows] + change_along(self.jacobian[rows], step)
             rough = self.swings and np.sum(moved**2) >= 4.0 * np.sum(held[rows] ** 2)
             if not rough:
                 held[rows] = moved
         return held
 
-    def step(self, rows: BoolArray | IntArray) -> FloatArray:
+    def step(self, rows: BoolArray | IntArray | slice) -> FloatArray:
         """Return the Gauss-Newton step (p,) on a choice of rows.
 
         Directions about which those rows know next to nothing compared with all rows stay put;
@@ -119,11 +119,10 @@ class Fit:
         """
         return self._solved(*self._sums(rows))
 
-    def _sums(self, rows: BoolArray | IntArray) -> tuple[FloatArray, FloatArray]:
+    def _sums(self, rows: BoolArray | IntArray | slice) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations (p, p) and (p,) of a choice of rows."""
-        weights = self.usual.weights
-        a = (self.jacobian[rows] * weights[:, None]).reshape(-1, len(self.parameters))
-        return a.T @ a, a.T @ (self.residual[rows] * weights).ravel()
+        a = self.usual.weighted(self.jacobian[rows])
+        return a.T @ a, a.T @ (self.residual[rows] * self.usual.weights).ravel()
 
     def _solved(self, gram: FloatArray, moment: FloatArray) -> FloatArray:
         """Return the step (p,) of normal equations, beside what is usual."""
@@ -194,7 +193,7 @@ def refine(
         before = _cost(at, usual)
         gain = (before - _cost(moved, usual)) / before
         settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
-        change = jacobian @ (length * step)
+        change = change_along(jacobian, length * step)
         if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
             # Nothing bends on this way: the derivatives hold at its end, too.
             at = moved
@@ -248,6 +247,12 @@ def _failed(
     return Fit(robot, tuple(effects), residual, jacobian, tuple(slots), usual, failed=why)
 
 
+def change_along(jacobian: FloatArray, step: FloatArray) -> FloatArray:
+    """Return what a step (p,) changes (rows, outputs), by derivatives (rows, outputs, p)."""
+    rows, outputs, count = jacobian.shape
+    return np.asarray((jacobian.reshape(rows * outputs, count) @ step).reshape(rows, outputs))
+
+
 def _norm(values: FloatArray) -> float:
     return float(np.sqrt(np.sum(values**2)))
 
@@ -262,8 +267,7 @@ def _bounded_step(
     """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
     a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
     if usual.residual.size:
-        a = (jacobian * usual.weights[:, None]).reshape(-1, len(slots))
-        a = np.concatenate([a, usual.jacobian])
+        a = np.concatenate([usual.weighted(jacobian), usual.jacobian])
         r = np.concatenate([(residual * usual.weights).ravel(), usual.residual])
     gram, moment = a.T @ a, -(a.T @ r)
     values = np.array([effects[k].values[p.name] for k, p in slots])

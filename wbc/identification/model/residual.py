@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import repeat
 
 import numpy as np
 
@@ -21,8 +22,41 @@ _STEP = 1e-7  # of the largest load, by which loads are varied
 _SQUEEZES = 3  # rounds in which internal forces and the gears' direction of power settle
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
+_Rows = tuple[FloatArray, FloatArray, FloatArray]
+"""What is unexplained at the rotors (N, m), at the base (N, b), at torque sensors (N, s)."""
 
-def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = None) -> FloatArray:
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a motion asks of a robot's gears: nothing of it depends on meshes, rotors and drives.
+
+    Attributes:
+        motion: the true one.
+        output: (N, m) torque at the outputs of the gears.
+        wrench: (N, b) torque that no motor gives.
+    """
+
+    motion: Motion
+    output: FloatArray
+    wrench: FloatArray
+
+
+def asked_of_gears(
+    robot: Robot, record: Record, swinging: FloatArray | None = None
+) -> Asked | None:
+    """Return what a record asks of the gears; None where the gears say how contacts press.
+
+    Arguments as those of `raw_residual`.
+    """
+    motion, links, contacts = _loads(robot, record, swinging)
+    if record.along(motion).balance is not None:
+        return None
+    return Asked(motion, *output_torque(_without_drives(robot), motion, links, contacts))
+
+
+def raw_residual(
+    robot: Robot, record: Record, swinging: FloatArray | None = None, asked: Asked | None = None
+) -> FloatArray:
     """Return (N, m + b + s) measured minus modelled, before weights and filters.
 
     The m driven joints come first (torque at the motor output, reported minus needed), then the b
@@ -38,7 +72,12 @@ def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = Non
         record: one log.
         swinging: what `swinging_torque` returned for a robot that differs little; None has links
             behind soft gears simulated again.
+        asked: of the gears, if known; then nothing is computed of the links.
     """
+    if asked is not None:
+        delivered, slope = _delivered(robot, asked.motion, record.torque)
+        rows = _rows_of_gears(robot, record, asked, delivered)
+        return _in_one(robot, record, rows, slope)
     motion, links, contacts = _loads(robot, record, swinging)
     return _unexplained(robot, record, motion, links, contacts)
 
@@ -145,15 +184,27 @@ def _unexplained(
     robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
 ) -> FloatArray:
     delivered, slope = _delivered(robot, motion, record.torque)
-    gears, base, sensors = _rows(robot, record.along(motion), links, contacts, delivered)
-    size = _noise_size(record, slope)
-    driven = gears / size * np.abs(robot.transmission.gear_ratio)
+    rows = _rows(robot, record.along(motion), links, contacts, delivered)
+    return _in_one(robot, record, rows, slope)
+
+
+def _in_one(robot: Robot, record: Record, rows: _Rows, slope: FloatArray) -> FloatArray:
+    """Return (N, m + b + s): those of the gears at their outputs, over what drives do to noise."""
+    gears, base, sensors = rows
+    driven = gears * (np.abs(robot.transmission.gear_ratio) / _noise_size(record, slope))
     return np.concatenate([driven, base, sensors], axis=1)
+
+
+def _rows_of_gears(robot: Robot, moved: Record, asked: Asked, delivered: FloatArray) -> _Rows:
+    """Return `_rows` where all contact forces are known."""
+    carried = _carried(moved, asked.output)
+    gears = delivered - motor_torque(_without_drives(robot), asked.motion, carried)
+    return gears, -asked.wrench, moved.sensed - asked.output[:, robot.sensed]
 
 
 def _rows(
     robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray, delivered: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> _Rows:
     """Return what is unexplained at the rotors (N, m), at the base (N, b), at sensors (N, s).
 
     Contact forces that were not measured are those that leave least: first of the base's balance,
@@ -166,8 +217,8 @@ def _rows(
         contacts = contacts + balance.carried(wrench)
         output, wrench = output_torque(plain, moved.motion, links, contacts)
     if balance is None or balance.inner is None:
-        gears = delivered - motor_torque(plain, moved.motion, _carried(moved, output))
-        return gears, -wrench, moved.sensed - output[:, robot.sensed]
+        asked = Asked(moved.motion, output, wrench)
+        return _rows_of_gears(robot, moved, asked, delivered)
     ratio = robot.transmission.gear_ratio
     left, slope = np.zeros_like(output), np.ones_like(output)
     for last in (*(False,) * _SQUEEZES, True):
@@ -187,6 +238,8 @@ def _rows(
 
 def _carried(moved: Record, output: FloatArray) -> FloatArray:
     """Return what the gears give (N, m): as the sensors behind them say, else as links need."""
+    if not moved.robot.sensed.size:
+        return output
     result = np.array(output)
     result[:, moved.robot.sensed] = moved.sensed
     return result
@@ -226,11 +279,12 @@ def condensed_residual(
     robot: Robot,
     records: Sequence[Record],
     swinging: Sequence[FloatArray | None] | None = None,
+    asked: Sequence[Asked | None] | None = None,
 ) -> FloatArray:
     """Return weighted, low-passed and thinned residuals of all records, (rows, m + b)."""
-    held = swinging or [None] * len(records)
-    pairs = zip(records, held, strict=True)
-    return np.concatenate([record.condense(raw_residual(robot, record, s)) for record, s in pairs])
+    each = zip(records, swinging or repeat(None), asked or repeat(None), strict=False)
+    raw = [(record, raw_residual(robot, record, held, known)) for record, held, known in each]
+    return np.concatenate([record.condense(values) for record, values in raw])
 
 
 def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:

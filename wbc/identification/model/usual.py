@@ -68,6 +68,13 @@ class UsualRows:
         """(outputs,) by which residuals are multiplied in a fit."""
         return np.asarray(1.0 / np.sqrt(self.noise))
 
+    def weighted(self, jacobian: FloatArray) -> FloatArray:
+        """Return derivatives (rows, outputs, p) with these weights, (rows * outputs, p)."""
+        plain = jacobian.reshape(-1, jacobian.shape[-1])
+        if np.all(self.noise == 1.0):  # always, where nothing is drawn
+            return plain
+        return np.asarray((jacobian * self.weights[:, None]).reshape(plain.shape))
+
     def cost(self, residual: FloatArray) -> float:
         """Return what is minimised, with a residual (rows, outputs) of the logs [2 nats].
 

@@ -37,6 +37,23 @@ def held_out_folds(records: Sequence[Record], repeats: Sequence[tuple[int, int]]
     return np.concatenate(folds)
 
 
+def rows_of_folds(folds: IntArray) -> list[IntArray | slice]:
+    """Return the rows of each fold, in order of their numbers; neighbours as a slice.
+
+    A slice of an array is a view of it, where numbers of rows make a copy.
+
+    Args:
+        folds: (rows,) number of the fold of every row.
+    """
+    parts: list[IntArray | slice] = []
+    for fold in np.unique(folds):
+        rows = np.flatnonzero(folds == fold)
+        first, last = int(rows[0]), int(rows[-1])
+        together = last - first + 1 == rows.size
+        parts.append(slice(first, last + 1) if together else rows)
+    return parts
+
+
 def bootstrap_blocks(records: Sequence[Record]) -> IntArray:
     """Return the block (rows,) of every row; blocks are long against the band of the residual."""
     blocks, first = [], 0

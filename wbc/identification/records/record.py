@@ -248,6 +248,11 @@ class Record:
         weighted = values * self.scale[:, output, None]
         return self.thinned(low_pass(weighted, self.bandwidth.residual, self.rate))
 
+    def condensed_columns(self, values: FloatArray, outputs: IntArray) -> FloatArray:
+        """Return `values` (N, k) condensed, each as torque at an output of its own, (rows, k)."""
+        weighted = values * self.scale[:, outputs]
+        return self.thinned(low_pass(weighted, self.bandwidth.residual, self.rate))
+
     def response(self, joint: str) -> LinkResponse:
         """Return how the link behind a gear reacts to a deflection of the gear."""
         if joint not in self._responses:

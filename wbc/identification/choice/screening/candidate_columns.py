@@ -12,12 +12,23 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
 from wbc.identification.choice.gears.screens import screens
-from wbc.identification.model.columns.added_torque import ADDS, added_torque, condensed
+from wbc.identification.model.columns.added_torque import (
+    ADDS,
+    AddedTorque,
+    added_torque,
+    condensed,
+)
 from wbc.identification.model.columns.inertial_columns import inertial_columns, only_inertial
 from wbc.identification.model.columns.kept_columns import keeps_motion, lossy_gears
 from wbc.identification.model.columns.own_gear import outputs_of, own_gear
 from wbc.identification.model.columns.sparse_columns import SparseColumns
-from wbc.identification.model.residual import noise_sizes, raw_residual, swinging_torque
+from wbc.identification.model.residual import (
+    Asked,
+    asked_of_gears,
+    noise_sizes,
+    raw_residual,
+    swinging_torque,
+)
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
@@ -259,18 +270,22 @@ def _added_columns(
     """
     if not keeps_motion(robot):
         return {}
-    lossy, sizes = np.flatnonzero(lossy_gears(robot)), noise_sizes(robot, [record])[:1]
-    result = {}
+    lossy, sizes = np.flatnonzero(lossy_gears(robot)), noise_sizes(robot, [record])[0]
+    columns: dict[int, list[SparseColumns]] = {}
+    waiting: list[tuple[int, AddedTorque]] = []  # with the number of their offer
     for k, (effect, where, screen) in enumerate(offers):
-        if not effect.acts_by <= ADDS:
-            continue
-        units = [_made(effect, where, screen, values) for values in screen.units]
+        adding = effect.acts_by <= ADDS
+        units = [_made(effect, where, screen, v) for v in screen.units] if adding else []
         taken = [added_torque(robot, unit, record) for unit in units]
-        felt = [t for t in taken if t is not None and not t[:, lossy].any()]
-        if len(felt) == len(units):
-            columns = np.stack([condensed(record, t) / sizes for t in felt], axis=-1)
-            result[k] = SparseColumns.of(columns)
-    return result
+        felt = [t for t in taken if t is not None and not np.isin(t.outputs, lossy).any()]
+        if len(felt) == len(units):  # of an offer that does not add torque: none
+            waiting += [(k, torque) for torque in felt]
+        if len(waiting) >= _BATCH or k == len(offers) - 1:
+            found = condensed(record, [torque for _, torque in waiting])
+            for (owner, _), column in zip(waiting, found, strict=True):
+                columns.setdefault(owner, []).append(column.over(sizes))
+            waiting = []
+    return {k: SparseColumns.beside(parts) for k, parts in columns.items()}
 
 
 def _gear_columns(
@@ -282,8 +297,10 @@ def _gear_columns(
 ) -> dict[int, SparseColumns]:
     """Return the columns (rows, outputs, r) of offers that one gear alone feels, by number.
 
-    The robot has one effect in all its gears at once: every gear shows its own.
+    The robot has one effect in all its gears at once: every gear shows its own. What the motion
+    asks of the gears is the same for all of them.
     """
+    asked = asked_of_gears(robot, record, swinging) if offers else None
     alike: dict[tuple[object, ...], dict[int, int]] = {}  # number of an offer -> its gear
     shapes: Counter[tuple[object, ...]] = Counter()
     alone: dict[type[Effect], bool] = {}  # whether it is so: people write effects of their own
@@ -291,7 +308,7 @@ def _gear_columns(
         first = _made(effect, where, screen, screen.units[0])
         gear = None if deflects(effect) else own_gear(robot, first, [record])
         if gear is not None and effect not in alone:
-            changed = base - _residual(robot.with_effect(first), record, swinging, base)
+            changed = base - _residual(robot.with_effect(first), record, swinging, base, asked)
             changed[:, outputs_of(robot, gear)] = 0.0
             alone[effect] = not np.any(changed)
         if gear is not None and alone[effect]:
@@ -299,16 +316,14 @@ def _gear_columns(
             alike.setdefault((effect, len(screen.units), shapes[effect, where]), {})[k] = gear
     result: dict[int, SparseColumns] = {}
     for gears in alike.values():
-        columns: dict[int, list[FloatArray]] = {k: [] for k in gears}
+        changes = []
         for unit in range(len(offers[next(iter(gears))][2].units)):
             made = [_made(*offers[k], offers[k][2].units[unit]) for k in gears]
-            changed = base - _residual(robot.with_effects(*made), record, swinging, base)
-            for k, gear in gears.items():
-                own = np.zeros_like(changed)
-                outputs = outputs_of(robot, gear)
-                own[:, outputs] = changed[:, outputs]
-                columns[k].append(condensed(record, own))
-        result |= {k: SparseColumns.of(np.stack(units, axis=-1)) for k, units in columns.items()}
+            whole = robot.with_effects(*made)
+            changes.append(base - _residual(whole, record, swinging, base, asked))
+        columns = record.condense(np.stack(changes, axis=-1))
+        for k, gear in gears.items():
+            result[k] = SparseColumns.at(outputs_of(robot, gear), columns)
     return result
 
 
@@ -339,11 +354,15 @@ def _inertial_columns(
 
 
 def _residual(
-    robot: Robot, record: Record, held: FloatArray | None, like: FloatArray
+    robot: Robot,
+    record: Record,
+    held: FloatArray | None,
+    like: FloatArray,
+    asked: Asked | None = None,
 ) -> FloatArray:
     """Return what a robot leaves (N, m + b), no numbers where one of its links flies off."""
     try:
-        return raw_residual(robot, record, held)
+        return raw_residual(robot, record, held, asked)
     except DynamicsError:
         return np.full_like(like, np.nan)
 

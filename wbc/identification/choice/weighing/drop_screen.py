@@ -13,7 +13,7 @@ from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means
 from wbc.identification.choice.weighing.prior import asked
 from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit
+from wbc.identification.model.fit import Fit, change_along
 from wbc.robot import Effect, Robot
 
 
@@ -65,7 +65,7 @@ def exchanged(
     along = fit.residual[:, felt].ravel() @ weighted
     normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
     step = _without(*until_null(fit, own, problem.robot), normal)
-    residual = fit.residual + fit.jacobian @ step[: moment.size]
+    residual = fit.residual + change_along(fit.jacobian, step[: moment.size])
     residual[:, felt] += columns @ step[moment.size :]
     stays = _as_left(problem, h, fit.residual)
     left = replace(_as_left(problem, h, residual), effects=tuple(effects))
@@ -104,7 +104,7 @@ def _moved(
 ) -> FloatArray:
     """Return what is left (rows, outputs) without some causes."""
     step = _without(*until_null(fit, dropped, problem.robot), normal)
-    return np.asarray(fit.residual + fit.jacobian @ step)
+    return np.asarray(fit.residual + change_along(fit.jacobian, step))
 
 
 def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:

@@ -148,10 +148,9 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     Raises:
         FloatingPointError: what it leaves is not finite.
     """
-    squares = problem.held_out(fit)
+    squares, beside, cost = problem.held_out_beside_open(fit)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
-    beside, cost = problem.held_out_beside_open(fit)
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     return Hypothesis(
         effects=fit.effects,

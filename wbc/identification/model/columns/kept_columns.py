@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
-from wbc.identification.model.columns.added_torque import added_column
+from wbc.identification.model.columns.added_torque import (
+    AddedTorque,
+    added_torque,
+    condensed,
+)
 from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.yielding import deflects
@@ -27,6 +31,11 @@ _MOST = 8  # columns kept of a parameter whose column depends on values
 
 _Values = tuple[float, ...]
 _Key = tuple[type[Effect], Parameter, tuple[object, ...], tuple[Effect, ...]]
+_Asked = tuple[tuple[Effect, ...], Effect, Parameter]
+"""What a column depends on beside its own effect, the effect, its parameter."""
+
+Slots = Sequence[tuple[int, Parameter]]
+"""Parameters as (number of effect, parameter)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,41 +59,55 @@ class KeptColumns:
     _constant: set[_Key] = field(default_factory=set)
     _last: dict[tuple[Effect, ...], FloatArray] = field(default_factory=dict)
 
-    def column(self, effects: Sequence[Effect], k: int, parameter: Parameter) -> FloatArray | None:
-        """Return the change of the residual per scale of a parameter of effect `k`.
+    def columns(
+        self, effects: Sequence[Effect], slots: Slots, among: Iterable[int]
+    ) -> dict[int, SparseColumns]:
+        """Return the change of the residual per scale of some parameters, by number of the slot.
 
-        None where it depends on more than its own effect.
+        Without those that depend on more than their own effect.
 
         Args:
             effects: none of them acts on the motion.
-            k: number of the effect.
-            parameter: one of its own.
+            slots: parameters as (number of effect, parameter).
+            among: numbers of the slots that are asked for.
         """
-        own = effects[k]
-        try:
-            beside = self._beside(effects, own, parameter)
-        except IMPOSSIBLE:
-            return None
-        if beside is None:
-            return None
-        key = type(own), parameter, _what_it_is(own), beside
-        known = self._columns.setdefault(key, {})
-        values = tuple(own.values.values())
-        if key in self._constant:
-            return _single(next(iter(known.values())))
-        column = known.pop(values, None)
-        if column is None:
-            made = self._made(beside, own, parameter)
-            if made is None:
-                return None
-            column = SparseColumns.of(made[:, :, None])
-            straight = not any(other.shape for other in own.parameters)
-            if straight and any(_equal(column, other) for other in known.values()):
-                self._constant.add(key)
-            while len(known) >= _MOST:
-                del known[next(iter(known))]
-        known[values] = column  # the one used last stands last
-        return _single(column)
+        found: dict[int, SparseColumns] = {}
+        wanted: dict[int, tuple[_Key, _Asked]] = {}
+        for row in among:
+            k, parameter = slots[row]
+            own = effects[k]
+            try:
+                beside = self._beside(effects, own, parameter)
+            except IMPOSSIBLE:
+                continue
+            if beside is None:
+                continue
+            key = type(own), parameter, _what_it_is(own), beside
+            known = self._columns.setdefault(key, {})
+            if key in self._constant:
+                found[row] = next(iter(known.values()))
+                continue
+            values = tuple(own.values.values())
+            column = known.pop(values, None)
+            if column is None:
+                wanted[row] = key, (beside, own, parameter)
+                continue
+            found[row] = known[values] = column  # the one used last stands last
+        made = self._made([asked for _, asked in wanted.values()])
+        for (row, (key, (_, own, _))), column in zip(wanted.items(), made, strict=True):
+            if column is not None:
+                self._keep(key, own, column)
+                found[row] = column
+        return found
+
+    def _keep(self, key: _Key, own: Effect, column: SparseColumns) -> None:
+        known = self._columns[key]
+        straight = not any(other.shape for other in own.parameters)
+        if straight and any(_equal(column, other) for other in known.values()):
+            self._constant.add(key)
+        while len(known) >= _MOST:
+            del known[next(iter(known))]
+        known[tuple(own.values.values())] = column
 
     def _beside(
         self, effects: Sequence[Effect], own: Effect, parameter: Parameter
@@ -107,9 +130,48 @@ class KeptColumns:
         changing = (e for e in effects if e is not own and "change" in e.acts_by)
         return tuple(e for e in changing if e.change(robot).model is not robot.model)
 
-    def _made(
+    def _made(self, asked: Sequence[_Asked]) -> list[SparseColumns | None]:
+        """Return the columns of parameters, None where they cannot be moved.
+
+        Those of effects that only add torque are filtered together.
+        """
+        result: list[SparseColumns | None] = [None] * len(asked)
+        added: dict[int, list[AddedTorque]] = {}  # by number, one per log
+        before: dict[Effect, list[AddedTorque] | None] = {}
+        for number, (beside, own, parameter) in enumerate(asked):
+            if own not in before:
+                before[own] = None if beside else self._added(own)
+            here = before[own]
+            if here is None:
+                result[number] = self._by_difference(beside, own, parameter)
+                continue
+            for way in (STEP, -STEP):
+                moved = _moved(own, parameter, (way,))
+                there = None if moved is own else self._added(moved)
+                if there is not None:
+                    # What an effect adds is taken away from the residual.
+                    pairs = zip(there, here, strict=True)
+                    added[number] = [one.less(other, -1.0 / way) for one, other in pairs]
+                    break
+        parts = [
+            condensed(record, [torques[k] for torques in added.values()])
+            for k, record in enumerate(self.records)
+        ]
+        for number, *columns in zip(added, *parts, strict=True):
+            result[number] = SparseColumns.stacked(columns)
+        return result
+
+    def _added(self, effect: Effect) -> list[AddedTorque] | None:
+        """Return what an effect takes away from the residuals, None where it does not only add."""
+        try:
+            parts = [added_torque(self.robot, effect, record) for record in self.records]
+        except IMPOSSIBLE:
+            return None
+        return [part for part in parts if part is not None] if None not in parts else None
+
+    def _by_difference(
         self, beside: tuple[Effect, ...], own: Effect, parameter: Parameter
-    ) -> FloatArray | None:
+    ) -> SparseColumns | None:
         try:
             if (*beside, own) not in self._last:
                 self._last.clear()
@@ -118,16 +180,14 @@ class KeptColumns:
             for way in (STEP, -STEP):
                 moved = _moved(own, parameter, (way,))
                 if moved is not own:
-                    return np.asarray((self._residual(beside, moved) - before) / way)
+                    column = (self._residual(beside, moved) - before) / way
+                    return SparseColumns.of(column[:, :, None])
         except IMPOSSIBLE:
             pass
         return None
 
     def _residual(self, beside: tuple[Effect, ...], own: Effect) -> FloatArray:
         """Return what is left with an effect, up to what does not depend on its numbers."""
-        taken = None if beside else added_column(self.robot, own, self.records)
-        if taken is not None:
-            return -taken
         return condensed_residual(self.robot.with_effects(*beside, own), self.records)
 
 
@@ -158,10 +218,6 @@ def _what_it_is(effect: Effect) -> tuple[object, ...]:
     """Return all of an effect but its parameters: its place, and what a user's class adds."""
     numbers = {parameter.name for parameter in effect.parameters}
     return tuple(getattr(effect, f.name) for f in fields(effect) if f.name not in numbers)
-
-
-def _single(column: SparseColumns) -> FloatArray:
-    return column.full()[:, :, 0]
 
 
 def _equal(one: SparseColumns, other: SparseColumns) -> bool:

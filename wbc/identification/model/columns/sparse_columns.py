@@ -29,9 +29,13 @@ class SparseColumns:
     @classmethod
     def of(cls, columns: FloatArray) -> SparseColumns:
         """Return columns (rows, outputs, r) without zeros; nothing is shared with them."""
-        some = [columns[:, output].any() for output in range(columns.shape[1])]
-        outputs = np.flatnonzero(some)
-        return cls(outputs, columns[:, outputs], columns.shape[1])
+        return cls.at(np.arange(columns.shape[1]), columns)
+
+    @classmethod
+    def at(cls, outputs: IntArray, columns: FloatArray) -> SparseColumns:
+        """Return what some outputs feel of columns (rows, outputs, r), without zeros."""
+        felt = outputs[[bool(columns[:, output].any()) for output in outputs]]
+        return cls(felt, columns[:, felt], columns.shape[1])
 
     @classmethod
     def stacked(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
@@ -41,6 +45,19 @@ class SparseColumns:
         outputs = np.unique(np.concatenate([part.outputs for part in parts]))
         values = np.concatenate([part.full()[:, outputs] for part in parts])
         return cls(outputs, values, parts[0].count)
+
+    @classmethod
+    def beside(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
+        """Return the columns of several, one beside the other."""
+        if len(parts) == 1:
+            return parts[0]
+        outputs = np.unique(np.concatenate([part.outputs for part in parts]))
+        values = np.concatenate([part.full()[:, outputs] for part in parts], axis=2)
+        return cls(outputs, values, parts[0].count)
+
+    def over(self, sizes: FloatArray) -> SparseColumns:
+        """Return the columns with each output divided by its size (outputs,)."""
+        return replace(self, values=self.values / sizes[self.outputs, None])
 
     @property
     def sizes(self) -> FloatArray:
