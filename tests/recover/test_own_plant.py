@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -86,25 +87,44 @@ LOSSES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"coefficient": 0.3, "speed": 0.8},
     ),
 }
+# Near rest again with other noise, which hides it.
+NOISY = (60, 110)
+BESIDE_UNKNOWN = {"eta_f": (1.0, 0.75), "eta_b": (1.0, 0.7), "position_friction": (0.0, 0.5)}
+
+
+def lanes_of(flaw: dict[str, Any], noise: int) -> list[Lane]:
+    """Return the runs of one robot."""
+    return [Lane(flaw, excitation=30 + run, noise=noise + run) for run in range(RUNS)]
+
+
+def drives(follows: bool) -> list[Lane]:
+    """Return a run on a supply that falls by 2 % a second and one on a nearly empty battery.
+
+    A drive that does not follow its supply has a wrong torque constant instead, in both runs.
+    """
+    wrong: dict[str, Any] = {"torque_factor": (1.0, 0.85)}
+    falling = {"fading": (0.0, 0.02)} if follows else wrong
+    return [Lane(falling, excitation=30, noise=90), Lane(wrong, excitation=31, noise=91)]
 
 
 @cache
-def runs() -> dict[str, list[Log]]:
-    """Return the logs of all cases, simulated together."""
+def tables() -> dict[str, list[dict[str, np.ndarray]]]:
+    """Return the tables of all cases: all lanes together take hardly longer than those of one."""
     flaws = {name: flaw for name, (flaw, _) in (CASES | NEAR_REST).items()} | UNKNOWN
-    lanes = [
-        Lane(flaw, excitation=30 + run, noise=10 * k + run)
-        for k, flaw in enumerate(flaws.values())
-        for run in range(RUNS)
-    ]
-    tables = simulate(lanes, duration=6.0, step=4e-4)
-    return {name: logs_of(tables[RUNS * k : RUNS * (k + 1)]) for k, name in enumerate(flaws)}
+    lanes = {name: lanes_of(flaw, 10 * k) for k, (name, flaw) in enumerate(flaws.items())}
+    lanes |= {name: lanes_of(flaw, 70) for name, (flaw, _) in LOSSES.items()}
+    near_rest, _ = NEAR_REST["friction near rest"]
+    lanes |= {f"noise {noise}": lanes_of(near_rest, noise) for noise in NOISY}
+    lanes |= {f"follows {follows}": drives(follows) for follows in (True, False)}
+    lanes["losses beside unknown"] = lanes_of(BESIDE_UNKNOWN, 95)
+    made = iter(simulate([lane for runs in lanes.values() for lane in runs], 6.0, step=4e-4))
+    return {name: list(islice(made, RUNS)) for name in lanes}
 
 
 @cache
 def diagnosed(name: str) -> Diagnosis:
     """Return the diagnosis of a case, made when a test first asks: tests run in two processes."""
-    return diagnose(load_robot("planar_leg_fixed").lossless(), runs()[name])
+    return diagnose(load_robot("planar_leg_fixed").lossless(), logs_of(tables()[name]))
 
 
 def logs_of(tables: Sequence[Mapping[str, np.ndarray]]) -> list[Log]:
@@ -117,10 +137,7 @@ def logs_of(tables: Sequence[Mapping[str, np.ndarray]]) -> list[Log]:
 
 @pytest.mark.parametrize("name", LOSSES)
 def test_losses_that_depend_on_way_or_speed_are_found(name: str) -> None:
-    flaws, truth = LOSSES[name]
-    lanes = [Lane(flaws, excitation=30 + run, noise=70 + run) for run in range(RUNS)]
-    logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
-    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    diagnosis, truth = diagnosed(name), LOSSES[name][1]
     assert diagnosis.verdict == "named"
     (found,) = diagnosis.effects
     assert found.key == (name, "knee")
@@ -148,13 +165,10 @@ def test_friction_that_is_gone_at_usual_speeds_is_found(name: str) -> None:
     assert found["stribeck_friction", "knee"]["speed"] == pytest.approx(0.15, rel=0.3)
 
 
-@pytest.mark.parametrize("noise", [60, 110])
+@pytest.mark.parametrize("noise", NOISY)
 def test_friction_near_rest_that_noise_hides_is_taken_for_nothing_else(noise: int) -> None:
     """It was a ripple of 250 periods per turn, or something unknown, that was named before."""
-    flaw, _ = NEAR_REST["friction near rest"]
-    lanes = [Lane(flaw, excitation=30 + run, noise=noise + run) for run in range(RUNS)]
-    logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
-    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    diagnosis = diagnosed(f"noise {noise}")
     found = {(effect.name, effect.where) for effect in diagnosis.effects}
     assert diagnosis.verdict == ("named" if found else "none")
     assert found <= {("stribeck_friction", "knee")}
@@ -184,19 +198,10 @@ def test_the_error_falls_with_every_cause_added() -> None:
 def test_a_drive_that_follows_its_supply_is_told_from_a_wrong_constant(
     follows: bool, name: str, values: dict[str, float]
 ) -> None:
-    """One log on a supply that falls by 2 % a second, one on a nearly empty battery."""
-    fading = (0.0, 0.02 if follows else 0.0)
-    flaws: list[dict[str, Any]] = [{"fading": fading}, {"torque_factor": (1.0, 0.85)}]
-    if not follows:
-        flaws[0]["torque_factor"] = (1.0, 0.85)
-    tables = simulate(
-        [Lane(flaw, excitation=30 + k, noise=90 + k) for k, flaw in enumerate(flaws)],
-        duration=6.0,
-        step=4e-4,
-    )
-    for table, share in zip(tables, (1.0 - 0.02 * tables[0]["time"], 0.85), strict=True):
+    runs = [dict(table) for table in tables()[f"follows {follows}"]]
+    for table, share in zip(runs, (1.0 - 0.02 * runs[0]["time"], 0.85), strict=True):
         table["knee.voltage"] = table["hip.voltage"] = 48.0 * share * np.ones(table["time"].size)
-    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs_of(tables))
+    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs_of(runs))
     assert diagnosis.verdict == "named"
     (found,) = diagnosis.effects
     assert found.key == (name, "knee")
@@ -205,10 +210,7 @@ def test_a_drive_that_follows_its_supply_is_told_from_a_wrong_constant(
 
 def test_losses_under_load_are_named_beside_something_unknown() -> None:
     """They were left out, and Coulomb friction of 1.6 N m stood in their place."""
-    flaws = {"eta_f": (1.0, 0.75), "eta_b": (1.0, 0.7), "position_friction": (0.0, 0.5)}
-    lanes = [Lane(flaws, excitation=30 + run, noise=95 + run) for run in range(RUNS)]
-    logs = logs_of(simulate(lanes, duration=6.0, step=4e-4))
-    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    diagnosis = diagnosed("losses beside unknown")
     assert diagnosis.verdict == "unknown"
     found = {effect.key: effect.values for effect in diagnosis.effects}
     losses = found["transmission_efficiency", "knee"]
