@@ -180,8 +180,8 @@ def _inertial(
 
 def _taken(robot: Robot, at: Evaluation, slots: Slots, motion: Motion) -> list[int]:
     """Return the columns of parameters that change how links swing."""
-    swings = {k: _swings(robot, at, k, motion) for k, _ in slots}
-    return [row for row, (k, _) in enumerate(slots) if swings[k]]
+    swinging = {k for k in range(len(at.effects)) if _swings(robot, at, k, motion)}
+    return [row for row, (k, _) in enumerate(slots) if k in swinging]
 
 
 def _apart(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import repeat
 
 import numpy as np
 
@@ -48,9 +47,9 @@ def asked_of_gears(
 
     Arguments as those of `raw_residual`.
     """
-    motion, links, contacts = _loads(robot, record, swinging)
-    if record.along(motion).balance is not None:
+    if record.balance is not None:
         return None
+    motion, links, contacts = _loads(robot, record, swinging)
     return Asked(motion, *output_torque(_without_drives(robot), motion, links, contacts))
 
 
@@ -282,7 +281,8 @@ def condensed_residual(
     asked: Sequence[Asked | None] | None = None,
 ) -> FloatArray:
     """Return weighted, low-passed and thinned residuals of all records, (rows, m + b)."""
-    each = zip(records, swinging or repeat(None), asked or repeat(None), strict=False)
+    nothing = [None] * len(records)
+    each = zip(records, swinging or nothing, asked or nothing, strict=True)
     raw = [(record, raw_residual(robot, record, held, known)) for record, held, known in each]
     return np.concatenate([record.condense(values) for record, values in raw])
 

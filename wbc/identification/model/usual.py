@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.columns.kept_columns import STEP
+from wbc.identification.records.folds import rows_of_folds
 from wbc.robot import Effect, Parameter
 
 
@@ -116,8 +117,7 @@ class UsualRows:
         usual = self.jacobian[:, drawn]
         known = a.reshape(-1, count).T @ a.reshape(-1, count) + usual.T @ usual
         squares, cost = np.empty_like(held), 0.0
-        for fold in np.unique(folds):
-            inside = folds == fold
+        for inside in rows_of_folds(folds):
             own = a[inside].reshape(-1, count)
             moment = own.T @ (held[inside] * self.weights).ravel()
             still_open = a[inside] @ np.linalg.solve(known, moment) / self.weights

@@ -110,10 +110,10 @@ class Record:
     def condense(self, values: FloatArray) -> FloatArray:
         """Return weighted, low-passed, thinned `values` (N, m + b, ...) -> (rows, m + b, ...)."""
         weight = self.scale.reshape(*self.scale.shape, *(1,) * (values.ndim - 2))
-        return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
+        return self.condense_driven(values * weight)
 
     def condense_driven(self, values: FloatArray) -> FloatArray:
-        """Return low-passed and thinned `values` (N, k) -> (rows, k), without weights."""
+        """Return low-passed and thinned `values` (N, ...) -> (rows, ...), without weights."""
         return self.thinned(low_pass(values, self.bandwidth.residual, self.rate))
 
     def thinned(self, values: FloatArray) -> FloatArray:
@@ -245,13 +245,11 @@ class Record:
 
     def condensed_at(self, values: FloatArray, output: int) -> FloatArray:
         """Return `values` (N, k) condensed as torques at one output, (rows, k)."""
-        weighted = values * self.scale[:, output, None]
-        return self.thinned(low_pass(weighted, self.bandwidth.residual, self.rate))
+        return self.condense_driven(values * self.scale[:, output, None])
 
     def condensed_columns(self, values: FloatArray, outputs: IntArray) -> FloatArray:
         """Return `values` (N, k) condensed, each as torque at an output of its own, (rows, k)."""
-        weighted = values * self.scale[:, outputs]
-        return self.thinned(low_pass(weighted, self.bandwidth.residual, self.rate))
+        return self.condense_driven(values * self.scale[:, outputs])
 
     def response(self, joint: str) -> LinkResponse:
         """Return how the link behind a gear reacts to a deflection of the gear."""
@@ -307,7 +305,7 @@ class Record:
     def _own_band(self, values: FloatArray, column: int) -> FloatArray:
         """Condense `values` (N or only the first of them, ...) as a torque of one driven joint."""
         weight = self.scale[: len(values), column].reshape(-1, *(1,) * (values.ndim - 1))
-        return self.thinned(low_pass(values * weight, self.bandwidth.residual, self.rate))
+        return self.condense_driven(values * weight)
 
     def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:
         """Return the torque of an additional uniform field, linear in it, (N, nv)."""

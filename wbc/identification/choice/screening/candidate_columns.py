@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import ChainMap, Counter
-from collections.abc import Collection, Mapping, MutableMapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
 
 _ROUNDING = 1e-4  # a unit smaller than this beside its neighbours has no effect of first order
-_BATCH = 64  # offers filtered together; more only costs memory
+_BATCH = 64  # offers or columns filtered together; more only costs memory
 
 _Offer = tuple[type[Effect], str, Screen]
 _Units = tuple[tuple[tuple[str, float], ...], ...]
@@ -271,20 +272,24 @@ def _added_columns(
     if not keeps_motion(robot):
         return {}
     lossy, sizes = np.flatnonzero(lossy_gears(robot)), noise_sizes(robot, [record])[0]
+
+    def added() -> Iterator[tuple[int, AddedTorque]]:
+        """Yield what each unit of an offer adds, with the number of the offer."""
+        for k, (effect, where, screen) in enumerate(offers):
+            if not effect.acts_by <= ADDS:
+                continue
+            units = [_made(effect, where, screen, values) for values in screen.units]
+            taken = [added_torque(robot, unit, record) for unit in units]
+            felt = [t for t in taken if t is not None and not np.isin(t.outputs, lossy).any()]
+            if len(felt) == len(units):
+                yield from ((k, torque) for torque in felt)
+
     columns: dict[int, list[SparseColumns]] = {}
-    waiting: list[tuple[int, AddedTorque]] = []  # with the number of their offer
-    for k, (effect, where, screen) in enumerate(offers):
-        adding = effect.acts_by <= ADDS
-        units = [_made(effect, where, screen, v) for v in screen.units] if adding else []
-        taken = [added_torque(robot, unit, record) for unit in units]
-        felt = [t for t in taken if t is not None and not np.isin(t.outputs, lossy).any()]
-        if len(felt) == len(units):  # of an offer that does not add torque: none
-            waiting += [(k, torque) for torque in felt]
-        if len(waiting) >= _BATCH or k == len(offers) - 1:
-            found = condensed(record, [torque for _, torque in waiting])
-            for (owner, _), column in zip(waiting, found, strict=True):
-                columns.setdefault(owner, []).append(column.over(sizes))
-            waiting = []
+    waiting = added()
+    while batch := list(islice(waiting, _BATCH)):
+        found = condensed(record, [torque for _, torque in batch])
+        for (k, _), column in zip(batch, found, strict=True):
+            columns.setdefault(k, []).append(column.over(sizes))
     return {k: SparseColumns.beside(parts) for k, parts in columns.items()}
 
 

@@ -33,15 +33,13 @@ class AddedTorque:
 
     def less(self, other: AddedTorque, factor: float) -> AddedTorque:
         """Return `factor` times the difference to another one."""
-        outputs = self.outputs
-        if not np.array_equal(outputs, other.outputs):
-            outputs = np.union1d(outputs, other.outputs)
+        outputs = np.union1d(self.outputs, other.outputs)
         values = self._at(outputs) - other._at(outputs)
         values *= factor
         return AddedTorque(outputs, values, self.count)
 
     def _at(self, outputs: IntArray) -> FloatArray:
-        if outputs is self.outputs or np.array_equal(outputs, self.outputs):
+        if np.array_equal(outputs, self.outputs):
             return self.values
         result = np.zeros((len(self.values), outputs.size))
         result[:, np.searchsorted(outputs, self.outputs)] = self.values

@@ -9,11 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
-from wbc.identification.model.columns.added_torque import (
-    AddedTorque,
-    added_torque,
-    condensed,
-)
+from wbc.identification.model.columns.added_torque import AddedTorque, added_torque, condensed
 from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.yielding import deflects
@@ -140,7 +136,7 @@ class KeptColumns:
         before: dict[Effect, list[AddedTorque] | None] = {}
         for number, (beside, own, parameter) in enumerate(asked):
             if own not in before:
-                before[own] = None if beside else self._added(own)
+                before[own] = self._added(own)
             here = before[own]
             if here is None:
                 result[number] = self._by_difference(beside, own, parameter)

@@ -40,19 +40,19 @@ class SparseColumns:
     @classmethod
     def stacked(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
         """Return the rows of several logs, one after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        outputs = np.unique(np.concatenate([part.outputs for part in parts]))
-        values = np.concatenate([part.full()[:, outputs] for part in parts])
-        return cls(outputs, values, parts[0].count)
+        return cls._joined(parts, axis=0)
 
     @classmethod
     def beside(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
         """Return the columns of several, one beside the other."""
+        return cls._joined(parts, axis=2)
+
+    @classmethod
+    def _joined(cls, parts: Sequence[SparseColumns], axis: int) -> SparseColumns:
         if len(parts) == 1:
             return parts[0]
         outputs = np.unique(np.concatenate([part.outputs for part in parts]))
-        values = np.concatenate([part.full()[:, outputs] for part in parts], axis=2)
+        values = np.concatenate([part.full()[:, outputs] for part in parts], axis=axis)
         return cls(outputs, values, parts[0].count)
 
     def over(self, sizes: FloatArray) -> SparseColumns:
