@@ -13,15 +13,24 @@ from wbc.effects import load_robot
 from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission
 
+
+def numbers(low: float, high: float) -> st.SearchStrategy[float]:
+    """Return zero, or numbers of which five in a product stay above the smallest normal number.
+
+    Products that underflow lose digits, and no bound relative to their size holds.
+    """
+    return st.floats(low, high).filter(lambda x: x == 0.0 or abs(x) >= 1e-60)
+
+
 LEG = load_robot("planar_leg")
-vectors = arrays(np.float64, (3, 5), elements=st.floats(-5.0, 5.0))
+vectors = arrays(np.float64, (3, 5), elements=numbers(-5.0, 5.0))
 TOPOLOGIES = ([[1, 0], [0, 1]], [[1, 0], [-1, 1]], [[0.5, -0.5], [0.5, 0.5]], [[0, -2], [1, 0.3]])
 
 
 @st.composite
 def legs(draw: st.DrawFn) -> Robot:
     def pair(low: float, high: float) -> list[float]:
-        return [draw(st.floats(low, high)), draw(st.floats(low, high))]
+        return [draw(numbers(low, high)), draw(numbers(low, high))]
 
     signs = draw(st.sampled_from([(1, 1), (-1, 1), (-1, -1)]))
     return LEG.with_transmission(
