@@ -12,10 +12,10 @@ and units are thus told by what no drive, friction or payload imitates.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
@@ -36,7 +36,7 @@ _ROTOR_WRONG = float(np.log(0.02))  # ... unless it is simply wrong
 _ALIKE = 0.15  # standard deviation of ln g between drives of one kind
 _UNRELATED = float(np.log(0.1))  # a drive that carried nothing: a judgement, TIAGo has three
 _STRANGE = float(np.log(0.002))  # a large report that follows something else: a judgement
-_CAUSES = 6  # offset up and down, speed, direction, loss under load, acceleration
+_CAUSES = 5  # offset, speed, direction, loss under load, acceleration
 _EITHER_WAY = -4.0 * float(np.log(2.0))  # four coefficients of either sign: half of the odds each
 _IDLE = 0.1  # share of the need below which a report may well be that of an idle drive
 _MOST = 20.0  # times the need: friction of 113 true reports of nine recorded machines is not above
@@ -45,6 +45,7 @@ _MOST = 20.0  # times the need: friction of 113 true reports of nine recorded ma
 _PHYSICS = 0.015
 _MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
 _WORST = 1e6  # share of power that a fit leaves, beyond which none is worse
+_ROUNDING = 1e-9  # of the largest cause, below which one is nothing: a joint that carries no load
 _INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
 
 
@@ -60,7 +61,7 @@ class Report(NamedTuple):
     idle: float
     """Log likelihood, with its prior, of a drive that carried nothing in this log."""
     causes: FloatArray
-    """(R, 6) what speed, direction, load and acceleration add, over the report's size."""
+    """(R, 5) what offset, speed, direction, load and acceleration add, over the report's size."""
     target: FloatArray
     """(R,) the report in the same coordinates, over its size."""
     samples: float
@@ -100,21 +101,19 @@ def report(
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
     limit = _INERTIA * inertia / size
     count = min(samples, _MOST_SAMPLES)
-    gains = np.array([_likelihood(reduced, g / size, rotor, limit, count) for g in _GAINS])
-    best = int(np.argmax(gains))
-    left, _ = _misfit(reduced, float(_GAINS[best]) / size, limit)
+    gains, left = _likelihoods(reduced, _GAINS / size, rotor, limit, count)
     ratios = np.zeros(_RATIOS.size)
     if rotor > 0.0:
         inertias = rotor / size * _RATIOS ** (power + 2.0)
-        pairs = zip(_RATIOS**power / size, inertias, strict=True)
-        ratios = np.array([_log(_held(reduced, g, c), count) for g, c in pairs])
+        ratios = _log(_held(reduced, _RATIOS**power / size, inertias), count)
+    best = int(np.argmax(gains))
     whole = drawn + rotor * need.change[:, joint]
     own, target = reduced[:, :-2] / size, reduced[:, -1]
-    free = _EITHER_WAY + _log(float(_free_misfits([own], [target])[0]), count)
+    free = _EITHER_WAY + float(_log(_free_misfits([own], [target]), count)[0])
     return Report(
         gains=gains - 0.5 * _excess(size, whole, _MOST) ** 2,
         gain=float(_GAINS[best]),
-        left=left,
+        left=float(left[best]),
         idle=free + _UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
         causes=own,
         target=target,
@@ -170,14 +169,14 @@ def _strange(reports: Sequence[Report]) -> float:
     Speed, direction, load and acceleration may go either way, but the same way in all logs.
     """
     left = _free_misfits([one.causes for one in reports], [one.target for one in reports])
-    pairs = zip(left.tolist(), reports, strict=True)
-    return _EITHER_WAY + sum(_log(share, one.samples) for share, one in pairs)
+    samples = np.array([one.samples for one in reports])
+    return _EITHER_WAY + float(np.sum(_log(left, samples)))
 
 
 def _free_misfits(causes: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
     """Return the share of each report's power that causes of either sign leave."""
     whole, target = np.concatenate(causes), np.concatenate(targets)
-    left = target - whole @ np.linalg.lstsq(whole, target, rcond=1e-9)[0]
+    left = target - whole @ np.linalg.lstsq(whole, target, rcond=_ROUNDING)[0]
     ends = np.cumsum([len(one) for one in targets])[:-1]
     return np.array([float(part @ part) for part in np.split(left, ends)])
 
@@ -189,44 +188,68 @@ def _excess(size: float, need: FloatArray, most: float) -> float:
 
 
 def _columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
-    """Return (N, 7): offset up and down, speed, direction, loss under load, acceleration; need."""
+    """Return (N, 5): offset, speed, direction, loss under load, acceleration; and the need (N,)."""
     speed = need.speed[:, joint]
     links = need.links[:, joint]
     # A direction is no sharper than the filter that the speed has gone through.
     way = np.tanh(speed / max(0.1 * float(np.std(speed)), 1e-12))
-    one = np.ones(speed.size)
-    causes = [one, -one, speed, way, np.abs(links) * way, need.change[:, joint]]
+    causes = [np.ones(speed.size), speed, way, np.abs(links) * way, need.change[:, joint]]
     return np.column_stack(causes), links
 
 
-def _likelihood(
-    reduced: FloatArray, gain: float, rotor: float, limit: float, count: float
-) -> float:
-    """Return the log likelihood at a gain; a rotor unlike its data sheet has its price."""
-    left, inertia = _misfit(reduced, gain, limit)
+def _likelihoods(
+    reduced: FloatArray, gains: FloatArray, rotor: float, limit: float, count: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the log likelihood at each gain, and the share of power left there.
+
+    A rotor unlike its data sheet has its price.
+    """
+    left, inertia = _misfits(reduced, gains, limit)
     free = _log(left, count)
     if rotor <= 0.0:
-        return free
-    size = float(np.log(max(inertia, 1e-300) / (gain * rotor)))
-    price = max(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
-    return max(free + price, _log(_held(reduced, gain, gain * rotor), count))
+        return free, left
+    size = np.log(np.maximum(inertia, 1e-300) / (gains * rotor))
+    price = np.maximum(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
+    return np.maximum(free + price, _log(_held(reduced, gains, gains * rotor), count)), left
 
 
-def _log(left: float, count: float) -> float:
-    return -0.5 * count * float(np.log(min(left, _WORST) + _PHYSICS))
+def _log(left: FloatArray, count: FloatArray | float) -> FloatArray:
+    return np.asarray(-0.5 * count * np.log(np.minimum(left, _WORST) + _PHYSICS))
 
 
-def _held(reduced: FloatArray, gain: float, inertia: float) -> float:
-    """Return the share of power left at a gain and a coefficient of the acceleration."""
-    target = reduced[:, -1] - gain * reduced[:, -2] - inertia * reduced[:, -3]
-    return float(nnls(reduced[:, :-3], target)[1]) ** 2
+def _held(reduced: FloatArray, gains: FloatArray, inertias: FloatArray) -> FloatArray:
+    """Return the share of power left at each gain and coefficient of the acceleration."""
+    targets = reduced[:, -1:] - gains * reduced[:, -2:-1] - inertias * reduced[:, -3:-2]
+    return _positive(reduced[:, :-3], targets)[0]
 
 
-def _misfit(reduced: FloatArray, gain: float, limit: float) -> tuple[float, float]:
-    """Return (share of power left, coefficient of the acceleration) at a gain."""
-    target = reduced[:, -1] - gain * reduced[:, -2]
-    causes = reduced[:, :-2]
-    found, left = nnls(causes, target)
-    if found[-1] > limit:
-        return _held(reduced, gain, limit), limit
-    return float(left) ** 2, float(found[-1])
+def _misfits(reduced: FloatArray, gains: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
+    """Return (share of power left, coefficient of the acceleration) at each gain."""
+    left, found = _positive(reduced[:, :-2], reduced[:, -1:] - gains * reduced[:, -2:-1])
+    inertia = np.minimum(found[-1], limit)
+    over = found[-1] > limit
+    left[over] = _held(reduced, gains[over], inertia[over])
+    return left, inertia
+
+
+def _positive(causes: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what causes leave of each target at least, (G,) squares, and their coefficients.
+
+    None but the first, the offset, may be below zero. So few causes have few subsets: the best
+    coefficients are the least squares of one of them.
+
+    Args:
+        causes: (R, n).
+        targets: (R, G).
+
+    Returns:
+        (G,), (n, G).
+    """
+    used = np.array([(1.0, *others) for others in product((0.0, 1.0), repeat=causes.shape[1] - 1)])
+    subsets = causes * used[:, None]
+    found = (np.linalg.pinv(subsets, rcond=_ROUNDING) @ targets) * used[:, :, None]
+    left = np.sum((targets - subsets @ found) ** 2, axis=1)
+    left[(found[:, 1:] < 0.0).any(axis=1)] = np.inf
+    best = np.argmin(left, axis=0)
+    each = np.arange(best.size)
+    return left[best, each], found[best, :, each].T
