@@ -1,18 +1,20 @@
 """Sums of products of columns over the rows of each fold, whitened afterwards.
 
 Noise is correlated between outputs, so that a whitened column differs from zero at most outputs; as
-it is, a column does so at one. Its products are summed as it is: with W what whitens,
+it is, a column mostly does so at one. Its products are summed as it is: with W what whitens,
 sum over rows of (A W)' (A W) = sum over outputs o, p of (W W')_op A_o' A_p.
+Columns that many outputs feel are whitened first: that is fewer products.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.identification.model.columns.sparse_columns import SparseColumns
 
 
@@ -47,32 +49,56 @@ def fold_sums(
         folds: (rows,) number of the fold of each row.
         every: step between two rows of a fold that count.
     """
-    # Of each column what single outputs feel, side by side.
-    felt = [np.tile(own.outputs, own.values.shape[2]) for own in columns]
-    output = np.concatenate(felt) if felt else np.zeros(0, dtype=np.int_)
-    sizes = [own.outputs.size for own in columns for _ in range(own.values.shape[2])]
-    starts = np.cumsum([0, *sizes])[:-1]
-    shares = (whitening @ whitening.T)[np.ix_(output, output)]
-    more = np.concatenate([whitened, residual[:, :, None]], axis=2)
-    gram, moment, energy, entries = [], [], [], []
+    few = np.array([own.outputs.size**2 <= len(whitening) for own in columns], dtype=bool)
+    sparse, dense = list(compress(columns, few)), list(compress(columns, ~few))
+    sums = []
     for fold in np.unique(folds):
         rows = np.flatnonzero(folds == fold)[::every]
-        parts = [own.values[rows].swapaxes(1, 2).reshape(rows.size, -1) for own in columns]
-        raw = np.concatenate([np.zeros((rows.size, 0)), *parts], axis=1)
-        beside = more[rows]
-        across = np.zeros((output.size, beside.shape[2]))
-        for k, share in enumerate(whitening):
-            own = output == k
-            across[own] = raw[:, own].T @ np.tensordot(beside, share, (1, 0))
-        products = _summed(_summed((raw.T @ raw) * shares, starts).T, starts)
-        across = _summed(across, starts)
-        flat = beside.reshape(-1, beside.shape[2])
-        rest = flat.T @ flat
-        gram.append(np.block([[products, across[:, :-1]], [across[:, :-1].T, rest[:-1, :-1]]]))
-        moment.append(np.concatenate([across[:, -1], rest[:-1, -1]]))
-        energy.append(rest[-1, -1])
-        entries.append(float(len(flat)))
-    return FoldSums(np.array(gram), np.array(moment), np.array(energy), np.array(entries))
+        more = [own.at_rows(rows).whitened(whitening) for own in dense]
+        beside = np.concatenate([*more, whitened[rows], residual[rows, :, None]], axis=2)
+        products = _products([own.at_rows(rows) for own in sparse], beside, whitening)
+        sums.append((products[:-1, :-1], products[:-1, -1], products[-1, -1], beside[..., 0].size))
+    gram, moment, energy, entries = (
+        np.array(part, dtype=float) for part in zip(*sums, strict=True)
+    )
+    place = _places(columns, few, whitened.shape[2])
+    return FoldSums(gram[:, place[:, None], place], moment[:, place], energy, entries)
+
+
+def _products(
+    sparse: Sequence[SparseColumns], beside: FloatArray, whitening: FloatArray
+) -> FloatArray:
+    """Return the products (c, c) of all columns, whitened.
+
+    Args:
+        sparse: (rows, outputs, r) each, not whitened.
+        beside: (rows, judged outputs, q) more columns, whitened.
+        whitening: (outputs, judged outputs).
+    """
+    # Of each column what single outputs feel, side by side.
+    parts = [own.values.swapaxes(1, 2).reshape(len(beside), -1) for own in sparse]
+    raw = np.concatenate([np.zeros((len(beside), 0)), *parts], axis=1)
+    felt = [np.tile(own.outputs, own.values.shape[2]) for own in sparse]
+    output = np.concatenate([np.zeros(0, dtype=np.int_), *felt])
+    sizes = [own.outputs.size for own in sparse for _ in range(own.values.shape[2])]
+    starts = np.cumsum([0, *sizes])[:-1]
+    shares = (whitening @ whitening.T)[np.ix_(output, output)]
+    at_outputs = whitening @ beside
+    across = np.zeros((output.size, beside.shape[2]))
+    for k in range(len(whitening)):
+        own = output == k
+        across[own] = raw[:, own].T @ at_outputs[:, k]
+    among = _summed(_summed((raw.T @ raw) * shares, starts).T, starts)
+    across = _summed(across, starts)
+    flat = beside.reshape(-1, beside.shape[2])
+    return np.block([[among, across], [across.T, flat.T @ flat]])
+
+
+def _places(columns: Sequence[SparseColumns], first: BoolArray, more: int) -> IntArray:
+    """Return where each column stands once some come first, then the others, then `more`."""
+    widths = np.array([own.values.shape[2] for own in columns], dtype=np.int_)
+    late = np.concatenate([np.repeat(~first, widths), np.ones(more, dtype=bool)])
+    return np.argsort(np.argsort(late, kind="stable"))
 
 
 def _summed(values: FloatArray, starts: IntArray) -> FloatArray:

@@ -77,7 +77,11 @@ class SparseColumns:
         Args:
             whitening: (outputs, judged outputs).
         """
-        return np.asarray(np.einsum("rkc,kj->rjc", self.values, whitening[self.outputs]))
+        return np.asarray(whitening[self.outputs].T @ self.values)
+
+    def at_rows(self, rows: IntArray) -> SparseColumns:
+        """Return some of the rows, by their numbers."""
+        return replace(self, values=self.values[rows])
 
     def only(self, used: BoolArray) -> SparseColumns:
         """Return some of the columns, by used (r,)."""
