@@ -147,23 +147,24 @@ def motor_torque(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray
 
     The drive side of `rotor_torque`: mesh, rotor and drive.
     """
+    # Most robots have none of some terms, and a diagnosis asks for whole logs again and again.
     gears = robot.transmission
-    spun = _coupling_torque(robot, motion)[1] if robot.rotors_turn_with_links else 0.0
-    psi_velocity = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T
-    psi_acceleration = _acceleration(motion)[..., robot.actuated] @ gears.motor_from_joint.T
     efficiencies = robot.gear_efficiencies(motion)
-    perfect = all(np.all(efficiency == 1.0) for efficiency in efficiencies)
-    mesh = output if perfect else mesh_input(output, psi_velocity, *efficiencies)
+    mesh = output
+    if not all(np.all(efficiency == 1.0) for efficiency in efficiencies):
+        mesh = mesh_input(output, _at_motors(robot, motion.velocity), *efficiencies)
     for effect in robot.effects:
         mesh = effect.meshed(robot, motion, output, mesh)
-    # Most robots have none of some terms, and a diagnosis asks for whole logs again and again.
-    rotor = mesh / gears.gear_ratio + spun
+    rotor = mesh / gears.gear_ratio
+    if robot.rotors_turn_with_links:
+        rotor = rotor + _coupling_torque(robot, motion)[1]
     if np.any(gears.rotor_inertia):
-        rotor = rotor + gears.rotor_inertia * gears.gear_ratio * psi_acceleration
-    if np.any(gears.rotor_coulomb_friction):
-        rotor = rotor + gears.rotor_coulomb_friction * np.sign(psi_velocity * gears.gear_ratio)
-    if np.any(gears.rotor_viscous_friction):
-        rotor = rotor + gears.rotor_viscous_friction * (psi_velocity * gears.gear_ratio)
+        turning = _at_motors(robot, _acceleration(motion))
+        rotor = rotor + gears.rotor_inertia * gears.gear_ratio * turning
+    if np.any(gears.rotor_coulomb_friction) or np.any(gears.rotor_viscous_friction):
+        spin = _at_motors(robot, motion.velocity) * gears.gear_ratio
+        rotor = rotor + gears.rotor_coulomb_friction * np.sign(spin)
+        rotor = rotor + gears.rotor_viscous_friction * spin
     for effect in robot.effects:
         added = effect.rotor_torque(robot, motion)
         if added is not None:
@@ -177,7 +178,7 @@ def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArr
     """Return what spinning rotors ask of the links (..., nv) and the links' turning of them."""
     gears, space = robot.transmission, Workspace(robot)
     acceleration = _acceleration(motion)
-    spin_rate = (acceleration[..., robot.actuated] @ gears.motor_from_joint.T) * gears.gear_ratio
+    spin_rate = _at_motors(robot, acceleration) * gears.gear_ratio
     on_links = np.zeros(acceleration.shape)
     on_rotors = np.zeros(spin_rate.shape)
     for row in np.ndindex(acceleration.shape[:-1]):
@@ -186,6 +187,11 @@ def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArr
         on_links[row] = coupling.inertia.T @ spin_rate[row] + coupling.link_bias
         on_rotors[row] = coupling.inertia @ acceleration[row] + coupling.rotor_bias
     return on_links, on_rotors
+
+
+def _at_motors(robot: Robot, rate: FloatArray) -> FloatArray:
+    """Return how fast (..., m) motors turn behind their gears, of velocities or accelerations."""
+    return np.asarray(rate[..., robot.actuated] @ robot.transmission.motor_from_joint.T)
 
 
 def _acceleration(motion: Motion) -> FloatArray:

@@ -144,7 +144,7 @@ def make_regressors(
     regressors = []
     for effect, where, screen in offers:
         stacked = shelf.get(shelf_key(effect, where, screen))
-        if stacked is None or not np.isfinite(stacked.values).all():
+        if stacked is None or not stacked.finite:
             continue
         size = stacked.sizes
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
@@ -238,6 +238,8 @@ def _columns(
     robot: Robot, record: Record, offers: Sequence[tuple[type[Effect], str, Screen]]
 ) -> list[SparseColumns]:
     """Return (rows, outputs, r) what the units of every offer change, filtered all at once."""
+    if not offers:
+        return []
     swinging = swinging_torque(robot, record)
     base = raw_residual(robot, record, swinging)
     result: dict[int, SparseColumns] = {}

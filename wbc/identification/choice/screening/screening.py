@@ -148,8 +148,7 @@ def screen_in_shares(
 
 def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:
     """Whether an output that is judged feels a cause; those of drives set aside do not count."""
-    judged = np.flatnonzero(problem.whitening.any(axis=1))
-    return bool(np.isin(regressor.columns.outputs, judged).any())
+    return bool(problem.whitening[regressor.columns.outputs].any())
 
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:

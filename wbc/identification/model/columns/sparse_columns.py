@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,7 +60,12 @@ class SparseColumns:
         """Return the columns with each output divided by its size (outputs,)."""
         return replace(self, values=self.values / sizes[self.outputs, None])
 
-    @property
+    @cached_property
+    def finite(self) -> bool:
+        """Whether all values are numbers."""
+        return bool(np.isfinite(self.values).all())
+
+    @cached_property
     def sizes(self) -> FloatArray:
         """(r,) root mean squares over all rows and outputs."""
         squares = np.sum(self.values**2, axis=(0, 1))

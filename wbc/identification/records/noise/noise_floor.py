@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -50,7 +51,7 @@ class NoiseFloor:
         """How many times (m + b,) the floor is what the sensors explain."""
         return np.asarray(np.sqrt(np.diag(self.covariance) / np.diag(self.sensors)))
 
-    @property
+    @cached_property
     def whitening(self) -> FloatArray:
         """W (m + b, k): residual @ W has unit covariance where there is only noise.
 
