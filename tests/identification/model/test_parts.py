@@ -155,7 +155,7 @@ def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> 
     heavy = ROBOT.with_effect(PayloadMass("foot", 0.4))
     (record,) = prepare(ROBOT, logs[:1])
     by_regressor = condensed_residual(heavy, [record])
-    by_model = condensed_residual(heavy, [replace(record, robot=heavy)])
+    by_model = condensed_residual(heavy, [record.believing(heavy)])
     assert by_regressor == pytest.approx(by_model, abs=1e-9)
     assert np.abs(by_regressor - condensed_residual(ROBOT, [record])).max() > 0.5
 

@@ -27,6 +27,7 @@ from wbc.measurement.motion.zero_phase import low_pass
 from wbc.robot import ContactForces, Motion, Robot
 
 _KEPT_MOTIONS = 3
+_KEPT_TORQUES = 32  # along other motions: each screen of causes asks for a wrong zero of each joint
 _KEPT_LINKS = 4  # robots with other links, beside which other causes vary
 
 
@@ -80,6 +81,7 @@ class Record:
     _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)
     _moved: dict[bytes, Record] = field(default_factory=dict)
     _links: dict[bytes, FloatArray] = field(default_factory=dict)
+    _torques: dict[bytes, FloatArray] = field(default_factory=dict)
     _regressors: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
 
     @property
@@ -170,24 +172,28 @@ class Record:
     def along(self, motion: Motion) -> Record:
         """Return this record for another motion under the same measured forces.
 
-        What the links need along the motions asked for last is kept: a model with a wrong encoder
-        zero is evaluated often.
+        The records along the motions asked for last are kept: a model with a wrong encoder zero is
+        evaluated often. What the links need is kept for more of them.
         """
         if motion is self.motion:
             return self
-        parts = (motion.position, motion.velocity, motion.acceleration)
-        key = b"".join(np.ascontiguousarray(p).tobytes() for p in parts if p is not None)
-        digest = hashlib.blake2b(key).digest()
+        digest = _digest(motion)
         if digest not in self._moved:
             while len(self._moved) >= _KEPT_MOTIONS:
                 del self._moved[next(iter(self._moved))]
-            self._moved[digest] = replace(self, motion=motion, **_nothing_kept())
+            kept = _nothing_kept() | {"_torques": self._torques}
+            self._moved[digest] = replace(self, motion=motion, **kept)
         return self._moved[digest]
 
     @cached_property
     def links(self) -> FloatArray:
         """H_l a + c_l of the believed robot with this log's payload, (N, nv)."""
-        torque = link_torque(self.robot, self.motion)
+        digest = _digest(self.motion)
+        if digest not in self._torques:
+            while len(self._torques) >= _KEPT_TORQUES:
+                del self._torques[next(iter(self._torques))]
+            self._torques[digest] = link_torque(self.robot, self.motion)
+        torque = self._torques[digest]
         return torque if self.inertia is None else torque + self.regressor @ self.inertia
 
     def model_of(self, robot: Robot) -> pin.Model:
@@ -326,6 +332,12 @@ class Record:
         data = model.createData()
         positions = self.motion.position
         return np.array([pin.computeGeneralizedGravity(model, data, q) for q in positions])
+
+
+def _digest(motion: Motion) -> bytes:
+    parts = (motion.position, motion.velocity, motion.acceleration)
+    key = b"".join(np.ascontiguousarray(part).tobytes() for part in parts if part is not None)
+    return hashlib.blake2b(key).digest()
 
 
 def _nothing_kept() -> dict[str, Any]:
