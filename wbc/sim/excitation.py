@@ -12,10 +12,12 @@ from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.sim.ground.plane import Plane
 from wbc.sim.plant import Plant
+from wbc.sim.recorder import Recorder
 from wbc.sim.sensors.sensor import Sensor
 from wbc.sim.sensors.sensor_model import SensorModel
-from wbc.sim.simulation import simulate
 from wbc.sim.state import SimState
+
+_TICK = 1e-3  # [s] of the control loop, and between rows of the recording
 
 ENCODER = SensorModel(
     position=Sensor(noise=2e-5, resolution=2.0 * np.pi / 2**18),
@@ -57,6 +59,9 @@ def record_run(
 
     The PD loop closes over encoders on the motors, as on most robots: over those of the links it
     would shake a soft gear without end. `temperature` (m,) is that of the motors [deg C].
+
+    Raises:
+        SimulationError: shorter than two ticks, or a step without a unique solution.
     """
     path, gears = MultiSine(believed, seed), believed.transmission
     model, data = believed.model, believed.model.createData()
@@ -71,7 +76,12 @@ def record_run(
     far = Plane(height=-10.0)  # the leg swings free, its ground out of reach
     plant = Plant(robot, far, temperature=temperature)
     q, v, _ = path.at(0.0)
-    return simulate(plant, control, plant.state(q, v), duration, dt=1e-3).log
+    state, recorder = plant.state(q, v), Recorder(robot, plant.temperature)
+    for _ in range(round(duration / _TICK)):
+        result = plant.step(state, control(state), _TICK)
+        recorder.add(state, result)
+        state = result.state
+    return recorder.log()
 
 
 def record_with(
