@@ -18,6 +18,7 @@ from wbc.robot.contact import ContactPoint
 from wbc.robot.effect import Effect
 from wbc.robot.motion import Motion
 from wbc.robot.mounting import RotorMounting, rotor_mounting
+from wbc.robot.sound_model import require_sound
 from wbc.transmission import Transmission
 
 _FREE_FLYER = "JointModelFreeFlyer"
@@ -111,27 +112,7 @@ class Robot:
         object.__setattr__(self, "actuated_position", frozen(positions, np.int_))
         rest = [i for i in range(model.nv) if i not in set(rows)]
         object.__setattr__(self, "unactuated", frozen(rest, np.int_))
-        names = [contact.name for contact in self.contacts]
-        if len(set(names)) != len(names):
-            raise RobotError(f"'{self.name}' has two contacts of one name: {', '.join(names)}.")
-        for contact in self.contacts:
-            if not model.existFrame(contact.frame):
-                known = [frame.name for frame in model.frames]
-                raise RobotError(
-                    f"contact '{contact.name}': "
-                    + unknown_name(f"frame of '{self.name}'", contact.frame, known)
-                )
-        if not _depth_first(model):
-            raise RobotError(
-                f"the joints of '{self.name}' are not in depth-first order: pinocchio's inertia "
-                "matrix would be wrong without a word. Add each subtree's joints in one go, as the "
-                "URDF and MJCF loaders do."
-            )
-        if np.any(np.abs(np.asarray(model.armature)) > 0.0):
-            raise RobotError(
-                f"the model of '{self.name}' carries armature; put rotor inertias into the "
-                "transmission instead (they would count twice)."
-            )
+        require_sound(self.name, model, self.contacts)
 
     def _joint_id(self, joint: str) -> int:
         if not self.model.existJointName(joint):
@@ -394,15 +375,3 @@ class Robot:
 
 
 _FIELDS = tuple(one.name for one in fields(Robot))
-
-
-def _depth_first(model: pin.Model) -> bool:
-    """Return whether every joint's parent is the joint before it or one of that one's ancestors."""
-    chain = [0]
-    for number in range(1, model.njoints):
-        parent = int(model.parents[number])
-        if parent not in chain:
-            return False
-        del chain[chain.index(parent) + 1 :]
-        chain.append(number)
-    return True
