@@ -40,7 +40,7 @@ def site_of(robot: str, texts: Sequence[str], duration: float = 3.0, band: float
 
 def hill_of(site: Site, aim: Aim) -> tuple[_Hill, np.ndarray]:
     path = next(random_paths(site.rivals, site.limits, site.duration, 3, 1))
-    hill = _Hill.of(site, path, aim, site.rivals.pairs)
+    hill = _Hill.of(site, path, aim.climbed, site.rivals.pairs)
     return hill, hill.start(path)
 
 
@@ -163,7 +163,7 @@ def test_a_climb_ends_when_its_torques_are_spent() -> None:
     site = site_of(LEG, ("rotor_inertia@knee", "payload_mass@shin"))
     count = site.rivals.torque_count
     path = next(random_paths(site.rivals, site.limits, site.duration, 3, 1))
-    hill = _Hill.of(site, path, deciding, site.rivals.pairs)
+    hill = _Hill.of(site, path, deciding.climbed, site.rivals.pairs)
     spent: list[int] = []
     original = _Hill.slope
 
@@ -174,6 +174,6 @@ def test_a_climb_ends_when_its_torques_are_spent() -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_Hill, "slope", counting)
-        climbed_path(site, path, deciding, site.rivals.pairs, 100 * count)
+        climbed_path(site, path, deciding.climbed, site.rivals.pairs, 100 * count)
     per_step = 9 + 3 * len(hill.site.limits.center)  # halvings and slopes of one step
     assert 10 * count < spent[-1] <= (100 + 2 * per_step) * count

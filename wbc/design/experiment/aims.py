@@ -34,6 +34,10 @@ class Pulls:
                 mine[number] = mine.get(number, 0.0) + weight * slope
 
 
+Climbed = Callable[[Predictions, Sequence[Pair]], tuple[float, Pulls]]
+"""A number that a motion is to make large, with its slopes."""
+
+
 @dataclass(frozen=True)
 class Aim:
     """A number that a motion is to make large, given the pairs that a motion can tell apart.
@@ -45,7 +49,7 @@ class Aim:
     """
 
     value: Callable[[Predictions, Sequence[Pair]], float]
-    climbed: Callable[[Predictions, Sequence[Pair]], tuple[float, Pulls]] | None = None
+    climbed: Climbed | None = None
 
     def __call__(self, found: Predictions, pairs: Sequence[Pair]) -> float:
         """Return the number."""

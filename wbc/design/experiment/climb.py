@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.aims import Aim, Pulls
+from wbc.design.experiment.aims import Climbed
 from wbc.design.experiment.fourier import FourierPath
 from wbc.design.experiment.rivals import Pair, Predictions
 from wbc.design.experiment.site import ROOM, SEARCH_RATE, Site
@@ -23,7 +23,7 @@ _HALVINGS = 8  # of one step, before its direction is given up
 
 
 def climbed_path(
-    site: Site, path: FourierPath, aim: Aim, pairs: Sequence[Pair], torques: int
+    site: Site, path: FourierPath, climbed: Climbed, pairs: Sequence[Pair], torques: int
 ) -> FourierPath:
     """Return a path that is better by an aim, from one within the limits; the same every time.
 
@@ -34,11 +34,11 @@ def climbed_path(
     Args:
         site: rivals for which `slopes_are_exact`, and limits.
         path: where to start.
-        aim: with slopes.
+        climbed: of the aim.
         pairs: that a motion can tell apart.
         torques: how many (N, m) torques may be evaluated at most.
     """
-    hill = _Hill.of(site, path, aim, pairs)
+    hill = _Hill.of(site, path, climbed, pairs)
     here = hill.start(path)
     for stage, weight in enumerate(_BARRIERS):
         share = (torques - hill.spent) // (len(_BARRIERS) - stage)
@@ -54,14 +54,14 @@ class _Hill:
     """
 
     site: Site
-    aim: Aim
+    climbed: Climbed
     pairs: Sequence[Pair]
     frequency: float
     waves: tuple[FloatArray, FloatArray, FloatArray]  # (N, 2 K) of unit coefficients
     spent: int = field(default=0)
 
     @classmethod
-    def of(cls, site: Site, path: FourierPath, aim: Aim, pairs: Sequence[Pair]) -> _Hill:
+    def of(cls, site: Site, path: FourierPath, climbed: Climbed, pairs: Sequence[Pair]) -> _Hill:
         # The first harmonic takes about the whole time, so that slow parts are free as well.
         parts = max(1, round(path.frequency * path.duration))
         frequency = path.frequency / parts
@@ -71,7 +71,7 @@ class _Hill:
         each = FourierPath(
             np.zeros(2 * count), unit[:, :count], unit[:, count:], frequency, path.duration
         )
-        return cls(site, aim, pairs, frequency, each.at(path.times(SEARCH_RATE)))
+        return cls(site, climbed, pairs, frequency, each.at(path.times(SEARCH_RATE)))
 
     @property
     def _count(self) -> int:
@@ -110,14 +110,14 @@ class _Hill:
         kept += sum(_barrier(torque, *self._torque_bounds)[0] for torque in _torques(found))
         if not np.isfinite(kept):
             return -np.inf, None
-        return self._climbed(found, self.pairs)[0] + weight * kept, found
+        return self.climbed(found, self.pairs)[0] + weight * kept, found
 
     def slope(self, here: FloatArray, weight: float, found: Predictions) -> FloatArray:
         """Return the slopes of `value` in all coefficients; its predictions are given."""
         path = self.path(here)
         motion = path.at(path.times(SEARCH_RATE))
         loads = [weight * _barrier(tau, *self._torque_bounds)[1] for tau in _torques(found)]
-        _, pulls = self._climbed(found, self.pairs)
+        _, pulls = self.climbed(found, self.pairs)
         parts = motion_slopes(found, pulls, {k - 1: load for k, load in enumerate(loads)})
         self.spent += 3 * len(path.center) * self.site.rivals.torque_count
         held = [weight * _barrier(*one)[1] for one in self._bounds(motion)]
@@ -125,10 +125,6 @@ class _Hill:
             wave.T @ (part + bend) for wave, part, bend in zip(self.waves, parts, held, strict=True)
         ]
         return np.asarray(sum(each)).reshape(2, self._count, -1).transpose(0, 2, 1).ravel()
-
-    def _climbed(self, found: Predictions, pairs: Sequence[Pair]) -> tuple[float, Pulls]:
-        assert self.aim.climbed is not None
-        return self.aim.climbed(found, pairs)
 
     def _bounds(self, motion: Kinematics) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
         """Return moves from the centre, velocities and accelerations, each with its two bounds."""

@@ -168,11 +168,12 @@ def _higher(
     site: Site, path: FourierPath, aim: Aim, pairs: Sequence[Pair], rate: float, rounds: int
 ) -> FourierPath:
     """Return what a climb from a path reaches, if it is better at `rate` and keeps all limits."""
-    rivals = site.rivals
-    if aim.climbed is None or not slopes_are_exact(rivals, site.motion(path, SEARCH_RATE)):
+    rivals, climbed = site.rivals, aim.climbed
+    if climbed is None or not slopes_are_exact(rivals, site.motion(path, SEARCH_RATE)):
         return path
     torques = _CLIMB * rounds * rivals.torque_count
-    reached = _within(site, site.fitted(climbed_path(site, path, aim, pairs, torques))[0], rate)
+    higher = climbed_path(site, path, climbed, pairs, torques)
+    reached = _within(site, site.fitted(higher)[0], rate)
     apart = site.limits.keeps_apart(reached.at(reached.times(rate))[0])
     before, after = (
         aim(rivals.predictions(site.motion(one, rate)), pairs) for one in (path, reached)
