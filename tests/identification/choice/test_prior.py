@@ -8,14 +8,19 @@ import pytest
 from wbc.effects import (
     CenterOfMass,
     CoulombFriction,
+    LinkInertia,
+    LinkInertias,
     PayloadMass,
     ThermalDrift,
     TorqueConstant,
     TransmissionEfficiency,
     load_robot,
 )
+from wbc.effects.links.pseudo_inertia import lower
 from wbc.identification import diagnose
+from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.prior import asked, implausible
+from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect, Usual
 from wbc.sim.excitation import record_with
@@ -45,6 +50,46 @@ def test_names_cost_more_than_places_and_places_more_than_numbers(
     places = asked([CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.1)])
     names = asked([CoulombFriction("hip", 0.5), TorqueConstant("knee", 1.1)])
     assert (one, places, names) == (10.0, 14.0, 20.0)
+
+
+def test_numbers_of_a_drawing_that_the_logs_do_not_tell_cost_nothing(
+    problem: EstimationProblem,
+) -> None:
+    """A leg in a plane shows four of the ten numbers of a link."""
+    null = dict.fromkeys(LinkInertia.null_values(LEG, "shin"), 0.0)
+    h = Trials(problem).of((CoulombFriction("hip", 0.5), LinkInertia.at("shin", null)))
+    assert h is not None
+    friction, drawing = h.untold
+    assert friction == 0.0
+    assert 6.0 < drawing < 10.0
+    assert h.asked == pytest.approx(asked(h.effects) - drawing)
+
+
+def test_derivatives_know_what_a_drawing_costs_that_is_dropped(problem: EstimationProblem) -> None:
+    trials, null = Trials(problem), dict.fromkeys(LinkInertia.null_values(LEG, "shin"), 0.0)
+    friction, drawing = CoulombFriction("hip", 0.5), LinkInertia.at("shin", null)
+    h, alone = trials.of((friction, drawing)), trials.of((friction,))
+    assert h is not None
+    assert alone is not None
+    drops = [[e] for e in h.effects[::-1]]
+    (_, without_drawing), (_, without_friction) = losses(problem, trials.fit(h), h, drops)
+    assert without_drawing == pytest.approx(alone.prior - h.prior)
+    assert without_friction == pytest.approx(10.0)
+
+
+def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
+    """Six links as wrong as usual are no surprise; each on its own cost a quarter of a nat."""
+    own = {name: 0.5 * (-1) ** k for k, name in enumerate(LinkInertia.null_values(LEG, "shin"))}
+    one = LinkInertia.at("shin", own)
+    null = LinkInertias.null_values(LEG, "robot")
+    every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
+    assert every.implausibility(LEG, ()) == pytest.approx(one.implausibility(LEG, ()))
+    factor = lower(list(one.values.values()))
+    changed = factor @ factor.T
+    divergence = np.trace(changed) - np.linalg.slogdet(changed)[1] - 4.0
+    times = np.sqrt(divergence / 10.0) / 0.2
+    assert one.implausibility(LEG, ()) == pytest.approx(0.5 * (np.log(times) / 0.5) ** 2)
+    assert one.implausibility(LEG, ()) > 1.0
 
 
 def test_drives_that_deliver_something_else_cost_by_the_factor(problem: EstimationProblem) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wbc import load_robot
 from wbc.arrays import FloatArray
+from wbc.effects import CoulombFriction
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.usual import UsualRows
 from wbc.robot import Parameter
@@ -31,7 +34,8 @@ def linear_fit(rng: np.random.Generator, drawn: int, free: int) -> Fit:
     step = np.linalg.lstsq(a, -b, rcond=None)[0]
     rows = UsualRows(usual @ step, usual, noise, np.ones(2))
     slots = tuple((0, Parameter(f"p{k}", "1", 0.0, -9.0, 9.0, 1.0)) for k in range(p))
-    return Fit(load_robot("simple_pendulum"), (), raw + jacobian @ step, jacobian, slots, rows)
+    robot, effects = load_robot("simple_pendulum"), (CoulombFriction("joint", 0.1),)
+    return Fit(robot, effects, raw + jacobian @ step, jacobian, slots, rows)
 
 
 def beside_open(fit: Fit) -> tuple[FloatArray, float]:
@@ -73,3 +77,20 @@ def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
     squares, _ = beside_open(fit)
     assert fit.held_out(FOLDS)[first].mean() > 2.0 * fit.residual[first].var()
     assert squares[first].mean() < 1.5 * fit.residual[first].var()
+
+
+def test_numbers_that_the_logs_tell_are_counted_by_how_predictions_follow_them() -> None:
+    """The degrees of freedom of a fit are the trace of d prediction / d data (Ye, 1998)."""
+    fit = linear_fit(np.random.default_rng(6), drawn=4, free=2)
+    a, usual = fit.usual.weighted(fit.jacobian), fit.usual.jacobian
+    follows = a @ np.linalg.solve(a.T @ a + usual.T @ usual, a.T)
+    assert 6.0 - fit.untold.sum() == pytest.approx(np.trace(follows), rel=1e-6)
+    assert 5.0 < np.trace(follows) < 6.0
+
+
+def test_numbers_that_no_log_tells_are_all_untold_and_free_ones_never() -> None:
+    fit = linear_fit(np.random.default_rng(7), drawn=4, free=2)
+    silent = fit.jacobian.copy()
+    silent[:, :, :3] = 0.0
+    assert replace(fit, jacobian=silent).untold[0] == pytest.approx(3.0, abs=0.1)
+    assert linear_fit(np.random.default_rng(8), drawn=0, free=3).untold.tolist() == [0.0]

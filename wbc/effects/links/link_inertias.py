@@ -116,8 +116,13 @@ class LinkInertias(Effect):
         return np.concatenate([departures(numbers) for _, numbers in self.links])
 
     def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what links cost whose drawings are worse than usual [nats], each its own."""
-        return sum(excess(departures(numbers)) for _, numbers in self.links)
+        """Return what a drawing costs that is worse than usual [nats], all links together.
+
+        Who draws one link carelessly draws the others so: by what factor a drawing is wrong is one
+        number of the robot. Links on their own would cost a quarter of a nat each where all are
+        as wrong as usual.
+        """
+        return excess(self.departures)
 
     def quantities(self, robot: Robot) -> dict[str, Quantity]:
         """Mass, centre of mass and moments of every link, `BODY.mass` and so on."""

@@ -87,6 +87,25 @@ class Fit:
         """(p, p) what the records and what is usual know of the parameters, as `information`."""
         return np.asarray(self.information + self.usual.jacobian.T @ self.usual.jacobian)
 
+    @property
+    def untold(self) -> FloatArray:
+        """(effects,) how many of each effect's numbers what is usual tells, not the records.
+
+        With C the covariance of the parameters and P what is usual knows of them, a parameter is
+        told by the records to the share 1 - (C P)_kk (MacKay, 1992). It is none that was chosen
+        with the logs in view where they say nothing of it. Zero where nothing is drawn.
+        """
+        result = np.zeros(len(self.effects))
+        if not self.usual.residual.size or self.failed:
+            return result
+        known = self.known
+        size = np.sqrt(np.maximum(np.diagonal(known), 1e-300))
+        usual = (self.usual.jacobian.T @ self.usual.jacobian) / np.outer(size, size)
+        known = known / np.outer(size, size) + _SINGULAR * np.eye(size.size)
+        shares = np.clip(np.diagonal(np.linalg.solve(known, usual)), 0.0, 1.0)
+        np.add.at(result, [k for k, _ in self.parameters], shares)
+        return result
+
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself."""
         return self.held_out_residual(folds) ** 2

@@ -156,7 +156,9 @@ def _cheaper(h: Hypothesis, dropped: Sequence[Effect], effects: Sequence[Effect]
     keys = {effect.key for effect in dropped}
     costs = zip(h.effects, h.implausible, strict=True)
     saved = sum(cost for effect, cost in costs if effect.key in keys)
-    return asked(h.effects) - asked(effects) + saved
+    untold = dict(zip(h.keys, h.untold, strict=True))
+    kept = sum(untold.get(effect.key, 0.0) for effect in effects)
+    return h.asked - asked(effects, kept) + saved
 
 
 def _without(

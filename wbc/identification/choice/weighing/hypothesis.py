@@ -31,6 +31,7 @@ class Hypothesis:
         rows: (F,) rows of each fold.
         asked: what its names, places and numbers cost [nats].
         implausible: what each effect's numbers cost that no machine is likely to have [nats].
+        untold: how many numbers of each effect what is usual tells, not the logs.
         contacts: by how much it is more probable that contacts hold, whose forces no sensor
             measured [nats].
     """
@@ -44,6 +45,7 @@ class Hypothesis:
     rows: FloatArray
     asked: float
     implausible: tuple[float, ...]
+    untold: tuple[float, ...] = ()
     contacts: float = 0.0
 
     @property

@@ -24,15 +24,20 @@ _AT_END = 3.0  # [nats] for one that lies there
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
-def asked(effects: Sequence[Effect]) -> float:
+def asked(effects: Sequence[Effect], untold: float = 0.0) -> float:
     """Return what the names, places and numbers of a set of causes cost [nats].
 
     An effect that says several things at once counts as several names: a wrong drawing of a link,
     its mass, its centre and its inertia. Its numbers count as those of any other effect: where they
-    cost nothing, the practice leg's payload is tied with a wrong drawing.
+    cost nothing, the practice leg's payload is tied with a wrong drawing. A number costs nothing
+    that the logs do not tell, since nothing was chosen with it.
+
+    Args:
+        effects: the causes.
+        untold: how many of their numbers what is usual tells, not the logs.
     """
     names = {effect.name: effect.claims for effect in effects}
-    numbers = sum(effect.freedom for effect in effects)
+    numbers = sum(effect.freedom for effect in effects) - untold
     return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
 
 

@@ -152,6 +152,7 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
+    untold = fit.untold
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares),
@@ -160,7 +161,8 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),
         rows=rows,
-        asked=asked(fit.effects),
+        asked=asked(fit.effects, float(untold.sum())),
         implausible=implausible(problem, fit),
+        untold=tuple(untold.tolist()),
         contacts=problem.held_contacts(fit),
     )
