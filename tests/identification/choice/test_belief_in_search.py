@@ -7,27 +7,35 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wbc.arrays import FloatArray
 from wbc.effects import (
     EFFECTS,
     CoulombFriction,
     LinkInertia,
     LinkInertias,
+    QuadraticDrag,
     TransmissionEfficiency,
     ViscousFriction,
     load_robot,
 )
+from wbc.identification.answer.diagnosis import believed as believed_module
+from wbc.identification.answer.diagnosis.believed import believed
 from wbc.identification.answer.remainder.attainable import attainable
 from wbc.identification.choice.search import search as search_module
+from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search
 from wbc.identification.choice.weighing.certainty import (
     BELIEVED,
     Support,
+    beliefs,
     doubted_names,
+    least_believed,
     support_of,
 )
-from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.choice.weighing.odds import odds_of
+from wbc.identification.choice.weighing.evidence import weigh
+from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.odds import Odds, odds_of
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.derivatives import derivatives, evaluate, with_changes
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -127,6 +135,59 @@ def test_nothing_is_added_beside_a_wrong_drawing_that_is_not_believed(
     doubtful = told[-1].removeprefix("nothing more is tried beside what is not believed: ")
     assert doubtful in {"link_inertia", "link_inertias"}  # of all the names that are doubted
     assert len([h for h in search.path if doubtful in _names(h)]) == 2
+
+
+def test_what_is_believed_without_a_doubtful_cause_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a recorded quadruped a delay took belief from a drawing, and both were removed."""
+    drag, friction = QuadraticDrag("knee", 0.05), CoulombFriction("hip", 0.3)
+    trials = Trials(_problem(friction))
+    both = trials.of((friction, drag))
+    assert both is not None
+
+    def chances(trials: Trials, h: Hypothesis) -> dict[Key, float]:
+        return {drag.key: 0.4, friction.key: 0.6} if drag.key in h.keys else {friction.key: 0.9}
+
+    monkeypatch.setattr(believed_module, "beliefs", chances)
+    answer = believed(SearchResult(trials, (trials.nothing, both), both))
+    assert answer.hypothesis.keys == (friction.key,)
+
+
+def test_the_end_of_a_search_stays_where_more_evidence_is_not_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a recorded double pendulum a rotor inertia was doubted beside a drawing, and removed."""
+    friction, viscous = CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.3)
+    drag = QuadraticDrag("knee", 0.2)
+    trials = Trials(_problem(friction, viscous, drag))
+    end, every = trials.of((friction, viscous)), trials.of((friction, viscous, drag))
+    assert end is not None
+    assert every is not None
+    assert np.argmax(weigh(trials.problem, [end, every])) == 1
+
+    def support(
+        trials: Trials, h: Hypothesis, odds: Odds, excess: FloatArray, explained: bool
+    ) -> dict[Key, Support]:
+        beside = 0.6 if drag.key in h.keys else 0.9
+        chances = {friction.key: 0.99, viscous.key: beside, drag.key: 0.65}
+        return {key: Support(chances[key], chances[key], 0.0, 0.0, True) for key in h.keys}
+
+    monkeypatch.setattr(believed_module, "support_of", support)
+    answer = believed(SearchResult(trials, (trials.nothing, every, end), end))
+    assert answer.hypothesis is end
+    assert answer.doubted is None
+
+
+def test_derivatives_believe_each_cause_as_far_as_fits_do() -> None:
+    problem = _problem(TransmissionEfficiency("hip", 0.6, 0.6), CoulombFriction("knee", 1.0))
+    trials = Trials(problem)
+    h = trials.of((ViscousFriction("hip", 0.2), QuadraticDrag("knee", 0.05)))
+    assert h is not None
+    chances = beliefs(trials, h)
+    level = attainable(problem, trials.fit(h))
+    support = support_of(trials, h, odds_of(trials, [h], h), level.excess, explained=False)
+    expected = {key: s.probability for key, s in support.items()}
+    assert chances == pytest.approx(expected, abs=0.1)
+    assert least_believed(chances) == min(expected, key=expected.__getitem__)
 
 
 def _names(h: Hypothesis) -> set[str]:

@@ -9,7 +9,7 @@ import pytest
 
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, TorqueOffset, ViscousFriction, load_robot
-from wbc.identification.answer.diagnosis import diagnose as diagnose_module
+from wbc.identification.answer.diagnosis import believed as believed_module
 from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.identification.choice.weighing.certainty import Support, support_of
 from wbc.identification.choice.weighing.evidence import weigh
@@ -89,9 +89,9 @@ def test_what_a_doubted_cause_kept_out_comes_back(problem: EstimationProblem) ->
     true = trials.of(HIDDEN)
     assert final is not None
     assert true is not None
-    answer = diagnose_module._without(trials, final, {("torque_offset", "hip")})
+    answer = believed_module.best_without(trials, final, {("torque_offset", "hip")})
     assert answer is true
-    assert diagnose_module._without(trials, true, set()) is true
+    assert believed_module.best_without(trials, true, set()) is true
 
 
 def test_a_cause_is_judged_again_without_one_that_is_less_believed(
@@ -114,17 +114,17 @@ def test_a_cause_is_judged_again_without_one_that_is_less_believed(
             for key, one in found.items()
         }
 
-    monkeypatch.setattr(diagnose_module, "support_of", shared)
+    monkeypatch.setattr(believed_module, "support_of", shared)
     monkeypatch.setattr(
-        diagnose_module,
-        "_without",
-        lambda trials, h, doubted: _best_without(trials, final, doubted),
+        believed_module,
+        "best_without",
+        lambda trials, h, doubted: _final_without(trials, final, doubted),
     )
-    answer = diagnose_module._believed(SearchResult(trials, (), final))[0]
+    answer = believed_module.believed(SearchResult(trials, (), final)).hypothesis
     assert {*answer.keys} == {effect.key for effect in HIDDEN}
 
 
-def _best_without(trials: Trials, final: Hypothesis, doubted: Collection[Key]) -> Hypothesis:
+def _final_without(trials: Trials, final: Hypothesis, doubted: Collection[Key]) -> Hypothesis:
     found = trials.of([effect for effect in final.effects if effect.key not in doubted])
     assert found is not None
     return found

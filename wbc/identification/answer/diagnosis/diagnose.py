@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from wbc.effects import EFFECTS
+from wbc.identification.answer.diagnosis.believed import believed
 from wbc.identification.answer.diagnosis.correlation import correlation_of
 from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.diagnosis.findings import describe_findings
@@ -19,21 +20,12 @@ from wbc.identification.answer.diagnosis.verdict import (
     next_experiment,
     verdict_of,
 )
-from wbc.identification.answer.remainder.attainable import Attainable, attainable
+from wbc.identification.answer.remainder.attainable import Attainable
 from wbc.identification.answer.remainder.remainder import describe, remainders
 from wbc.identification.answer.series import series_of
 from wbc.identification.choice.search.find_causes import SearchResult, find_causes
 from wbc.identification.choice.search.near_rest import look_closer
-from wbc.identification.choice.weighing.certainty import (
-    BELIEVED,
-    Support,
-    doubted_names,
-    support_of,
-    unexplained,
-)
-from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
-from wbc.identification.choice.weighing.odds import Odds, odds_of
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -110,12 +102,13 @@ def diagnose(
     trials = found.trials
     trials.until = inf  # the search is over: what the answer still needs is fitted
     problem, first = trials.problem, trials.nothing
-    final, odds, level, support, more = _believed(found)
-    verdict = verdict_of(problem, first, final, list(support.values()), more)
+    answer = believed(found)
+    final, odds, support = answer.hypothesis, answer.odds, answer.support
+    verdict = verdict_of(problem, first, final, list(support.values()), answer.more)
     rivals = dict(zip(final.keys, odds.rivals(final), strict=True))
     fit = trials.fit(final)
     alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
-    left = remainders(problem, fit) if more else ()
+    left = remainders(problem, fit) if answer.more else ()
     correlation = correlation_of(problem, fit)
     findings = describe_findings(problem, fit, support, alternatives, correlation, classes)
     known = {c.name: c for c in classes}
@@ -130,7 +123,7 @@ def diagnose(
             floor=1.0,
             floor_source=problem.floor.source,
         ),
-        outputs=_outputs(problem, fit, level),
+        outputs=_outputs(problem, fit, answer.level),
         explained=explained_share(first, final),
         steps=_steps(trials, final),
         remainder=describe(left),
@@ -169,58 +162,6 @@ def _about_the_search(found: SearchResult) -> list[str]:
         trials = "one trial was" if count == 1 else f"{count} trials were"
         texts.append(f"{trials} left out of the search: {failure}")
     return texts
-
-
-def _believed(
-    found: SearchResult,
-) -> tuple[Hypothesis, Odds, Attainable, dict[Key, Support], bool]:
-    """Return the hypothesis with those causes only that are more probable than not.
-
-    The least believed cause goes first, and the others are judged again without it: two that share
-    what they explain may both be doubted while one of them alone is not.
-
-    With the odds of all that was tried, what it leaves, what speaks for its causes, and whether
-    more must be missing.
-    """
-    trials, final = found.trials, found.final
-    problem, first = trials.problem, trials.nothing
-    # Names that the derivatives say are not believed go first: those fits would be slow ones.
-    names = doubted_names(trials, final)
-    doubted = {e.key for e in final.effects if e.name in names}
-    while True:
-        final = _without(trials, final, doubted)
-        # What rests on a cause that is not believed is no evidence for others.
-        known = [h for h in trials.known if doubted.isdisjoint(h.keys)]
-        odds = odds_of(trials, known, final)
-        level = attainable(problem, trials.fit(final))
-        more = unexplained(first.error, final, level.excess)
-        support = support_of(trials, final, odds, level.excess, not more)
-        least = min(support, key=lambda key: support[key].group_probability, default=None)
-        if least is None or support[least].group_probability >= BELIEVED:
-            # Where something was found and nothing of it is believed, something else is there,
-            # unless the logs hardly speak against the robot as given.
-            missing = not final.effects and 1.0 - odds_of(trials).nothing >= BELIEVED
-            return final, odds, level, support, more or missing
-        doubted.add(least)
-
-
-def _without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:
-    """Return the hypothesis with the most evidence of those that hold no doubted cause.
-
-    What is not believed may have taken the place of something else, and others may rest on it: on
-    a recorded double pendulum a torque ripple stood where a rotor inertia belongs, and on a
-    recorded arm five rotor inertias made up for drawings that were not believed.
-    """
-    rest = [h for h in trials.known if h.believable and doubted.isdisjoint(h.keys)]
-    fewer = trials.of([e for e in final.effects if e.key not in doubted])
-    if fewer is not None and all(fewer is not h for h in rest):
-        rest.append(fewer)
-    while True:
-        best = rest[int(weigh(trials.problem, rest).argmax())]
-        ended = trials.ended(best)
-        if ended is best:
-            return best
-        rest = [ended if h is best else h for h in rest]
 
 
 def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.numbers import plain
+from wbc.identification.choice.weighing.certainty import CERTAIN
 from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ _MANY = 3
 """Places from which on an effect is said once: the tables that follow name them all."""
 _CAUSES = 4
 """Causes of one sentence; the table of what was found has all."""
-CERTAIN = 0.95
-"""Probability from which on a cause is certain."""
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:

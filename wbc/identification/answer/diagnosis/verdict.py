@@ -8,9 +8,9 @@ from itertools import permutations
 import numpy as np
 
 from wbc.identification.answer.diagnosis.diagnosis import Finding, Verdict
-from wbc.identification.answer.diagnosis.sentence import CERTAIN, joined, only_noise
+from wbc.identification.answer.diagnosis.sentence import joined, only_noise
 from wbc.identification.answer.remainder.remainder import Remainder
-from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.choice.weighing.certainty import CERTAIN, Support
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.noise.noise_floor import NoiseFloor

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,8 @@ UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
 
 BELIEVED = 2.0 / 3.0
 """A cause in the answer is at least twice as probable as not."""
+CERTAIN = 0.95
+"""Probability from which on a cause is certain."""
 _NONE = 1e-3  # of what a cause explains, that filters distort at least: no remainder is smaller
 
 
@@ -133,12 +136,12 @@ def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:
     return bool(left > max(_UNEXPLAINED_FLOOR, share * first))
 
 
-def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
-    """Return the names in a hypothesis that would not be believed if the search ended with it.
+def beliefs(trials: Trials, h: Hypothesis) -> dict[Key, float]:
+    """Return how far each cause of a hypothesis would be believed if the search ended with it.
 
     What each cause explains is told by the derivatives of the fit. Of what is left, the share
-    counts that does not forget itself as fast as noise. Nothing is doubted where links were
-    simulated, whose derivatives say little.
+    counts that does not forget itself as fast as noise. Nothing is said where too little is left to
+    doubt a cause, or where links were simulated, whose derivatives say little.
 
     Args:
         trials: of the search.
@@ -146,14 +149,14 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
     """
     problem = trials.problem
     if h.swings or not h.effects:
-        return ()
+        return {}
     white = np.minimum(h.samples / problem.white_samples, 1.0)
     excess = (1.0 - white) * np.maximum(h.outputs - 1.0, 0.0)
     if not unexplained(trials.nothing.error, h, excess):
-        return ()
+        return {}
     first = np.maximum(trials.nothing.outputs, 1e-300)
     names = [effect.name for effect in h.effects]
-    believed: dict[str, bool] = dict.fromkeys(names, False)
+    result = {}
     each = gains(problem, trials.fit(h), [(effect,) for effect in h.effects])
     for effect, gain, implausible in zip(h.effects, each, h.implausible, strict=True):
         share, places = np.maximum(gain, 0.0) / first, names.count(effect.name)
@@ -166,8 +169,22 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
             expected=effect.expected,
             implausible=implausible,
         )
-        believed[effect.name] |= support.probability >= BELIEVED
-    return tuple(name for name, kept in believed.items() if not kept)
+        result[effect.key] = support.probability
+    return result
+
+
+def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
+    """Return the names in a hypothesis that `beliefs` doubts wherever they stand."""
+    best: dict[str, float] = {}
+    for (name, _), chance in beliefs(trials, h).items():
+        best[name] = max(best.get(name, 0.0), chance)
+    return tuple(name for name, chance in best.items() if chance < BELIEVED)
+
+
+def least_believed(chances: Mapping[Key, float]) -> Key | None:
+    """Return the least believed cause, None where every one is more probable than not."""
+    least = min(chances, key=chances.__getitem__, default=None)
+    return None if least is None or chances[least] >= BELIEVED else least
 
 
 def _remainder(share: FloatArray, left: FloatArray) -> float:
