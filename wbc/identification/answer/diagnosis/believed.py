@@ -21,7 +21,7 @@ from wbc.identification.choice.weighing.trials import Trials
 
 
 @dataclass(frozen=True)
-class Answer:
+class BelievedAnswer:
     """A hypothesis, judged.
 
     Attributes:
@@ -44,7 +44,7 @@ class Answer:
         return least_believed({key: s.group_probability for key, s in self.support.items()})
 
 
-def believed(found: SearchResult) -> Answer:
+def believed(found: SearchResult) -> BelievedAnswer:
     """Return the hypothesis with those causes only that are more probable than not.
 
     It is that with the most evidence where all of it is believed, else the end of the search where
@@ -73,12 +73,12 @@ def believed(found: SearchResult) -> Answer:
     return replace(answer, more=answer.more or missing)
 
 
-def _judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
+def _judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> BelievedAnswer:
     # What rests on a cause that is not believed is no evidence for others.
     odds = odds_of(trials, [k for k in trials.known if doubted.isdisjoint(k.keys)], h)
     level = attainable(trials.problem, trials.fit(h))
     more = unexplained(trials.nothing.error, h, level.excess)
-    return Answer(h, odds, level, support_of(trials, h, odds, level.excess, not more), more)
+    return BelievedAnswer(h, odds, level, support_of(trials, h, odds, level.excess, not more), more)
 
 
 def best_without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:
