@@ -118,9 +118,8 @@ class LinkInertias(Effect):
     def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
         """Return what a drawing costs that is worse than usual [nats], all links together.
 
-        Who draws one link carelessly draws the others so: by what factor a drawing is wrong is one
-        number of the robot. Links on their own would cost a quarter of a nat each where all are
-        as wrong as usual.
+        The same people draw all links of a robot, so that one factor says how wrong the drawing is.
+        If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
         """
         return excess(self.departures)
 

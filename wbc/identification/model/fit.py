@@ -17,6 +17,7 @@ from wbc.identification.model.derivatives import (
     evaluate,
     with_changes,
 )
+from wbc.identification.model.information import scaled
 from wbc.identification.model.usual import UsualRows
 from wbc.identification.model.yielding import some_deflect
 from wbc.identification.records.folds import rows_of_folds
@@ -91,20 +92,16 @@ class Fit:
     def untold(self) -> FloatArray:
         """(effects,) how many of each effect's numbers what is usual tells, not the records.
 
-        With C the covariance of the parameters and P what is usual knows of them, a parameter is
-        told by the records to the share 1 - (C P)_kk (MacKay, 1992). It is none that was chosen
-        with the logs in view where they say nothing of it. Zero where nothing is drawn.
+        With C the covariance of the parameters and P what is usual knows of them, the records tell
+        the share 1 - (C P)_kk of parameter k (MacKay, 1992). Zero where nothing is drawn.
         """
-        result = np.zeros(len(self.effects))
         if not self.usual.residual.size or self.failed:
-            return result
-        known = self.known
-        size = np.sqrt(np.maximum(np.diagonal(known), 1e-300))
-        usual = (self.usual.jacobian.T @ self.usual.jacobian) / np.outer(size, size)
-        known = known / np.outer(size, size) + _SINGULAR * np.eye(size.size)
-        shares = np.clip(np.diagonal(np.linalg.solve(known, usual)), 0.0, 1.0)
-        np.add.at(result, [k for k, _ in self.parameters], shares)
-        return result
+            return np.zeros(len(self.effects))
+        known, size = scaled(self.known)
+        usual = self.usual.jacobian / size
+        shares = np.clip(np.diagonal(np.linalg.solve(known, usual.T @ usual)), 0.0, 1.0)
+        owners = [k for k, _ in self.parameters]
+        return np.asarray(np.bincount(owners, shares, len(self.effects)), dtype=float)
 
     def held_out(self, folds: IntArray) -> FloatArray:
         """Return (rows, outputs) squares, each fold predicted without itself."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +25,8 @@ from wbc.links import LinkResponse
 from wbc.measurement.machine import loaded
 from wbc.measurement.motion.zero_phase import low_pass
 from wbc.robot import ContactForces, Motion, Robot
+
+_Kept = TypeVar("_Kept")
 
 _KEPT_MOTIONS = 3
 _KEPT_TORQUES = 32  # along other motions: each screen of causes asks for a wrong zero of each joint
@@ -178,22 +180,17 @@ class Record:
         if motion is self.motion:
             return self
         digest = _digest(motion)
-        if digest not in self._moved:
-            while len(self._moved) >= _KEPT_MOTIONS:
-                del self._moved[next(iter(self._moved))]
-            kept = _nothing_kept() | {"_torques": self._torques}
-            self._moved[digest] = replace(self, motion=motion, **kept)
-        return self._moved[digest]
+
+        def made() -> Record:
+            return replace(self, motion=motion, **_nothing_kept() | {"_torques": self._torques})
+
+        return _kept(self._moved, digest, made, _KEPT_MOTIONS)
 
     @cached_property
     def links(self) -> FloatArray:
         """H_l a + c_l of the believed robot with this log's payload, (N, nv)."""
-        digest = _digest(self.motion)
-        if digest not in self._torques:
-            while len(self._torques) >= _KEPT_TORQUES:
-                del self._torques[next(iter(self._torques))]
-            self._torques[digest] = link_torque(self.robot, self.motion)
-        torque = self._torques[digest]
+        made = partial(link_torque, self.robot, self.motion)
+        torque = _kept(self._torques, _digest(self.motion), made, _KEPT_TORQUES)
         return torque if self.inertia is None else torque + self.regressor @ self.inertia
 
     def model_of(self, robot: Robot) -> pin.Model:
@@ -229,12 +226,8 @@ class Record:
 
     def _links_changed_by(self, change: FloatArray) -> FloatArray:
         """Return Y @ change (N, nv); kept, for most models asked for share their links."""
-        key = change.tobytes()
-        if key not in self._links:
-            while len(self._links) >= _KEPT_LINKS:
-                del self._links[next(iter(self._links))]
-            self._links[key] = self.regressor @ change
-        return self._links[key]
+        made = partial(np.matmul, self.regressor, change)
+        return _kept(self._links, change.tobytes(), made, _KEPT_LINKS)
 
     def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
         """Return (rows, 10 n_links) the condensed columns of the links' parameters at one output.
@@ -332,6 +325,15 @@ class Record:
         data = model.createData()
         positions = self.motion.position
         return np.array([pin.computeGeneralizedGravity(model, data, q) for q in positions])
+
+
+def _kept(known: dict[bytes, _Kept], key: bytes, make: Callable[[], _Kept], most: int) -> _Kept:
+    """Return what is kept under a key, made if it is not; of more than `most` the oldest goes."""
+    if key not in known:
+        while len(known) >= most:
+            del known[next(iter(known))]
+        known[key] = make()
+    return known[key]
 
 
 def _digest(motion: Motion) -> bytes:

@@ -90,6 +90,7 @@ class Search:
         return None if scores.argmax() == 0 else group[int(scores.argmax())]
 
     def _doubted_beside_drawings(self, current: Hypothesis) -> tuple[str, ...]:
+        """Return the names that are not believed, none where no link's drawing is wrong."""
         drawn = any(effect.departures.size for effect in current.effects)
         return doubted_names(self.proposer.trials, current) if drawn else ()
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,25 +100,48 @@ def support_of(
         excess: (outputs,) mean squares above the floor that are left unexplained, in floors.
         explained: whether that is too little to ask for one cause more.
     """
-    names = [effect.name for effect in final.effects]
-    first = np.maximum(trials.nothing.outputs, 1e-300)
-    joints = len(trials.problem.judged_joints)
-    result = {}
-    each = zip(final.effects, odds.rivals(final), final.implausible, strict=True)
-    for effect, rivals, implausible in each:
+    gained = []
+    for effect in final.effects:
         smaller = trials.of(without(final.effects, effect))
-        gain = np.zeros_like(excess) if smaller is None else smaller.outputs - final.outputs
-        share = np.maximum(gain, 0.0) / first
-        places = names.count(effect.name)
-        result[effect.key] = Support(
-            odds=odds.of(effect.key),
-            group=odds.of_any((effect.key, *rivals)),
+        gained.append(np.zeros_like(excess) if smaller is None else smaller.outputs - final.outputs)
+    each = _supports(trials, final, gained, excess, explained)
+    return {
+        effect.key: replace(one, odds=odds.of(effect.key), group=odds.of_any((effect.key, *rivals)))
+        for effect, one, rivals in zip(final.effects, each, odds.rivals(final), strict=True)
+    }
+
+
+def _supports(
+    trials: Trials,
+    h: Hypothesis,
+    gained: Sequence[FloatArray],
+    excess: FloatArray,
+    explained: bool,
+) -> list[Support]:
+    """Return what speaks for each cause of a hypothesis as if no other had been tried.
+
+    Args:
+        trials: of the search.
+        h: the hypothesis.
+        gained: (outputs,) for each cause, by how much the mean squares grow without it.
+        excess: (outputs,) as of `support_of`.
+        explained: as of `support_of`.
+    """
+    first = np.maximum(trials.nothing.outputs, 1e-300)
+    names = [effect.name for effect in h.effects]
+    result = []
+    for effect, gain, implausible in zip(h.effects, gained, h.implausible, strict=True):
+        share, places = np.maximum(gain, 0.0) / first, names.count(effect.name)
+        support = Support(
+            odds=1.0,
+            group=1.0,
             remainder=_remainder(share, excess / first),
-            coverage=(places - 1) * places / joints,
+            coverage=(places - 1) * places / len(trials.problem.judged_joints),
             explained=explained,
             expected=effect.expected,
             implausible=implausible,
         )
+        result.append(support)
     return result
 
 
@@ -154,23 +177,9 @@ def beliefs(trials: Trials, h: Hypothesis) -> dict[Key, float]:
     excess = (1.0 - white) * np.maximum(h.outputs - 1.0, 0.0)
     if not unexplained(trials.nothing.error, h, excess):
         return {}
-    first = np.maximum(trials.nothing.outputs, 1e-300)
-    names = [effect.name for effect in h.effects]
-    result = {}
-    each = gains(problem, trials.fit(h), [(effect,) for effect in h.effects])
-    for effect, gain, implausible in zip(h.effects, each, h.implausible, strict=True):
-        share, places = np.maximum(gain, 0.0) / first, names.count(effect.name)
-        support = Support(
-            odds=1.0,
-            group=1.0,
-            remainder=_remainder(share, excess / first),
-            coverage=(places - 1) * places / len(problem.judged_joints),
-            explained=False,
-            expected=effect.expected,
-            implausible=implausible,
-        )
-        result[effect.key] = support.probability
-    return result
+    gained = gains(problem, trials.fit(h), [(effect,) for effect in h.effects])
+    each = _supports(trials, h, gained, excess, explained=False)
+    return {key: one.probability for key, one in zip(h.keys, each, strict=True)}
 
 
 def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
