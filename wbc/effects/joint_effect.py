@@ -4,23 +4,44 @@ from __future__ import annotations
 
 from abc import ABC
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.robot import Effect, Motion, Robot
+
+
+class Rows(NamedTuple):
+    """Where the joints of an effect with several places stand in the arrays of a robot.
+
+    Attributes:
+        position: entries of q (k,).
+        velocity: rows of v (k,).
+        gear: numbers of the gears (k,).
+    """
+
+    position: IntArray
+    velocity: IntArray
+    gear: IntArray
 
 
 @dataclass(frozen=True)
 class JointEffect(Effect, ABC):
     """Base of the effects whose place is one joint.
 
+    A controller or a simulator asks all effects of a kind at once (`wbc.effects.tables`). Then
+    the parameters are arrays (k,), one number per place, and the methods below take and return
+    arrays with these k places as last axis.
+
     Attributes:
         needs_drive: whether the place is a driven joint; else passive joints are places, too.
+        rows: of all its places, None for an effect at one place.
     """
 
     needs_drive: ClassVar[bool] = True
+    rows: ClassVar[Rows | None] = None
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
@@ -28,22 +49,34 @@ class JointEffect(Effect, ABC):
         driven = robot.transmission.joints
         return driven if cls.needs_drive else (*driven, *robot.passive_joints)
 
+    def gear(self, robot: Robot) -> int | IntArray:
+        """Return the number of this gear, (k,) for several places."""
+        return robot.transmission.index(self.where) if self.rows is None else self.rows.gear
+
+    def position_row(self, robot: Robot) -> int | IntArray:
+        """Return this joint's entry of q, (k,) for several places."""
+        return robot.position_index(self.where) if self.rows is None else self.rows.position
+
+    def velocity_row(self, robot: Robot) -> int | IntArray:
+        """Return this joint's row of v, (k,) for several places."""
+        return robot.velocity_index(self.where) if self.rows is None else self.rows.velocity
+
     def joint_position(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return this joint's position, (...) [rad or m]."""
-        return np.asarray(motion.position[..., robot.position_index(self.where)])
+        return np.asarray(motion.position[..., self.position_row(robot)])
 
     def joint_velocity(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return this joint's velocity, (...) [rad/s or m/s]."""
-        return np.asarray(motion.velocity[..., robot.velocity_index(self.where)])
+        return np.asarray(motion.velocity[..., self.velocity_row(robot)])
 
-    def on_joint(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+    def on_joint(self, robot: Robot, motion: Motion, torque: ArrayLike) -> FloatArray:
         """Return `torque` (...) at this joint's row of a (..., nv) array of zeros."""
         result = np.zeros(motion.velocity.shape)
-        result[..., robot.velocity_index(self.where)] = torque
+        result[..., self.velocity_row(robot)] = torque
         return result
 
-    def on_rotor(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+    def on_rotor(self, robot: Robot, motion: Motion, torque: ArrayLike) -> FloatArray:
         """Return `torque` (...) at this gear's column of a (..., m) array of zeros."""
         result = np.zeros((*motion.velocity.shape[:-1], robot.transmission.size))
-        result[..., robot.transmission.index(self.where)] = torque
+        result[..., self.gear(robot)] = torque
         return result

@@ -76,8 +76,8 @@ class CurrentLimit(JointEffect):
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the clipped torque of this gear, (..., m)."""
         limit = np.full(robot.transmission.size, np.inf)
-        column = robot.transmission.index(self.where)
-        limit[column] = self.limit / abs(float(robot.transmission.gear_ratio[column]))
+        column = self.gear(robot)
+        limit[column] = self.limit / np.abs(robot.transmission.gear_ratio[column])
         return np.clip(torque, -limit, limit)
 
 

@@ -49,5 +49,5 @@ class TorqueConstant(JointEffect):
 
     def _scale(self, robot: Robot, factor: float) -> FloatArray:
         scale = np.ones(robot.transmission.size)
-        scale[robot.transmission.index(self.where)] = factor
+        scale[self.gear(robot)] = factor
         return scale

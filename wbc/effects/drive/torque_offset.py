@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-import numpy as np
-
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
@@ -38,6 +36,5 @@ class TorqueOffset(JointEffect):
 
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return offset / N on the rotor, (..., m) [N m]."""
-        ratio = robot.transmission.gear_ratio[robot.transmission.index(self.where)]
-        value = np.broadcast_to(np.float64(self.offset / ratio), motion.velocity.shape[:-1])
-        return self.on_rotor(robot, motion, value)
+        ratio = robot.transmission.gear_ratio[self.gear(robot)]
+        return self.on_rotor(robot, motion, self.offset / ratio)

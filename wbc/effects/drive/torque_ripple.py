@@ -20,6 +20,11 @@ from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 _WHOLE = 0.02  # waves per turn of the rotor this close to a whole number are taken for it
 
 
+def torque(q: FloatArray, amplitude: float, order: float, phase: float) -> FloatArray:
+    """Return amplitude * sin(order * q + phase) (...) [N m]."""
+    return amplitude * np.sin(order * q + phase)
+
+
 @final
 @dataclass(frozen=True)
 class TorqueRipple(JointEffect):
@@ -119,5 +124,5 @@ class TorqueRipple(JointEffect):
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""
-        angle = self.order * self.joint_position(robot, motion) + self.phase
-        return self.on_joint(robot, motion, self.amplitude * np.sin(angle))
+        q = self.joint_position(robot, motion)
+        return self.on_joint(robot, motion, torque(q, self.amplitude, self.order, self.phase))

@@ -84,7 +84,7 @@ class VoltageScaling(JointEffect):
         return torque / self._factor(robot, motion)
 
     def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
-        gear = robot.transmission.index(self.where)
+        gear = self.gear(robot)
         voltage = np.asarray(robot.transmission.supply_voltage[gear])
         if motion.supply_voltage is not None:
             voltage = motion.supply_voltage[..., gear]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, final
 
-import numpy as np
-
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
@@ -40,5 +38,4 @@ class CoulombFriction(JointEffect):
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the joint, (..., nv) [N m]."""
-        level = np.broadcast_to(np.float64(self.level), motion.velocity.shape[:-1])
-        return self.on_joint(robot, motion, level)
+        return self.on_joint(robot, motion, self.level)

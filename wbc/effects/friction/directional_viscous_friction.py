@@ -13,6 +13,11 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
 
 
+def torque(v: FloatArray, positive: float, negative: float) -> FloatArray:
+    """Return -positive * v (...) [N m] where v > 0 and -negative * v where v < 0."""
+    return -(positive * np.maximum(v, 0.0) + negative * np.minimum(v, 0.0))
+
+
 @final
 @dataclass(frozen=True)
 class DirectionalViscousFriction(JointEffect):
@@ -50,6 +55,5 @@ class DirectionalViscousFriction(JointEffect):
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""
         v = self.joint_velocity(robot, motion)
-        drag = self.positive_direction * np.maximum(v, 0.0)
-        drag += self.negative_direction * np.minimum(v, 0.0)
-        return self.on_joint(robot, motion, -drag)
+        drag = torque(v, self.positive_direction, self.negative_direction)
+        return self.on_joint(robot, motion, drag)

@@ -9,12 +9,17 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 _SLOWNESS = (0.1, 0.25, 0.6)  # of the usual speed; a fit goes on between them
 _MOST = 0.95
+
+
+def extra_share(w: FloatArray, coefficient: float, speed: float) -> FloatArray:
+    """Return c(w) = coefficient * exp(-(w/speed)^2) (...) at speeds w of the output [rad/s]."""
+    return coefficient * np.exp(-((w / speed) ** 2))
 
 
 @final
@@ -62,7 +67,8 @@ class LoadStribeckFriction(JointEffect):
     @classmethod
     def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
         """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
-        speeds = [_output_speed(robot, where, motion) for motion in evidence.motions]
+        gear = robot.transmission.index(where)
+        speeds = [_output_speed(robot, gear, motion) for motion in evidence.motions]
         usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
         if usual == 0.0:
             return ()
@@ -76,16 +82,16 @@ class LoadStribeckFriction(JointEffect):
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
-        fastest = max(np.abs(_output_speed(robot, self.where, m)).max() for m in motions)
+        gear = self.gear(robot)
+        fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
         return bool(2.0 * self.speed < fastest)
 
     def gear_efficiencies(
         self, robot: Robot, motion: Motion, forward: FloatArray, backward: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return eta_f and eta_b (..., m) with this gear's at the present speed."""
-        speed = _output_speed(robot, self.where, motion)
-        share = self.coefficient * np.exp(-((speed / self.speed) ** 2))
-        gear = robot.transmission.index(self.where)
+        gear = self.gear(robot)
+        share = extra_share(_output_speed(robot, gear, motion), self.coefficient, self.speed)
         shape = (*motion.velocity.shape[:-1], robot.transmission.size)
         forward, backward = (np.array(np.broadcast_to(eta, shape)) for eta in (forward, backward))
         forward[..., gear] *= 1.0 - share
@@ -93,8 +99,7 @@ class LoadStribeckFriction(JointEffect):
         return forward, backward
 
 
-def _output_speed(robot: Robot, where: str, motion: Motion) -> FloatArray:
-    """Return w (...) [rad/s] of the output of the gear called `where`."""
-    gears = robot.transmission
-    row = gears.motor_from_joint[gears.index(where)]
-    return np.asarray(motion.velocity[..., robot.actuated] @ row)
+def _output_speed(robot: Robot, gear: int | IntArray, motion: Motion) -> FloatArray:
+    """Return w (...) [rad/s] of the output of a gear, (..., k) of k gears."""
+    rows = robot.transmission.motor_from_joint[gear]
+    return np.asarray(motion.velocity[..., robot.actuated] @ rows.T)

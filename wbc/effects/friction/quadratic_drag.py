@@ -12,6 +12,11 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
 
 
+def torque(v: FloatArray, coefficient: float) -> FloatArray:
+    """Return -coefficient * |v| v (...) [N m]."""
+    return -coefficient * np.abs(v) * v
+
+
 @final
 @dataclass(frozen=True)
 class QuadraticDrag(JointEffect):
@@ -38,4 +43,4 @@ class QuadraticDrag(JointEffect):
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -coefficient * |v| v at the joint, (..., nv) [N m]."""
         speed = self.joint_velocity(robot, motion)
-        return self.on_joint(robot, motion, -self.coefficient * np.abs(speed) * speed)
+        return self.on_joint(robot, motion, torque(speed, self.coefficient))

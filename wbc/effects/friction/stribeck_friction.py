@@ -13,6 +13,11 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 
 
+def level_at(v: FloatArray, level: float, speed: float) -> FloatArray:
+    """Return level * exp(-(v/speed)^2) (...) [N m]."""
+    return level * np.exp(-((v / speed) ** 2))
+
+
 @final
 @dataclass(frozen=True)
 class StribeckFriction(JointEffect):
@@ -66,5 +71,5 @@ class StribeckFriction(JointEffect):
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""
-        ratio = self.joint_velocity(robot, motion) / self.speed
-        return self.on_joint(robot, motion, self.level * np.exp(-(ratio**2)))
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, level_at(speed, self.level, self.speed))

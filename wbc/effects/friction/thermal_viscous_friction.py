@@ -71,7 +71,7 @@ class ThermalViscousFriction(JointEffect):
         """Return the torque at the joint, (..., nv) [N m]."""
         drag = self.coefficient * self.joint_velocity(robot, motion)
         if motion.temperature is not None:
-            warm = motion.temperature[..., robot.transmission.index(self.where)] - _REFERENCE
+            warm = motion.temperature[..., self.gear(robot)] - _REFERENCE
             drag = drag * np.exp(-self.rate * warm)
         return self.on_joint(robot, motion, -drag)
 

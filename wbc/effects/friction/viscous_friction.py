@@ -10,6 +10,11 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Motion, Parameter, Robot
 
 
+def torque(v: FloatArray, coefficient: float) -> FloatArray:
+    """Return -coefficient * v (...) [N m]."""
+    return -coefficient * v
+
+
 @final
 @dataclass(frozen=True)
 class ViscousFriction(JointEffect):
@@ -37,4 +42,5 @@ class ViscousFriction(JointEffect):
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -coefficient * v at the joint, (..., nv) [N m]."""
-        return self.on_joint(robot, motion, -self.coefficient * self.joint_velocity(robot, motion))
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, torque(speed, self.coefficient))

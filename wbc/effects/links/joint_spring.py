@@ -15,6 +15,11 @@ from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
 _LEAST_TRAVEL = 5e-3  # [rad or m]
 
 
+def torque(q: FloatArray, stiffness: float, rest: float) -> FloatArray:
+    """Return -stiffness * (q - rest) (...) [N m]."""
+    return -stiffness * (q - rest)
+
+
 @final
 @dataclass(frozen=True)
 class JointSpring(JointEffect):
@@ -60,5 +65,5 @@ class JointSpring(JointEffect):
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""
-        stretch = self.joint_position(robot, motion) - self.rest
-        return self.on_joint(robot, motion, -self.stiffness * stretch)
+        q = self.joint_position(robot, motion)
+        return self.on_joint(robot, motion, torque(q, self.stiffness, self.rest))

@@ -62,5 +62,5 @@ class PositionOffset(JointEffect):
 
     def _moved(self, robot: Robot, motion: Motion, change: float) -> Motion:
         position = np.array(motion.position)
-        position[..., robot.position_index(self.where)] += change
+        position[..., self.position_row(robot)] += change
         return motion.replace(position=position)

@@ -1,0 +1,360 @@
+"""The effects of a robot as numbers for compiled loops, and what of them is left for hooks.
+
+Effects that are a law of a joint's position and speed, or a factor, limit or offset of a drive,
+are rows of a table. Their laws stand in their own files, as functions of numbers or arrays: the
+hooks call them as they stand, and here they are compiled. Whoever simulates or controls a robot
+makes its table once and hands the arrays to the functions below; they take no Python objects and
+may be called from compiled functions:
+
+    table = effect_table(robot)
+    fill_joint_torques(table.joints, table.numbers, q, v, smooth, dry)
+    fill_delivered(table.drives, command, rotor)    # a simulator: what the drives give
+    fill_commands(table.drives, rotor, command)     # a controller: what to ask them for
+    fill_efficiencies(table.gears, turning, forward, backward, now_forward, now_backward)
+
+What is left acts by its hooks, `left_for_hooks(robot)`: one effect per kind, with all its places.
+Their smooth torques and levels add to the table's. A command goes through their `drive` hooks in
+order, then through `fill_delivered`, then their `rotor_torque` is added; the way back is the
+reverse. Efficiencies are the table's or theirs, never both.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.compiled import Dense, Nothing, Number, OutRow, Row, Table, compiled
+from wbc.effects.catalogue import EFFECTS
+from wbc.effects.drive import torque_ripple
+from wbc.effects.drive.current_limit import CurrentLimit
+from wbc.effects.drive.torque_constant import TorqueConstant
+from wbc.effects.drive.torque_offset import TorqueOffset
+from wbc.effects.drive.torque_ripple import TorqueRipple
+from wbc.effects.friction import (
+    directional_viscous_friction,
+    load_stribeck_friction,
+    quadratic_drag,
+    stribeck_friction,
+    viscous_friction,
+)
+from wbc.effects.friction.coulomb_friction import CoulombFriction
+from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
+from wbc.effects.friction.load_stribeck_friction import LoadStribeckFriction
+from wbc.effects.friction.quadratic_drag import QuadraticDrag
+from wbc.effects.friction.stribeck_friction import StribeckFriction
+from wbc.effects.friction.viscous_friction import ViscousFriction
+from wbc.effects.joint_effect import JointEffect, Rows
+from wbc.effects.links import joint_spring
+from wbc.effects.links.joint_spring import JointSpring
+from wbc.robot import Effect, Motion, Robot
+
+LAW, POSITION, VELOCITY = range(3)
+"""Columns of `EffectTable.joints`."""
+GAIN, LIMIT, OFFSET = range(3)
+"""Columns of `EffectTable.drives`."""
+COEFFICIENT, SPEED = range(2)
+"""Columns of `EffectTable.gears`."""
+
+VISCOUS, DIRECTIONAL, QUADRATIC, SPRING, RIPPLE, COULOMB, STRIBECK = range(7)
+"""Laws."""
+
+_LAWS: dict[type[Effect], int] = {
+    ViscousFriction: VISCOUS,
+    DirectionalViscousFriction: DIRECTIONAL,
+    QuadraticDrag: QUADRATIC,
+    JointSpring: SPRING,
+    TorqueRipple: RIPPLE,
+    CoulombFriction: COULOMB,
+    StribeckFriction: STRIBECK,
+}
+_NUMBERS = 3
+
+
+class EffectTable(NamedTuple):
+    """The effects of a robot that compiled loops evaluate; arrays that nobody may write.
+
+    Attributes:
+        joints: (k, 3) law, entry of q and row of v of each effect at a joint.
+        numbers: (k, 3) its parameters in their order, zeros behind them.
+        drives: (m, 3) factor of the commanded torque, limit of what comes out [N m], and what is
+            added to it [N m], all on the rotor; 1, infinity and 0 where nothing acts.
+        gears: (m, 2) `LoadStribeckFriction`: coefficient at rest, and speed [rad/s] of the
+            output; 0 and 1 where there is none.
+    """
+
+    joints: IntArray
+    numbers: FloatArray
+    drives: FloatArray
+    gears: FloatArray
+
+    @property
+    def act_on_joints(self) -> bool:
+        """Whether any effect puts torque on the coordinates."""
+        return len(self.joints) > 0
+
+    @property
+    def act_on_drives(self) -> bool:
+        """Whether a drive gives anything but what it is asked for."""
+        return bool(np.any(self.drives != _PERFECT))
+
+    @property
+    def act_on_gears(self) -> bool:
+        """Whether the efficiencies of any gear depend on its speed."""
+        return bool(np.any(self.gears[:, COEFFICIENT]))
+
+
+_PERFECT = frozen([1.0, np.inf, 0.0])
+
+
+def effect_table(robot: Robot) -> EffectTable:
+    """Return the effects of `robot` that compiled loops evaluate."""
+    tabled = [effect for effect in robot.effects if _is_tabled(robot, effect)]
+    joints, numbers = [], []
+    gears = robot.transmission
+    drives = np.tile(_PERFECT, (gears.size, 1))
+    sliding = np.tile([0.0, 1.0], (gears.size, 1))
+    for effect in tabled:
+        values = list(effect.values.values())
+        if type(effect) in _LAWS:
+            at = robot.position_index(effect.where), robot.velocity_index(effect.where)
+            joints.append((_LAWS[type(effect)], *at))
+            numbers.append(values + [0.0] * (_NUMBERS - len(values)))
+            continue
+        gear = gears.index(effect.where)
+        ratio = float(gears.gear_ratio[gear])
+        if isinstance(effect, TorqueConstant):  # acts on what the effects before it let through
+            drives[gear, [GAIN, LIMIT]] *= effect.factor
+        elif isinstance(effect, CurrentLimit):
+            drives[gear, LIMIT] = min(drives[gear, LIMIT], effect.limit / abs(ratio))
+        elif isinstance(effect, TorqueOffset):
+            drives[gear, OFFSET] += effect.offset / ratio
+        elif isinstance(effect, LoadStribeckFriction):
+            sliding[gear] = values
+    return EffectTable(
+        frozen(np.reshape(joints, (-1, 3)), np.int64),
+        frozen(np.reshape(numbers, (-1, _NUMBERS))),
+        frozen(drives),
+        frozen(sliding),
+    )
+
+
+def left_for_hooks(robot: Robot) -> tuple[Effect, ...]:
+    """Return the effects of `robot` that no table holds, in order, all places of a kind as one.
+
+    What only changes a number of the robot is not among them. An effect with several places has
+    arrays (k,) as parameters. A kind whose hooks do not take them, or that has a memory, stays
+    one effect per place.
+    """
+    acting = [e for e in robot.effects if e.acts_by - {"change"} and not _is_tabled(robot, e)]
+    groups: dict[object, list[Effect]] = {}
+    for number, effect in enumerate(acting):
+        key = _kind(effect) if _may_join(effect) else number
+        groups.setdefault(key, []).append(effect)
+    found: list[Effect] = []
+    for group in groups.values():
+        found += _joined(robot, group)
+    return tuple(found)
+
+
+def _is_tabled(robot: Robot, effect: Effect) -> bool:
+    """Whether a table holds an effect.
+
+    The drives of a robot act one after the other, and so do effects on the efficiencies of gears:
+    all of them are in the table, or none.
+    """
+    kind = type(effect)
+    if kind in _LAWS or kind is TorqueOffset:
+        return True
+    if kind in _DRIVES:
+        return all(type(e) in _DRIVES for e in robot.effects if _on_drives(e))
+    if kind is LoadStribeckFriction:
+        on_gears = [e for e in robot.effects if "gear_efficiencies" in e.acts_by]
+        alone = len({e.where for e in on_gears}) == len(on_gears)
+        return alone and all(type(e) is kind for e in on_gears)
+    return False
+
+
+_DRIVES = (TorqueConstant, CurrentLimit)
+
+
+def _on_drives(effect: Effect) -> bool:
+    return bool(effect.acts_by & {"drive", "drive_inverse"})
+
+
+def _kind(effect: Effect) -> tuple[object, ...]:
+    """Return what effects have in common that become one."""
+    own = {"where", *(parameter.name for parameter in effect.parameters)}
+    rest = tuple((name, value) for name, value in vars(effect).items() if name not in own)
+    return type(effect), rest
+
+
+def _may_join(effect: Effect) -> bool:
+    """Whether effects like this one may become one, if their hooks take arrays."""
+    cls = type(effect)
+    if not isinstance(effect, JointEffect) or cls.first_memory is not Effect.first_memory:
+        return False
+    plain = all(isinstance(value, (str, bool, int, float)) for value in vars(effect).values())
+    return plain and effect.parameters is cls.parameters
+
+
+def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
+    """Return effects of one kind as one effect, or as they are where their hooks take no arrays."""
+    first = effects[0]
+    if len(effects) == 1 or not isinstance(first, JointEffect):
+        return effects
+    joints = [effect.where for effect in effects]
+    driven = robot.transmission.joints
+    rows = Rows(
+        np.array([robot.position_index(joint) for joint in joints]),
+        np.array([robot.velocity_index(joint) for joint in joints]),
+        np.array([driven.index(joint) if joint in driven else -1 for joint in joints]),
+    )
+    if len(set(joints)) < len(joints) or (first.needs_drive and np.any(rows.gear < 0)):
+        return effects
+    one = copy.copy(first)
+    values = {p.name: np.array([getattr(e, p.name) for e in effects]) for p in first.parameters}
+    for name, value in {"where": ", ".join(joints), "rows": rows, **values}.items():
+        object.__setattr__(one, name, value)
+    shipped = type(first) in EFFECTS.values()
+    return (one,) if shipped or _acts_like(robot, one, effects) else effects
+
+
+def _acts_like(robot: Robot, one: Effect, effects: Sequence[Effect]) -> bool:
+    """Whether one effect with several places does what the effects at these places do.
+
+    A user's hook may be written for one number. It is asked for single samples from rest to fast
+    motion, and for several samples at once.
+    """
+    random = np.random.default_rng(0)
+    q, v = random.normal(size=(6, robot.model.nq)), random.normal(size=(6, robot.model.nv))
+    v *= np.array([0.0, 1e-3, 0.1, 1.0, 10.0, 100.0])[:, None]
+    motions = [*map(Motion, q, v), Motion(q, v)]
+    try:
+        for motion in motions:
+            for got, wanted in zip(
+                _acted(robot, [one], motion), _acted(robot, effects, motion), strict=True
+            ):
+                if not np.allclose(got, wanted, rtol=1e-9, atol=1e-12):
+                    return False
+    except Exception:  # whatever a user's code says of numbers that it does not expect
+        return False
+    return True
+
+
+def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[FloatArray]:
+    """Return what effects do with a motion, by all hooks that a step or a tick calls."""
+    samples = motion.velocity.shape[:-1]
+    gears = robot.transmission
+    smooth, dry = np.zeros_like(motion.velocity), np.zeros_like(motion.velocity)
+    given = np.broadcast_to(np.linspace(-1.0, 1.0, gears.size), (*samples, gears.size))
+    added, torque, command = np.zeros(given.shape), given, given
+    eta = gears.forward_efficiency, gears.backward_efficiency
+    for effect in effects:
+        for total, hook in (
+            (smooth, effect.joint_torque),
+            (dry, effect.joint_friction),
+            (added, effect.rotor_torque),
+        ):
+            found = hook(robot, motion)
+            if found is not None:
+                total += found
+        torque = effect.drive(robot, motion, torque)
+        eta = effect.gear_efficiencies(robot, motion, *eta)
+    for effect in reversed(effects):
+        command = effect.drive_inverse(robot, motion, command)
+    shown, seen = motion, motion
+    for effect in effects:
+        shown, seen = effect.measured(robot, shown), effect.true(robot, seen)
+    return [smooth, dry, added, torque, command, *eta, shown.position, seen.position]
+
+
+_viscous = compiled(Number, Number, Number)(viscous_friction.torque)
+_directional = compiled(Number, Number, Number, Number)(directional_viscous_friction.torque)
+_quadratic = compiled(Number, Number, Number)(quadratic_drag.torque)
+_spring = compiled(Number, Number, Number, Number)(joint_spring.torque)
+_ripple = compiled(Number, Number, Number, Number, Number)(torque_ripple.torque)
+_stribeck = compiled(Number, Number, Number, Number)(stribeck_friction.level_at)
+_extra_share = compiled(Number, Number, Number, Number)(load_stribeck_friction.extra_share)
+
+
+@compiled(Nothing, Table, Dense, Row, Row, OutRow, OutRow, counted=False)
+def fill_joint_torques(
+    joints: IntArray,
+    numbers: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    smooth: FloatArray,
+    dry: FloatArray,
+) -> None:
+    """Write what the effects at joints do: smooth torque, and level >= 0 of dry friction.
+
+    The friction torque is -dry sgn(v), anything between at v = 0.
+
+    Args:
+        joints, numbers: of the `EffectTable`.
+        position, velocity: q (nq,) and v (nv,).
+        smooth, dry: (nv,) [N m], to write.
+    """
+    smooth[:] = 0.0
+    dry[:] = 0.0
+    for i in range(len(joints)):
+        law, row = joints[i, LAW], joints[i, VELOCITY]
+        a, b, c = numbers[i, 0], numbers[i, 1], numbers[i, 2]
+        q, v = position[joints[i, POSITION]], velocity[row]
+        if law == VISCOUS:
+            smooth[row] += _viscous(v, a)
+        elif law == COULOMB:
+            dry[row] += a
+        elif law == STRIBECK:
+            dry[row] += _stribeck(v, a, b)
+        elif law == DIRECTIONAL:
+            smooth[row] += _directional(v, a, b)
+        elif law == QUADRATIC:
+            smooth[row] += _quadratic(v, a)
+        elif law == SPRING:
+            smooth[row] += _spring(q, a, b)
+        elif law == RIPPLE:
+            smooth[row] += _ripple(q, a, b, c)
+
+
+@compiled(Nothing, Dense, Row, OutRow, counted=False)
+def fill_delivered(drives: FloatArray, command: FloatArray, rotor: FloatArray) -> None:
+    """Write the torque on the rotors (m,) [N m] that the drives give for a command (m,)."""
+    for i in range(len(drives)):
+        limit = drives[i, LIMIT]
+        given = min(max(drives[i, GAIN] * command[i], -limit), limit)
+        rotor[i] = given + drives[i, OFFSET]
+
+
+@compiled(Nothing, Dense, Row, OutRow, counted=False)
+def fill_commands(drives: FloatArray, rotor: FloatArray, command: FloatArray) -> None:
+    """Write what to command (m,) so that drives within their limits put `rotor` (m,) [N m] on."""
+    for i in range(len(drives)):
+        command[i] = (rotor[i] - drives[i, OFFSET]) / drives[i, GAIN]
+
+
+@compiled(Nothing, Dense, Row, Row, Row, OutRow, OutRow, counted=False)
+def fill_efficiencies(
+    gears: FloatArray,
+    turning: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+    now_forward: FloatArray,
+    now_backward: FloatArray,
+) -> None:
+    """Write eta_f and eta_b (m,) at the present speeds of the gears' outputs.
+
+    Args:
+        gears: of the `EffectTable`.
+        turning: psi_dot (m,) [rad/s] of the outputs.
+        forward, backward: eta_f and eta_b (m,) of the transmission.
+        now_forward, now_backward: (m,), to write.
+    """
+    for i in range(len(gears)):
+        share = _extra_share(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
+        now_forward[i] = forward[i] * (1.0 - share)
+        now_backward[i] = backward[i] / (1.0 + share)
