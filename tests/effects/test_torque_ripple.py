@@ -28,7 +28,9 @@ def passing(span: float) -> list[Motion]:
 
 
 def cost(robot: Robot, order: float, span: float) -> float:
-    return TorqueRipple("knee", 0.1, order, 0.0).implausibility(robot, passing(span))
+    return TorqueRipple.search.implausibility(
+        TorqueRipple("knee", 0.1, order, 0.0), robot, passing(span)
+    )
 
 
 @pytest.mark.parametrize("times", [1, 2, 3])
@@ -70,7 +72,10 @@ def test_a_wave_of_the_rotor_is_more_certain_than_one_beside_it(leg: Robot) -> N
         diagnosis = diagnose(leg, logs, [TorqueRipple])
         (finding,) = diagnosis.findings
         assert finding.effect.values["order"] == pytest.approx(order, rel=0.01)
-        certain[order], remarks[order] = finding.probability, finding.effect.remarks(leg)
+        certain[order], remarks[order] = (
+            finding.probability,
+            finding.effect.search.remarks(finding.effect, leg),
+        )
     # With orders alike on any scale it was 0.80 and 0.77.
     assert certain[2.0 * RATIO] > certain[2.3 * RATIO] + 0.1
     assert remarks[2.0 * RATIO] == ("This is 2 per turn of the rotor.",)

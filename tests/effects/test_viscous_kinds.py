@@ -132,12 +132,16 @@ def test_one_temperature_or_one_direction_shows_no_such_friction(leg: Robot) -> 
     v = np.stack([np.linspace(-1.0, 1.0, 50), np.linspace(0.1, 1.0, 50)], axis=1)
     same = Motion(np.zeros((50, 2)), v, temperature=np.full((50, 2), 40.0))
     thermal = ThermalViscousFriction("knee", 0.4, 0.03)
-    assert not thermal.recognisable(leg, [same])
-    assert not thermal.recognisable(leg, [same.replace(temperature=None)])
+    assert not thermal.search.recognisable(thermal, leg, [same])
+    assert not thermal.search.recognisable(thermal, leg, [same.replace(temperature=None)])
     warmer = same.replace(temperature=np.full((50, 2), 50.0))
-    assert thermal.recognisable(leg, [same, warmer])
-    assert DirectionalViscousFriction("hip", 0.4, 0.1).recognisable(leg, [same])
-    assert not DirectionalViscousFriction("knee", 0.4, 0.1).recognisable(leg, [same])
+    assert thermal.search.recognisable(thermal, leg, [same, warmer])
+    assert DirectionalViscousFriction.search.recognisable(
+        DirectionalViscousFriction("hip", 0.4, 0.1), leg, [same]
+    )
+    assert not DirectionalViscousFriction.search.recognisable(
+        DirectionalViscousFriction("knee", 0.4, 0.1), leg, [same]
+    )
 
 
 def test_a_plant_refuses_temperatures_of_other_motors(leg: Robot) -> None:

@@ -15,9 +15,9 @@ from wbc.robot.loading.library import find_description, robot_names, robots_dire
 from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.mounting import RotorMounting
-from wbc.robot.parameter import Parameter, Quantity, Usual, small_steps
+from wbc.robot.parameter import Parameter, Usual
 from wbc.robot.robot import Robot, RobotSource
-from wbc.robot.screening import Evidence, Screen
+from wbc.robot.search import Evidence, Quantity, Screen, Search, small_steps, usual_cost
 
 __all__ = [
     "BaseState",
@@ -38,6 +38,7 @@ __all__ = [
     "RobotSource",
     "RotorMounting",
     "Screen",
+    "Search",
     "Usual",
     "bare_robot",
     "build_robot",
@@ -49,5 +50,6 @@ __all__ = [
     "robots_directory",
     "small_steps",
     "state_gear",
+    "usual_cost",
     "with_gear_numbers",
 ]

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
-from wbc.robot.parameter import Parameter, Quantity, small_steps
-from wbc.robot.screening import Evidence, Screen
+from wbc.robot.parameter import Parameter
+from wbc.robot.search import Search
 
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
@@ -55,10 +54,6 @@ class MemoryEnergy:
     lost: float
 
 
-_USUAL = np.zeros(0)
-_USUAL.flags.writeable = False
-
-
 def spoken(name: str) -> str:
     """Return the name of an effect or a parameter as words."""
     words = name.replace("_", " ")
@@ -78,15 +73,7 @@ class Effect(ABC):
 
     Attributes:
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
-        inseparable: name of another effect -> from where on no run of a robot tells the two apart,
-            and what does instead, in words.
-        expected: log prior odds [nats], beside other effects, that a real machine has it where its
-            model has not: robots come with models without friction, and friction is in all.
-        one_fit: whether a search tries it, where it is expected, at all joints in one fit with all
-            else that is; not what scales with all that a gear carries.
-        claims: how many things it says of a machine at once; each costs as much as a name of its
-            own before the logs speak, so that an effect that says less is named where it suffices.
-        near_rest: whether the effect is gone where the joint moves at its usual speed.
+        search: what a search for causes in logs asks of it.
         acts_by: the hooks that its class overrides: what it may act on. Nobody writes it down.
     """
 
@@ -96,11 +83,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     explanation: ClassVar[str]
     experiment: ClassVar[str]
-    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    expected: ClassVar[float] = 0.0
-    one_fit: ClassVar[bool] = True
-    claims: ClassVar[int] = 1
-    near_rest: ClassVar[bool] = False
+    search: ClassVar[Search] = Search()
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
 
     def __init_subclass__(cls) -> None:
@@ -147,46 +130,10 @@ class Effect(ABC):
         """
         return {parameter.name: parameter.null for parameter in cls.parameters}
 
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return the linear ways in which this effect may explain a residual.
-
-        By default one: a small step of every parameter that is no shape parameter, away from
-        where the effect is not there. An effect with a nonlinear shape parameter returns one
-        screen per shape worth trying; `evidence` tells which those are.
-        """
-        return small_steps(cls.parameters, cls.null_values(robot, where))
-
     @property
     def key(self) -> tuple[str, str]:
         """Name and place; a model holds each at most once."""
         return self.name, self.where
-
-    @property
-    def freedom(self) -> int:
-        """How many numbers had to be chosen to describe it; fewer are believed more easily."""
-        return len(self.parameters)
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what its numbers cost that no machine is likely to have [nats].
-
-        By default the sum over the parameters of what is `usual`.
-
-        Args:
-            robot: with the effect.
-            motions: of the logs from which the numbers were taken.
-        """
-        values = self.values
-        return sum(p.usual.cost(values[p.name]) for p in self.parameters if p.usual is not None)
-
-    @property
-    def departures(self) -> FloatArray:
-        """(k,) how far its numbers lie from what is usual, in standard deviations (default: none).
-
-        A fit counts half their squares beside what the logs say [nats]: what logs do not tell stays
-        usual. They are zero where the effect is not there.
-        """
-        return _USUAL
 
     @property
     def values(self) -> dict[str, float]:
@@ -219,18 +166,6 @@ class Effect(ABC):
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
 
-    def quantities(self, robot: Robot) -> dict[str, Quantity]:
-        """Return the numbers that a person can check, where the parameters are not them.
-
-        Args:
-            robot: that lacks the effect.
-        """
-        return {}
-
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Return sentences on what these numbers mean on a robot that lacks the effect."""
-        return ()
-
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless `where` is a place of this effect on `robot`."""
         places = self.places(robot)
@@ -256,13 +191,6 @@ class Effect(ABC):
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return the torque that the effect adds on the rotors, (..., m) [N m]."""
         return None
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether these motions could show the effect for what it is, with these parameters.
-
-        A wave of which less than one period was passed is any bend: a diagnosis must not name it.
-        """
-        return True
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the rotor torque delivered for the reported or commanded `torque`, (..., m)."""

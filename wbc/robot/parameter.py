@@ -1,14 +1,10 @@
-"""The numbers of an effect: their units and ranges, what is usual, what a person can check."""
+"""The numbers of an effect: their units and ranges, and what is usual."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
-from wbc.arrays import FloatArray
-from wbc.robot.screening import Screen
 
 
 @dataclass(frozen=True)
@@ -57,40 +53,3 @@ class Parameter:
     shape: bool = False
     doubt: float = 0.0
     usual: Usual | None = None
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number of a machine that a person can check.
-
-    Attributes:
-        value: in `unit`.
-        unit: SI unit.
-        instead: beginning of the names of what is said in its place where logs do not tell it.
-    """
-
-    value: float
-    unit: str
-    instead: str = ""
-
-
-def small_steps(parameters: Sequence[Parameter], null: Mapping[str, float]) -> tuple[Screen, ...]:
-    """Return the screen of a small step of every parameter that is no shape, none without any.
-
-    Args:
-        parameters: of an effect.
-        null: the values with which it changes nothing.
-    """
-    steps: dict[str, float] = {}
-    for parameter in parameters:
-        if not parameter.shape:
-            step = 1e-3 * parameter.scale
-            inside = null[parameter.name] + step <= parameter.high
-            steps[parameter.name] = step if inside else -step
-
-    def combine(coefficients: FloatArray) -> dict[str, float]:
-        changes = zip(steps.items(), coefficients, strict=True)
-        return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
-
-    units = tuple({**null, name: null[name] + step} for name, step in steps.items())
-    return (Screen(units, combine),) if units else ()

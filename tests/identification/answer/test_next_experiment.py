@@ -74,7 +74,7 @@ def test_an_experiment_is_a_motion_and_then_what_it_shows(kind: type[Effect]) ->
 
 def test_every_inseparable_effect_exists() -> None:
     for kind in EFFECTS.values():
-        assert set(kind.inseparable) <= set(EFFECTS) - {kind.name}
+        assert set(kind.search.inseparable) <= set(EFFECTS) - {kind.name}
 
 
 def left(clue: str, elsewhere: str = "", memory: bool = False) -> Remainder:

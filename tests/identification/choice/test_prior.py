@@ -83,13 +83,17 @@ def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
     one = LinkInertia.at("shin", own)
     null = LinkInertias.null_values(LEG, "robot")
     every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
-    assert every.implausibility(LEG, ()) == pytest.approx(one.implausibility(LEG, ()))
+    assert every.search.implausibility(every, LEG, ()) == pytest.approx(
+        one.search.implausibility(one, LEG, ())
+    )
     factor = lower(list(one.values.values()))
     changed = factor @ factor.T
     divergence = np.trace(changed) - np.linalg.slogdet(changed)[1] - 4.0
     times = np.sqrt(divergence / 10.0) / 0.2
-    assert one.implausibility(LEG, ()) == pytest.approx(0.5 * (np.log(times) / 0.5) ** 2)
-    assert one.implausibility(LEG, ()) > 1.0
+    assert one.search.implausibility(one, LEG, ()) == pytest.approx(
+        0.5 * (np.log(times) / 0.5) ** 2
+    )
+    assert one.search.implausibility(one, LEG, ()) > 1.0
 
 
 def test_drives_that_deliver_something_else_cost_by_the_factor(problem: EstimationProblem) -> None:

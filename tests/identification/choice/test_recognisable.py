@@ -17,7 +17,10 @@ def test_a_ripple_is_recognised_from_one_period_on(order: float, known: bool) ->
     position = np.zeros((50, 2))
     position[:, 1] = np.linspace(0.3, 1.3, 50)
     motion = Motion(position, np.zeros((50, 2)))
-    assert TorqueRipple("knee", 1.0, order, 0.0).recognisable(leg, [motion]) is known
+    assert (
+        TorqueRipple.search.recognisable(TorqueRipple("knee", 1.0, order, 0.0), leg, [motion])
+        is known
+    )
 
 
 @pytest.mark.parametrize(("order", "believed"), [(1.5, False), (9.0, True)])
@@ -36,4 +39,4 @@ def test_a_spring_is_recognised_where_its_joint_moves(travel: float, known: bool
     position = np.zeros((50, 2))
     position[:, 1] = 0.5 + np.linspace(0.0, travel, 50)
     motion = Motion(position, np.zeros((50, 2)))
-    assert JointSpring("knee", 1000.0, 0.5).recognisable(leg, [motion]) is known
+    assert JointSpring.search.recognisable(JointSpring("knee", 1000.0, 0.5), leg, [motion]) is known

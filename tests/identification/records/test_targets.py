@@ -116,12 +116,12 @@ def test_a_drive_law_with_its_limit_is_not_given_a_lower_one() -> None:
     motion = Motion(zero, zero, zero, time, feedback_torque=own)
     known = Evidence((motion,), (zero,), (torque,))
     limited = robot.with_transmission(robot.transmission.replace(torque_limit=np.array([5.0, 5.0])))
-    assert not CurrentLimit.screening(limited, "hip", known)
-    assert CurrentLimit.screening(limited, "knee", known)
+    assert not CurrentLimit.search.screens(CurrentLimit, limited, "hip", known)
+    assert CurrentLimit.search.screens(CurrentLimit, limited, "knee", known)
     free = robot.with_transmission(
         robot.transmission.replace(torque_limit=np.array([np.inf, np.inf]))
     )
-    assert CurrentLimit.screening(free, "hip", known)
+    assert CurrentLimit.search.screens(CurrentLimit, free, "hip", known)
 
 
 def test_a_measured_current_is_within_any_limit() -> None:
@@ -138,7 +138,11 @@ def test_a_measured_current_is_within_any_limit() -> None:
     log = Log(time, columns)
     asked = Log(time, {k.replace("current", "rotor_torque"): v for k, v in columns.items()})
     offered = [
-        bool(CurrentLimit.screening(robot, joint, evidence(robot, prepare(robot, [one]))))
+        bool(
+            CurrentLimit.search.screens(
+                CurrentLimit, robot, joint, evidence(robot, prepare(robot, [one]))
+            )
+        )
         for one in (log, asked)
         for joint in robot.joints
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Parameter, Robot
+from wbc.robot import Parameter, Robot, Search
 
 
 @final
@@ -20,7 +20,6 @@ class RotorInertia(JointEffect):
 
     reflected_inertia: float
 
-    expected: ClassVar[float] = 1.0
     name: ClassVar[str] = "rotor_inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("reflected_inertia", "kg m^2", 0.0, 0.0, 10000.0, 0.02),
@@ -32,6 +31,9 @@ class RotorInertia(JointEffect):
     experiment: ClassVar[str] = (
         "Shake the joint fast with small strokes about a pose that carries no load: the extra "
         "torque follows the acceleration."
+    )
+    search: ClassVar[Search] = Search(
+        expected=1.0,
     )
 
     @classmethod

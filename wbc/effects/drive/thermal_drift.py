@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Usual
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search, Usual, usual_cost
 
 _LEAST = 0.05  # share of the torque that is always left
 
@@ -20,6 +20,28 @@ _WARMS_UP_IN = Usual(5.0, 1e5, 0.4, factor=True)  # [s]
 # Magnets lose 0.1 (rare earths) to 0.2 % (ferrite) of their torque per kelvin; windings of a motor
 # that is fed a voltage lose 0.4 %. A motor that was warm and cools down gains some of it back.
 _LOST = Usual(0.0, 0.2, 0.15)
+
+
+def _screens(
+    kind: type[ThermalDrift], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per time constant, from a tenth of the log's length to ten times."""
+    times = [motion.time for motion in evidence.motions if motion.time is not None]
+    if not times:
+        return ()
+    length = max(float(time[-1] - time[0]) for time in times)
+
+    def screen(tau: float) -> Screen:
+        unit = {"rate": 1e-5, "time_constant": tau}
+        return Screen((unit,), lambda c: {"rate": 1e-5 * float(c[0]), "time_constant": tau})
+
+    return tuple(screen(float(np.clip(s * length, 1.0, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
+
+
+def _implausibility(effect: ThermalDrift, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what the time constant costs, and the torque lost at the end of the logs."""
+    lost = max((effect.rate * float(np.max(effect._warm(m, 0.5))) for m in motions), key=_LOST.cost)
+    return usual_cost(effect) + _LOST.cost(lost)
 
 
 @final
@@ -52,25 +74,10 @@ class ThermalDrift(JointEffect):
         "Repeat one loaded motion for several minutes and log the motor's temperature: the "
         "torque drifts with it and comes back after a pause."
     )
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per time constant, from a tenth of the log's length to ten times."""
-        times = [motion.time for motion in evidence.motions if motion.time is not None]
-        if not times:
-            return ()
-        length = max(float(time[-1] - time[0]) for time in times)
-
-        def screen(tau: float) -> Screen:
-            unit = {"rate": 1e-5, "time_constant": tau}
-            return Screen((unit,), lambda c: {"rate": 1e-5 * float(c[0]), "time_constant": tau})
-
-        return tuple(screen(float(np.clip(s * length, 1.0, 1e5))) for s in (0.1, 0.4, 2.0, 10.0))
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what the time constant costs, and the torque lost at the end of the logs."""
-        lost = max((self.rate * float(np.max(self._warm(m, 0.5))) for m in motions), key=_LOST.cost)
-        return super().implausibility(robot, motions) + _LOST.cost(lost)
+    search: ClassVar[Search] = Search(
+        screens=_screens,
+        implausibility=_implausibility,
+    )
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return how warm the motor is, as the drift's warm seconds (1,): cold."""

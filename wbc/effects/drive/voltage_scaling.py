@@ -10,12 +10,41 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Usual
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search, Usual
 
 # A drive that sets the duty of a winding follows its supply fully, one that regulates the current
 # not at all; poor regulation lies between.
 _FOLLOWS = Usual(0.0, 1.0, 0.1)
 _LEAST = 0.05  # share of the torque that is left, however far the supply falls
+
+
+def _screens(
+    kind: type[VoltageScaling], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return the screens of nominal voltages; none where the voltage stayed or was not logged.
+
+    The torque is linear in 1 - share and share / nominal, so two screens span them all: one
+    at the middle of what was logged, and one at the robot's own voltage.
+    """
+    lowest, highest = _range(robot, where, evidence.motions)
+    if lowest == highest:
+        return ()
+    described = float(robot.transmission.supply_voltage[robot.transmission.index(where)])
+    nominals = [0.5 * (lowest + highest), highest]
+    if np.isfinite(described):
+        nominals.append(described)
+
+    def screen(nominal: float) -> Screen:
+        unit = {"share": 1e-2, "nominal": nominal}
+        return Screen((unit,), lambda c: {"share": 1e-2 * float(c[0]), "nominal": nominal})
+
+    return tuple(screen(float(np.clip(u, 1.0, 1000.0))) for u in dict.fromkeys(nominals))
+
+
+def _recognisable(effect: VoltageScaling, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the voltage changed: at one voltage this is a wrong torque constant."""
+    lowest, highest = _range(robot, effect.where, motions)
+    return highest > lowest
 
 
 @final
@@ -34,7 +63,6 @@ class VoltageScaling(JointEffect):
     share: float
     nominal: float
 
-    claims: ClassVar[int] = 2  # a torque that is off, and that it follows the supply
     name: ClassVar[str] = "voltage_scaling"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("share", "1", 0.0, 0.0, 2.0, 0.1, usual=_FOLLOWS),
@@ -48,32 +76,11 @@ class VoltageScaling(JointEffect):
         "Repeat one motion at two supply voltages, such as a full and a nearly empty battery, and "
         "log the voltage: the torque is off by the ratio of the two."
     )
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return the screens of nominal voltages; none where the voltage stayed or was not logged.
-
-        The torque is linear in 1 - share and share / nominal, so two screens span them all: one
-        at the middle of what was logged, and one at the robot's own voltage.
-        """
-        lowest, highest = _range(robot, where, evidence.motions)
-        if lowest == highest:
-            return ()
-        described = float(robot.transmission.supply_voltage[robot.transmission.index(where)])
-        nominals = [0.5 * (lowest + highest), highest]
-        if np.isfinite(described):
-            nominals.append(described)
-
-        def screen(nominal: float) -> Screen:
-            unit = {"share": 1e-2, "nominal": nominal}
-            return Screen((unit,), lambda c: {"share": 1e-2 * float(c[0]), "nominal": nominal})
-
-        return tuple(screen(float(np.clip(u, 1.0, 1000.0))) for u in dict.fromkeys(nominals))
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the voltage changed: at one voltage this is a wrong torque constant."""
-        lowest, highest = _range(robot, self.where, motions)
-        return highest > lowest
+    search: ClassVar[Search] = Search(
+        claims=2,  # a torque that is off, and that it follows the supply
+        screens=_screens,
+        recognisable=_recognisable,
+    )
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque left for this gear, (..., m)."""

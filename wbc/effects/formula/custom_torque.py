@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.effects.formula.torque_term import TorqueTerm
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.robot import Motion, Parameter, Robot, Search
 
 _LARGEST = 1e9
 
@@ -45,6 +45,8 @@ class CustomTorque(JointEffect):
         "Move only the joints in the formula, one at a time, over a wider range of position and "
         "speed than before, and see whether the formula still holds."
     )
+    # None: formulas are searched for on their own, not beside named causes.
+    search: ClassVar[Search] = Search(screens=lambda *_: ())
 
     def __post_init__(self) -> None:
         """Check the terms and give every coefficient its name."""
@@ -80,11 +82,6 @@ class CustomTorque(JointEffect):
         """
         given = (values or {}).items()
         return cls(where, tuple(TorqueTerm.parse(text, number) for text, number in given))
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return none: formulas are searched for on their own, not beside named causes."""
-        return ()
 
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the same formula with some coefficients changed."""

@@ -7,7 +7,7 @@ from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Search
 
 
 @final
@@ -21,7 +21,6 @@ class CoulombFriction(JointEffect):
 
     level: float
 
-    expected: ClassVar[float] = 2.0
     needs_drive: ClassVar[bool] = False
     name: ClassVar[str] = "coulomb_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -34,6 +33,9 @@ class CoulombFriction(JointEffect):
     experiment: ClassVar[str] = (
         "Move the joint slowly back and forth through the same positions: the torque of the "
         "two directions differs by a constant, whatever the load."
+    )
+    search: ClassVar[Search] = Search(
+        expected=2.0,
     )
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:

@@ -10,12 +10,20 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Search
 
 
 def torque(v: FloatArray, positive: float, negative: float) -> FloatArray:
     """Return -positive * v (...) [N m] where v > 0 and -negative * v where v < 0."""
     return -(positive * np.maximum(v, 0.0) + negative * np.minimum(v, 0.0))
+
+
+def _recognisable(
+    effect: DirectionalViscousFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the joint moved in both directions: in one alone this is viscous friction."""
+    speeds = np.concatenate([effect.joint_velocity(robot, motion) for motion in motions])
+    return bool(np.min(speeds) < 0.0 < np.max(speeds))
 
 
 @final
@@ -32,7 +40,6 @@ class DirectionalViscousFriction(JointEffect):
     positive_direction: float
     negative_direction: float
 
-    claims: ClassVar[int] = 2  # friction, and that it differs by direction
     name: ClassVar[str] = "directional_viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("positive_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
@@ -46,11 +53,10 @@ class DirectionalViscousFriction(JointEffect):
         "Move the joint at several constant speeds in both directions: the extra torque lies on "
         "two straight lines through zero, one per direction, of different slope."
     )
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint moved in both directions: in one alone this is viscous friction."""
-        speeds = np.concatenate([self.joint_velocity(robot, motion) for motion in motions])
-        return bool(np.min(speeds) < 0.0 < np.max(speeds))
+    search: ClassVar[Search] = Search(
+        claims=2,  # friction, and that it differs by direction
+        recognisable=_recognisable,
+    )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""

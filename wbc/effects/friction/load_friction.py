@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import ClassVar, final
 
 import numpy as np
 
 from wbc.effects.gear.transmission_efficiency import TransmissionEfficiency
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Parameter, Robot
+from wbc.robot import Parameter, Robot, Search
 
 
 @final
@@ -28,8 +26,6 @@ class LoadFriction(JointEffect):
 
     coefficient: float
 
-    expected: ClassVar[float] = TransmissionEfficiency.expected
-    one_fit: ClassVar[bool] = False
     name: ClassVar[str] = "load_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "1", 0.0, 0.0, 0.95, 0.1),
@@ -42,14 +38,16 @@ class LoadFriction(JointEffect):
         "Lift and lower several known weights slowly: the difference between lifting and "
         "lowering torque grows with the weight."
     )
-    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
+    search: ClassVar[Search] = Search(
+        expected=TransmissionEfficiency.search.expected,
+        one_fit=False,
+        inseparable={
             "transmission_efficiency": (
                 "Load friction c predicts the same as the efficiencies 1 - c (forward) and "
                 "1 / (1 + c) (backward): if the fitted ones are these two, no run tells them "
                 "apart, and you can use either."
             )
-        }
+        },
     )
 
     def change(self, robot: Robot) -> Robot:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import ClassVar, final
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
 
 _SLOWNESS = (0.1, 0.25, 0.6)  # of the usual speed; a fit goes on between them
 _MOST = 0.95
@@ -20,6 +19,31 @@ _MOST = 0.95
 def extra_share(w: FloatArray, coefficient: float, speed: float) -> FloatArray:
     """Return c(w) = coefficient * exp(-(w/speed)^2) (...) at speeds w of the output [rad/s]."""
     return coefficient * np.exp(-((w / speed) ** 2))
+
+
+def _screens(
+    kind: type[LoadStribeckFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
+    gear = robot.transmission.index(where)
+    speeds = [_output_speed(robot, gear, motion) for motion in evidence.motions]
+    usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
+    if usual == 0.0:
+        return ()
+    step = 1e-3
+
+    def screen(speed: float) -> Screen:
+        unit = {"coefficient": step, "speed": speed}
+        return Screen((unit,), lambda c: {"coefficient": step * float(c[0]), "speed": speed})
+
+    return tuple(screen(float(np.clip(s * usual, 0.001, 20.0))) for s in _SLOWNESS)
+
+
+def _recognisable(effect: LoadStribeckFriction, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
+    gear = effect.gear(robot)
+    fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
+    return bool(2.0 * effect.speed < fastest)
 
 
 @final
@@ -40,9 +64,7 @@ class LoadStribeckFriction(JointEffect):
     coefficient: float
     speed: float
 
-    claims: ClassVar[int] = 2  # friction that grows with the load, and that it falls with speed
     name: ClassVar[str] = "load_stribeck_friction"
-    near_rest: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "1", 0.0, 0.0, _MOST, 0.1),
         Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
@@ -55,36 +77,18 @@ class LoadStribeckFriction(JointEffect):
         "Lift and lower several known weights, very slowly and fast: the difference between "
         "lifting and lowering torque grows with the weight and is larger at low speed."
     )
-    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
+    search: ClassVar[Search] = Search(
+        claims=2,  # friction that grows with the load, and that it falls with speed
+        near_rest=True,
+        inseparable={
             "stribeck_friction": (
                 "Where the gear carries one and the same load, friction near rest that grows with "
                 "the load is friction near rest: runs with other loads tell them apart."
             )
-        }
+        },
+        screens=_screens,
+        recognisable=_recognisable,
     )
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
-        gear = robot.transmission.index(where)
-        speeds = [_output_speed(robot, gear, motion) for motion in evidence.motions]
-        usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
-        if usual == 0.0:
-            return ()
-        step = 1e-3
-
-        def screen(speed: float) -> Screen:
-            unit = {"coefficient": step, "speed": speed}
-            return Screen((unit,), lambda c: {"coefficient": step * float(c[0]), "speed": speed})
-
-        return tuple(screen(float(np.clip(s * usual, 0.001, 20.0))) for s in _SLOWNESS)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
-        gear = self.gear(robot)
-        fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
-        return bool(2.0 * self.speed < fastest)
 
     def gear_efficiencies(
         self, robot: Robot, motion: Motion, forward: FloatArray, backward: FloatArray

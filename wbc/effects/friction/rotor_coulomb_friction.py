@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
-from wbc.robot import Parameter, Robot
+from wbc.robot import Parameter, Robot, Search
 
 
 @final
@@ -20,7 +20,6 @@ class RotorCoulombFriction(CoupledGearEffect):
 
     level: float
 
-    expected: ClassVar[float] = 2.0
     name: ClassVar[str] = "rotor_coulomb_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
@@ -32,6 +31,9 @@ class RotorCoulombFriction(CoupledGearEffect):
     experiment: ClassVar[str] = (
         "Move the joints that share the motor one at a time, then against one another so that the "
         "motor stands still: what rubs at the motor falls away."
+    )
+    search: ClassVar[Search] = Search(
+        expected=2.0,
     )
 
     @classmethod

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
-from wbc.robot import Parameter, Robot
+from wbc.robot import Parameter, Robot, Search
 
 
 @final
@@ -21,7 +21,6 @@ class RotorViscousFriction(CoupledGearEffect):
 
     coefficient: float
 
-    expected: ClassVar[float] = 2.0
     name: ClassVar[str] = "rotor_viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
@@ -33,6 +32,9 @@ class RotorViscousFriction(CoupledGearEffect):
     experiment: ClassVar[str] = (
         "Move the joints that share the motor one at a time at several speeds, then against one "
         "another so that the motor stands still: what drags at the motor falls away."
+    )
+    search: ClassVar[Search] = Search(
+        expected=2.0,
     )
 
     @classmethod

@@ -10,12 +10,33 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
 
 _REFERENCE = 40.0  # [deg C], at which ISO 3448 gives the viscosity of lubricants
 # Oils and greases halve their viscosity every 12 to 45 K near 40 deg C (ASTM D341 for the
 # viscosity indices 0 to 200); a fit goes on between these.
 _RATES = (0.015, 0.03, 0.06)  # [1/K]
+
+
+def _screens(
+    kind: type[ThermalViscousFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per usual rate; none where no temperature was logged or it stayed."""
+    warmest, coldest = _range(robot, where, evidence.motions)
+    if warmest == coldest:
+        return ()
+
+    def screen(rate: float) -> Screen:
+        unit = {"coefficient": 1.0, "rate": rate}
+        return Screen((unit,), lambda c: {"coefficient": float(c[0]), "rate": rate})
+
+    return tuple(screen(rate) for rate in _RATES)
+
+
+def _recognisable(effect: ThermalViscousFriction, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the temperature changed: at one temperature this is viscous friction."""
+    warmest, coldest = _range(robot, effect.where, motions)
+    return warmest > coldest
 
 
 @final
@@ -34,7 +55,6 @@ class ThermalViscousFriction(JointEffect):
     coefficient: float
     rate: float
 
-    claims: ClassVar[int] = 2  # friction, and that it falls with temperature
     name: ClassVar[str] = "thermal_viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
@@ -48,24 +68,11 @@ class ThermalViscousFriction(JointEffect):
         "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
         "slope of the torque over the speed falls with temperature."
     )
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per usual rate; none where no temperature was logged or it stayed."""
-        warmest, coldest = _range(robot, where, evidence.motions)
-        if warmest == coldest:
-            return ()
-
-        def screen(rate: float) -> Screen:
-            unit = {"coefficient": 1.0, "rate": rate}
-            return Screen((unit,), lambda c: {"coefficient": float(c[0]), "rate": rate})
-
-        return tuple(screen(rate) for rate in _RATES)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the temperature changed: at one temperature this is viscous friction."""
-        warmest, coldest = _range(robot, self.where, motions)
-        return warmest > coldest
+    search: ClassVar[Search] = Search(
+        claims=2,  # friction, and that it falls with temperature
+        screens=_screens,
+        recognisable=_recognisable,
+    )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""

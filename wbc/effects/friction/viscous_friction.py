@@ -7,7 +7,7 @@ from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Search
 
 
 def torque(v: FloatArray, coefficient: float) -> FloatArray:
@@ -26,7 +26,6 @@ class ViscousFriction(JointEffect):
 
     coefficient: float
 
-    expected: ClassVar[float] = 2.0
     needs_drive: ClassVar[bool] = False
     name: ClassVar[str] = "viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -38,6 +37,9 @@ class ViscousFriction(JointEffect):
     experiment: ClassVar[str] = (
         "Move the joint at several constant speeds in both directions, slow to fast: the "
         "extra torque lies on a straight line through zero."
+    )
+    search: ClassVar[Search] = Search(
+        expected=2.0,
     )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
 
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Search
 from wbc.transmission import Flanks
 
 _LEAST_PLAY = 1e-4  # [rad]
+
+
+def _recognisable(effect: Backlash, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether there is play to speak of: flanks without it are a spring."""
+    return effect.width > _LEAST_PLAY
 
 
 @final
@@ -49,6 +54,7 @@ class Backlash(YieldingGear):
     )
 
     has_play: ClassVar[bool] = True
+    search: ClassVar[Search] = replace(YieldingGear.search, recognisable=_recognisable)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:
@@ -65,7 +71,3 @@ class Backlash(YieldingGear):
         ):
             gears = gears.with_value(name, self.where, value)
         return robot.with_transmission(gears)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether there is play to speak of: flanks without it are a spring."""
-        return self.width > _LEAST_PLAY

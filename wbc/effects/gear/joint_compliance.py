@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
 
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Search
 from wbc.transmission import Flanks
 
 _CREEPS = 0.5  # [s], damping over stiffness
+
+
+def _recognisable(effect: JointCompliance, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the gear gives and comes back: one that creeps writes down any slow drift."""
+    return effect.damping < _CREEPS * effect.stiffness
 
 
 @final
@@ -43,15 +48,12 @@ class JointCompliance(YieldingGear):
     )
 
     has_play: ClassVar[bool] = False
+    search: ClassVar[Search] = replace(YieldingGear.search, recognisable=_recognisable)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:
         """Return the spring that these flanks are without play."""
         return cls(where, flanks.stiffness, flanks.damping)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the gear gives and comes back: one that creeps writes down any slow drift."""
-        return self.damping < _CREEPS * self.stiffness
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot whose gear is that soft."""

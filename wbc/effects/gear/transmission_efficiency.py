@@ -9,12 +9,44 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Parameter, Robot, Screen, Usual
+from wbc.robot import Evidence, Parameter, Robot, Screen, Search, Usual
 from wbc.transmission import wedge_backward_efficiency
 
 # Gears lose from one per cent to half of the power, and some are self-locking, hardly beyond.
 _FORWARD, _BACKWARD = Usual(1.0, 1.0, 0.5, factor=True), Usual(1.0, 1.0, 0.7)
 _WEDGE = 0.02  # efficiencies this close to the wedge's relation are taken for it
+
+
+def _screens(
+    kind: type[TransmissionEfficiency], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return two screens: the wedge's pair of efficiencies, and both of them free.
+
+    The torque a gear needs is linear in 1/eta_f and eta_b, so losses are the coefficients.
+    """
+    null = kind.null_values(robot, where)
+    forward, backward = null["forward_efficiency"], null["backward_efficiency"]
+    step = 1e-3
+
+    def efficiencies(loss: float, backward_loss: float) -> dict[str, float]:
+        inverse = 1.0 / forward + step * loss
+        return {
+            "forward_efficiency": min(1.0 / inverse, 1.0) if inverse > 0.0 else np.inf,
+            "backward_efficiency": min(backward - step * backward_loss, 1.0),
+        }
+
+    pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))
+    free = Screen(
+        (efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)),
+        lambda c: efficiencies(float(c[0]), float(c[1])),
+    )
+    return pair, free
+
+
+def _freedom(effect: TransmissionEfficiency) -> int:
+    """One where the wedge's relation between the two efficiencies holds, else two."""
+    wedge = float(wedge_backward_efficiency(effect.forward_efficiency))
+    return 1 if abs(effect.backward_efficiency - wedge) < _WEDGE else 2
 
 
 @final
@@ -31,10 +63,6 @@ class TransmissionEfficiency(JointEffect):
     forward_efficiency: float
     backward_efficiency: float
 
-    # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under load
-    # that were stated are true, at a mean probability of 0.99 with nothing expected.
-    expected: ClassVar[float] = 1.0
-    one_fit: ClassVar[bool] = False
     name: ClassVar[str] = "transmission_efficiency"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
@@ -47,6 +75,14 @@ class TransmissionEfficiency(JointEffect):
     experiment: ClassVar[str] = (
         "Lift and lower several known weights slowly: the lifting torque grows and the "
         "lowering torque shrinks in proportion to the weight."
+    )
+    search: ClassVar[Search] = Search(
+        # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under
+        # load that were stated are true, at a mean probability of 0.99 with nothing expected.
+        expected=1.0,
+        one_fit=False,
+        screens=_screens,
+        freedom=_freedom,
     )
 
     def said(self, units: Mapping[str, str] | None = None) -> str:
@@ -67,39 +103,9 @@ class TransmissionEfficiency(JointEffect):
         }
 
     @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return two screens: the wedge's pair of efficiencies, and both of them free.
-
-        The torque a gear needs is linear in 1/eta_f and eta_b, so losses are the coefficients.
-        """
-        null = cls.null_values(robot, where)
-        forward, backward = null["forward_efficiency"], null["backward_efficiency"]
-        step = 1e-3
-
-        def efficiencies(loss: float, backward_loss: float) -> dict[str, float]:
-            inverse = 1.0 / forward + step * loss
-            return {
-                "forward_efficiency": min(1.0 / inverse, 1.0) if inverse > 0.0 else np.inf,
-                "backward_efficiency": min(backward - step * backward_loss, 1.0),
-            }
-
-        pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))
-        free = Screen(
-            (efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)),
-            lambda c: efficiencies(float(c[0]), float(c[1])),
-        )
-        return pair, free
-
-    @classmethod
     def wedge(cls, where: str, forward_efficiency: float) -> TransmissionEfficiency:
         """Return the effect with the wedge's eta_b = 2 - 1/eta_f."""
         return cls(where, forward_efficiency, float(wedge_backward_efficiency(forward_efficiency)))
-
-    @property
-    def freedom(self) -> int:
-        """One where the wedge's relation between the two efficiencies holds, else two."""
-        wedge = float(wedge_backward_efficiency(self.forward_efficiency))
-        return 1 if abs(self.backward_efficiency - wedge) < _WEDGE else 2
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with these efficiencies."""

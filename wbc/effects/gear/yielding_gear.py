@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, get_args
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Robot, Screen
+from wbc.robot import Robot, Search
 from wbc.transmission import Flanks
 
 Side = Literal["link", "motor", "either"]
@@ -31,16 +31,13 @@ class YieldingGear(JointEffect, ABC):
     friction_side: Side = field(default="either", kw_only=True)
 
     has_play: ClassVar[bool]
+    # None: which flanks are worth trying only simulated links tell.
+    search: ClassVar[Search] = Search(screens=lambda *_: ())
 
     @classmethod
     @abstractmethod
     def having(cls, where: str, flanks: Flanks) -> Self:
         """Return the gear of a joint with these flanks."""
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return none: which flanks are worth trying only simulated links tell."""
-        return ()
 
     @abstractmethod
     def change(self, robot: Robot) -> Robot:

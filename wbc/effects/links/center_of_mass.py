@@ -10,7 +10,22 @@ import numpy as np
 
 from wbc.effects.links.inertia import reach, require_physical, with_shifted_center
 from wbc.effects.links.pseudo_inertia import USUAL
-from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.robot import Effect, Motion, Parameter, Robot, Search
+
+
+def _freedom(effect: CenterOfMass) -> int:
+    """The number of directions in which it moved."""
+    return max(1, sum(value != 0.0 for value in effect.values.values()))
+
+
+def _implausibility(effect: CenterOfMass, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what a centre costs that is shifted by much of the link's reach [nats].
+
+    Drawings are usually wrong by the share of it that `link_inertia` takes, too.
+    """
+    shift = float(np.linalg.norm([effect.x, effect.y, effect.z]))
+    size = reach(robot, robot.body_joint(effect.where))
+    return 0.5 * (shift / (USUAL * size)) ** 2 if size > 0.0 else 0.0
 
 
 @final
@@ -42,25 +57,15 @@ class CenterOfMass(Effect):
         "Hold the body still at many angles: the extra gravity torque is a shifted sine of the "
         "angle, while the total weight on the ground is right."
     )
+    search: ClassVar[Search] = Search(
+        freedom=_freedom,
+        implausibility=_implausibility,
+    )
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
         """Every body that has a mass."""
         return tuple(b for b in robot.bodies if robot.model.inertias[robot.body_joint(b)].mass > 0)
-
-    @property
-    def freedom(self) -> int:
-        """The number of directions in which it moved."""
-        return max(1, sum(value != 0.0 for value in self.values.values()))
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a centre costs that is shifted by much of the link's reach [nats].
-
-        Drawings are usually wrong by the share of it that `link_inertia` takes, too.
-        """
-        shift = float(np.linalg.norm([self.x, self.y, self.z]))
-        size = reach(robot, robot.body_joint(self.where))
-        return 0.5 * (shift / (USUAL * size)) ** 2 if size > 0.0 else 0.0
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with the centre of mass moved."""

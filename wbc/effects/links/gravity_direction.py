@@ -8,7 +8,12 @@ from typing import ClassVar, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot import Effect, Parameter, Robot
+from wbc.robot import Effect, Parameter, Robot, Search
+
+
+def _freedom(effect: GravityDirection) -> int:
+    """The number of axes about which gravity leans."""
+    return max(1, sum(value != 0.0 for value in effect.values.values()))
 
 
 @final
@@ -37,16 +42,14 @@ class GravityDirection(Effect):
         "Check the base with a spirit level; or hold mirrored poses: the sum of their gravity "
         "torques is not zero."
     )
+    search: ClassVar[Search] = Search(
+        freedom=_freedom,
+    )
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
         """The whole robot."""
         return ("robot",)
-
-    @property
-    def freedom(self) -> int:
-        """The number of axes about which gravity leans."""
-        return max(1, sum(value != 0.0 for value in self.values.values()))
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot in the tilted field."""

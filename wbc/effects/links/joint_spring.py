@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
 
 _LEAST_TRAVEL = 5e-3  # [rad or m]
 
@@ -18,6 +18,26 @@ _LEAST_TRAVEL = 5e-3  # [rad or m]
 def torque(q: FloatArray, stiffness: float, rest: float) -> FloatArray:
     """Return -stiffness * (q - rest) (...) [N m]."""
     return -stiffness * (q - rest)
+
+
+def _screens(
+    kind: type[JointSpring], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen: a spring about zero and one about 1 rad span every rest position."""
+
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        stiffness = float(np.sum(coefficients))
+        rest = float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
+        return {"stiffness": stiffness, "rest": rest}
+
+    units = ({"stiffness": 1.0, "rest": 0.0}, {"stiffness": 1.0, "rest": 1.0})
+    return (Screen(units, combine),)
+
+
+def _recognisable(effect: JointSpring, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the joint moved: at one place a spring is any constant."""
+    positions = np.concatenate([effect.joint_position(robot, motion) for motion in motions])
+    return float(np.ptp(positions)) > _LEAST_TRAVEL
 
 
 @final
@@ -45,23 +65,10 @@ class JointSpring(JointEffect):
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
     )
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen: a spring about zero and one about 1 rad span every rest position."""
-
-        def combine(coefficients: FloatArray) -> dict[str, float]:
-            stiffness = float(np.sum(coefficients))
-            rest = float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
-            return {"stiffness": stiffness, "rest": rest}
-
-        units = ({"stiffness": 1.0, "rest": 0.0}, {"stiffness": 1.0, "rest": 1.0})
-        return (Screen(units, combine),)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint moved: at one place a spring is any constant."""
-        positions = np.concatenate([self.joint_position(robot, motion) for motion in motions])
-        return float(np.ptp(positions)) > _LEAST_TRAVEL
+    search: ClassVar[Search] = Search(
+        screens=_screens,
+        recognisable=_recognisable,
+    )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""

@@ -11,10 +11,32 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.effects.links.pseudo_inertia import PARAMETERS, DrawnInertia, departures, excess
-from wbc.robot import Effect, Motion, Parameter, Quantity, Robot
+from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, Search
 
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
 _ABOUT_ORIGIN = "inertia_"
+
+
+def _departures(effect: LinkInertia) -> FloatArray:
+    """(10,) distance from the drawing, in units of how wrong drawings usually are."""
+    return departures(tuple(effect.values.values()))
+
+
+def _implausibility(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what a drawing costs that is more wrong than drawings usually are [nats]."""
+    return excess(_departures(effect))
+
+
+def _quantities(effect: LinkInertia, robot: Robot) -> dict[str, Quantity]:
+    """Mass, centre of mass and moments of the body."""
+    return link_quantities(effect.change(robot), robot.body_joint(effect.where))
+
+
+def _remarks(effect: LinkInertia, robot: Robot) -> tuple[str, ...]:
+    """Say where much of the mass that is drawn is not there."""
+    joint = robot.body_joint(effect.where)
+    drawn, mass = (one.model.inertias[joint].mass for one in (robot, effect.change(robot)))
+    return (mass_left(drawn - mass, drawn, effect.where),) if mass < _LEFT * drawn else ()
 
 
 @final
@@ -45,8 +67,6 @@ class LinkInertia(Effect):
     t2: float
     t3: float
 
-    expected: ClassVar[float] = 1.0
-    claims: ClassVar[int] = 3  # mass, centre of mass and inertia
     name: ClassVar[str] = "link_inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     explanation: ClassVar[str] = (
@@ -57,30 +77,19 @@ class LinkInertia(Effect):
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
         "the link if it can be taken off."
     )
+    search: ClassVar[Search] = Search(
+        expected=1.0,
+        claims=3,  # mass, centre of mass and inertia
+        departures=_departures,
+        implausibility=_implausibility,
+        quantities=_quantities,
+        remarks=_remarks,
+    )
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
         """Every body that has a mass."""
         return heavy_bodies(robot)
-
-    @property
-    def departures(self) -> FloatArray:
-        """(10,) distance from the drawing, in units of how wrong drawings usually are."""
-        return departures(tuple(self.values.values()))
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a drawing costs that is more wrong than drawings usually are [nats]."""
-        return excess(self.departures)
-
-    def quantities(self, robot: Robot) -> dict[str, Quantity]:
-        """Mass, centre of mass and moments of the body."""
-        return link_quantities(self.change(robot), robot.body_joint(self.where))
-
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Say where much of the mass that is drawn is not there."""
-        joint = robot.body_joint(self.where)
-        drawn, mass = (one.model.inertias[joint].mass for one in (robot, self.change(robot)))
-        return (mass_left(drawn - mass, drawn, self.where),) if mass < _LEFT * drawn else ()
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with the inertia of the body changed."""

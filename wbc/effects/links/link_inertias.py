@@ -20,7 +20,17 @@ from wbc.effects.links.pseudo_inertia import (
     excess,
 )
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import Effect, Evidence, Motion, Parameter, Quantity, Robot, Screen, small_steps
+from wbc.robot import (
+    Effect,
+    Evidence,
+    Motion,
+    Parameter,
+    Quantity,
+    Robot,
+    Screen,
+    Search,
+    small_steps,
+)
 
 _COUNT = len(LOG_CHOLESKY)
 
@@ -28,6 +38,40 @@ _COUNT = len(LOG_CHOLESKY)
 @lru_cache(maxsize=64)
 def _parameters(bodies: tuple[str, ...]) -> tuple[Parameter, ...]:
     return tuple(replace(p, name=f"{body}.{p.name}") for body in bodies for p in PARAMETERS)
+
+
+def _screens(
+    kind: type[LinkInertias], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return a small step of every number of every link."""
+    null = kind.null_values(robot, where)
+    return small_steps(kind.at(where, null).parameters, null)
+
+
+def _departures(effect: LinkInertias) -> FloatArray:
+    """(10 n,) distances from the drawing, in units of how wrong drawings usually are."""
+    return np.concatenate([departures(numbers) for _, numbers in effect.links])
+
+
+def _implausibility(effect: LinkInertias, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what a drawing costs that is worse than usual [nats], all links together.
+
+    The same people draw all links of a robot, so that one factor says how wrong the drawing is.
+    If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
+    """
+    return excess(_departures(effect))
+
+
+def _quantities(effect: LinkInertias, robot: Robot) -> dict[str, Quantity]:
+    """Mass, centre of mass and moments of every link, `BODY.mass` and so on."""
+    changed = effect.change(robot)
+    return {
+        f"{body}.{name}": replace(
+            quantity, instead=quantity.instead and f"{body}.{quantity.instead}"
+        )
+        for body, _ in effect.links
+        for name, quantity in link_quantities(changed, robot.body_joint(body)).items()
+    }
 
 
 @final
@@ -44,8 +88,6 @@ class LinkInertias(Effect):
 
     links: tuple[tuple[str, tuple[float, ...]], ...]
 
-    expected: ClassVar[float] = 2.0  # as friction: no machine weighs what its drawing says
-    claims: ClassVar[int] = 3  # mass, centre of mass and inertia
     name: ClassVar[str] = "link_inertias"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS  # of every link
     explanation: ClassVar[str] = (
@@ -55,6 +97,14 @@ class LinkInertias(Effect):
     experiment: ClassVar[str] = (
         "Move all joints at once along rich, fast motions and hold still in many poses: only then "
         "the links are told from one another."
+    )
+    search: ClassVar[Search] = Search(
+        expected=2.0,  # as friction: no machine weighs what its drawing says
+        claims=3,  # mass, centre of mass and inertia
+        screens=_screens,
+        departures=_departures,
+        implausibility=_implausibility,
+        quantities=_quantities,
     )
 
     def __post_init__(self) -> None:
@@ -94,12 +144,6 @@ class LinkInertias(Effect):
         """Every link as drawn."""
         return {f"{body}.{own}": 0.0 for body in heavy_bodies(robot) for own in LOG_CHOLESKY}
 
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return a small step of every number of every link."""
-        null = cls.null_values(robot, where)
-        return small_steps(cls.at(where, null).parameters, null)
-
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the same with some numbers changed."""
         known = self.values
@@ -109,30 +153,6 @@ class LinkInertias(Effect):
         changed = iter([float(value) for value in {**known, **values}.values()])
         links = tuple((body, tuple(islice(changed, _COUNT))) for body, _ in self.links)
         return type(self)(self.where, links)
-
-    @property
-    def departures(self) -> FloatArray:
-        """(10 n,) distances from the drawing, in units of how wrong drawings usually are."""
-        return np.concatenate([departures(numbers) for _, numbers in self.links])
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a drawing costs that is worse than usual [nats], all links together.
-
-        The same people draw all links of a robot, so that one factor says how wrong the drawing is.
-        If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
-        """
-        return excess(self.departures)
-
-    def quantities(self, robot: Robot) -> dict[str, Quantity]:
-        """Mass, centre of mass and moments of every link, `BODY.mass` and so on."""
-        changed = self.change(robot)
-        return {
-            f"{body}.{name}": replace(
-                quantity, instead=quantity.instead and f"{body}.{quantity.instead}"
-            )
-            for body, _ in self.links
-            for name, quantity in link_quantities(changed, robot.body_joint(body)).items()
-        }
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless every body is one of `robot` that has a mass."""

@@ -8,7 +8,17 @@ from typing import ClassVar, final
 from wbc.effects.links.inertia import add_point_mass, require_physical
 from wbc.effects.links.link_inertia import mass_left
 from wbc.errors import EffectError
-from wbc.robot import Effect, Parameter, Robot
+from wbc.robot import Effect, Parameter, Robot, Search
+
+
+def _remarks(effect: PayloadMass, robot: Robot) -> tuple[str, ...]:
+    """Say of a negative mass that it is drawn and not there."""
+    if effect.mass >= 0.0:
+        return ()
+    joint = (
+        robot.body_joint(effect.where) if effect.where in robot.bodies else effect._carrier(robot)
+    )
+    return (mass_left(-effect.mass, robot.model.inertias[joint].mass, effect.where),)
 
 
 @final
@@ -33,19 +43,15 @@ class PayloadMass(Effect):
         "Hold still in several poses, then move fast: the extra torque follows gravity and "
         "inertia together, at one place of the chain."
     )
+    search: ClassVar[Search] = Search(
+        remarks=_remarks,
+    )
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
         """Every body that has a mass, and every contact point."""
         heavy = [b for b in robot.bodies if robot.model.inertias[robot.body_joint(b)].mass > 0.0]
         return (*heavy, *(c.name for c in robot.contacts))
-
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Say of a negative mass that it is drawn and not there."""
-        if self.mass >= 0.0:
-            return ()
-        joint = robot.body_joint(self.where) if self.where in robot.bodies else self._carrier(robot)
-        return (mass_left(-self.mass, robot.model.inertias[joint].mass, self.where),)
 
     def _carrier(self, robot: Robot) -> int:
         contact = robot.contact(self.where)

@@ -14,10 +14,44 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.effects.presliding.bristles import energy_of_step, inertia_along, stepped
 from wbc.effects.presliding.presliding import TRAVELS, travel_of
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, Search
 
 _FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
 _SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
+
+
+def _freedom(effect: LoadPresliding) -> int:
+    """The length, and the numbers that the efficiencies are."""
+    return 1 + TransmissionEfficiency.search.freedom(effect._efficiencies)
+
+
+def _screens(
+    kind: type[LoadPresliding], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per length; the torque is linear in 1/eta_f and eta_b."""
+    null = kind.null_values(robot, where)
+    travel = travel_of(robot, where, evidence.motions)
+    if travel == 0.0 or null["backward_efficiency"] <= 0.0:
+        return ()
+    _, free = TransmissionEfficiency.search.screens(TransmissionEfficiency, robot, where, evidence)
+    lengths = [min(share * travel, 10.0) for share in _SHARES]
+
+    def screen(length: float) -> Screen:
+        units = tuple({**unit, "length": length} for unit in free.units)
+        return Screen(units, lambda c: {**free.combine(c), "length": length})
+
+    found = [screen(length) for length in lengths]
+    if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
+        bent = [{**null, "length": length} for length in lengths]
+        found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
+    return tuple(found)
+
+
+def _recognisable(effect: LoadPresliding, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether z came close to its end and was seen on its way there."""
+    steps = [np.abs(np.diff(effect.joint_position(robot, motion))) for motion in motions]
+    slow = float(np.median(np.concatenate(steps)))
+    return bool(slow < effect.length < travel_of(robot, effect.where, motions) / TRAVELS)
 
 
 @final
@@ -46,7 +80,6 @@ class LoadPresliding(JointEffect):
     backward_efficiency: float
     length: float
 
-    claims: ClassVar[int] = 2  # losses, and that they build up
     name: ClassVar[str] = "load_presliding"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
@@ -61,42 +94,17 @@ class LoadPresliding(JointEffect):
         "Move the joint slowly back and forth over small and large ranges with two known weights: "
         "the loops of torque over position have round corners and grow with the weight."
     )
-
-    @property
-    def freedom(self) -> int:
-        """The length, and the numbers that the efficiencies are."""
-        return 1 + self._efficiencies.freedom
+    search: ClassVar[Search] = Search(
+        claims=2,  # losses, and that they build up
+        freedom=_freedom,
+        screens=_screens,
+        recognisable=_recognisable,
+    )
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
         """Return the robot's present efficiencies, without a length."""
         return {**TransmissionEfficiency.null_values(robot, where), "length": 0.0}
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per length; the torque is linear in 1/eta_f and eta_b."""
-        null = cls.null_values(robot, where)
-        travel = travel_of(robot, where, evidence.motions)
-        if travel == 0.0 or null["backward_efficiency"] <= 0.0:
-            return ()
-        _, free = TransmissionEfficiency.screening(robot, where, evidence)
-        lengths = [min(share * travel, 10.0) for share in _SHARES]
-
-        def screen(length: float) -> Screen:
-            units = tuple({**unit, "length": length} for unit in free.units)
-            return Screen(units, lambda c: {**free.combine(c), "length": length})
-
-        found = [screen(length) for length in lengths]
-        if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
-            bent = [{**null, "length": length} for length in lengths]
-            found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
-        return tuple(found)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether z came close to its end and was seen on its way there."""
-        steps = [np.abs(np.diff(self.joint_position(robot, motion))) for motion in motions]
-        slow = float(np.median(np.concatenate(steps)))
-        return bool(slow < self.length < travel_of(robot, self.where, motions) / TRAVELS)
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with these efficiencies, the limit of a short length."""

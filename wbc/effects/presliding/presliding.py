@@ -12,12 +12,38 @@ from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.effects.presliding.bristles import energy_of_step, inertia_along, stepped
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, Search
 
 _SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
 # Lengths after which z is within exp(-3) = 5 % of its end. Where the joint never travels so far the
 # bristle never lets go, and acts as a spring does.
 TRAVELS = 3.0
+
+
+def _screens(
+    kind: type[Presliding], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per length, from a small share to a third of the travel."""
+    travel = travel_of(robot, where, evidence.motions)
+    if travel == 0.0:
+        return ()
+
+    def screen(length: float) -> Screen:
+        unit = {"level": 1.0, "length": length}
+        return Screen((unit,), lambda c: {"level": float(c[0]), "length": length})
+
+    return tuple(screen(min(share * travel, 10.0)) for share in _SHARES)
+
+
+def _recognisable(effect: Presliding, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether z came close to its end (else it is a spring) and was seen on its way there.
+
+    A length that the joint passes between two samples is Coulomb friction.
+    """
+    steps = [np.abs(np.diff(effect.joint_position(robot, motion))) for motion in motions]
+    slow = float(np.median(np.concatenate(steps)))
+    travel = travel_of(robot, effect.where, motions)
+    return bool(slow < effect.length < travel / TRAVELS)
 
 
 @final
@@ -55,29 +81,10 @@ class Presliding(JointEffect):
         "Move the joint slowly back and forth over ranges from very small to large: the torque "
         "over the position is a loop whose corners are round, the same at every speed."
     )
-
-    @classmethod
-    def screening(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per length, from a small share to a third of the travel."""
-        travel = travel_of(robot, where, evidence.motions)
-        if travel == 0.0:
-            return ()
-
-        def screen(length: float) -> Screen:
-            unit = {"level": 1.0, "length": length}
-            return Screen((unit,), lambda c: {"level": float(c[0]), "length": length})
-
-        return tuple(screen(min(share * travel, 10.0)) for share in _SHARES)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether z came close to its end (else it is a spring) and was seen on its way there.
-
-        A length that the joint passes between two samples is Coulomb friction.
-        """
-        steps = [np.abs(np.diff(self.joint_position(robot, motion))) for motion in motions]
-        slow = float(np.median(np.concatenate(steps)))
-        travel = travel_of(robot, self.where, motions)
-        return bool(slow < self.length < travel / TRAVELS)
+    search: ClassVar[Search] = Search(
+        screens=_screens,
+        recognisable=_recognisable,
+    )
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return z (1,) of bristles that do not bend."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import ClassVar, final
 
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot
+from wbc.robot import Motion, Parameter, Robot, Search
 
 
 @final
@@ -37,8 +35,8 @@ class PositionOffset(JointEffect):
         "Hold still in many poses, some on both sides of hanging straight: the error follows "
         "the slope of the gravity torque and vanishes where that is flat."
     )
-    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
+    search: ClassVar[Search] = Search(
+        inseparable={
             "center_of_mass": (
                 "No run tells a wrong zero of a robot's last joint from a centre of mass turned by "
                 "the same angle: compare the zero with a mechanical stop or a spirit level, or "
@@ -49,7 +47,7 @@ class PositionOffset(JointEffect):
                 "base tilted about that joint's axis: put a spirit level on the base, or mount it "
                 "at another known angle."
             ),
-        }
+        },
     )
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:

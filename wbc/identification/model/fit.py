@@ -234,7 +234,7 @@ def refine(
 
 
 def _usual(at: Evaluation, slots: Slots, samples: FloatArray | None) -> UsualRows:
-    if not any(effect.departures.size for effect in at.effects):
+    if not any(effect.search.departures(effect).size for effect in at.effects):
         return UsualRows.none(at.residual.shape[1], len(slots))
     count = np.ones(at.residual.shape[1]) if samples is None else samples
     variance = np.maximum(np.mean(at.residual**2, axis=0), 1.0)

@@ -53,7 +53,7 @@ class UsualRows:
         """
         parts, ends = [], [0]
         for effect in effects:
-            parts.append(effect.departures)
+            parts.append(effect.search.departures(effect))
             ends.append(ends[-1] + parts[-1].size)
         residual = np.concatenate([np.zeros(0), *parts])
         jacobian = np.zeros((residual.size, len(slots)))
@@ -133,5 +133,5 @@ def _log_det(matrix: FloatArray) -> float:
 def _slope(effect: Effect, parameter: Parameter, before: FloatArray) -> FloatArray:
     value = effect.values[parameter.name]
     step = STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
-    after = effect.with_values({parameter.name: value + step}).departures
+    after = effect.search.departures(effect.with_values({parameter.name: value + step}))
     return np.asarray((after - before) * (parameter.scale / step))

@@ -84,7 +84,7 @@ def describe_findings(
         quantities, about = quantities_of(problem, fit, k, distortion)
         if about:
             warnings = []  # they are about parameters that nobody checks
-        warnings += [*about, *effect.remarks(problem.robot)]
+        warnings += [*about, *effect.search.remarks(effect, problem.robot)]
         warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k]]
         warnings += [*stray[k], *sensors[k]]
         rivals = tuple(Alternative(*key) for key in alternatives[k])
@@ -114,7 +114,7 @@ def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
     for one, other in zip(*np.nonzero(np.triu(np.abs(matrix), 1) > _CORRELATED), strict=True):
         k, parameter = fit.parameters[one]
         partner, shared = fit.parameters[other]
-        drawn = fit.effects[k].departures.size or fit.effects[partner].departures.size
+        drawn = any(e.search.departures(e).size for e in (fit.effects[k], fit.effects[partner]))
         if k != partner and not drawn:
             effect = fit.effects[partner]
             found[k].append(

@@ -33,11 +33,11 @@ def quantities_of(
         distortion: (p,) by how much parameters are off, see `EstimationProblem.distortion`.
     """
     effect = fit.effects[k]
-    found = effect.quantities(problem.robot)
+    found = effect.search.quantities(effect, problem.robot)
     if not found:
         return {}, []
     drawn = effect.with_values(effect.null_values(problem.robot, effect.where))
-    before = drawn.quantities(problem.robot)
+    before = drawn.search.quantities(drawn, problem.robot)
     rows = [row for row, (owner, _) in enumerate(fit.parameters) if owner == k]
     slopes = _slopes(problem, fit, effect, rows, found)
     usual = fit.usual.jacobian[:, rows]
@@ -106,7 +106,8 @@ def _slopes(
         parameter = fit.parameters[row][1]
         value = effect.values[parameter.name]
         step = _STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
-        moved = effect.with_values({parameter.name: value + step}).quantities(problem.robot)
+        stepped = effect.with_values({parameter.name: value + step})
+        moved = effect.search.quantities(stepped, problem.robot)
         after = np.array([quantity.value for quantity in moved.values()])
         columns.append((after - before) * (parameter.scale / step))
     return np.stack(columns, axis=-1)

@@ -21,7 +21,7 @@ def screens(
     """Return the ways in which an effect may explain what a robot leaves of some logs."""
     if issubclass(kind, YieldingGear):
         return gear_screens(kind, robot, where, records)
-    return kind.screening(robot, where, known)
+    return kind.search.screens(kind, robot, where, known)
 
 
 def gear_screens(

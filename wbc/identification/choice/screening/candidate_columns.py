@@ -171,11 +171,12 @@ def alone_on(robot: Robot, given: Robot) -> bool:
 
 def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
     """Return (r, r) how fast units depart from what is usual; zero for most effects."""
-    first = _made(effect, where, screen, screen.units[0]).departures
+    departures = effect.search.departures
+    first = departures(_made(effect, where, screen, screen.units[0]))
     if not first.size:
         return np.zeros((len(screen.units), len(screen.units)))
-    null = effect.at(where, effect.null_values(robot, where)).departures
-    slopes = [_made(effect, where, screen, unit).departures - null for unit in screen.units]
+    null = departures(effect.at(where, effect.null_values(robot, where)))
+    slopes = [departures(_made(effect, where, screen, unit)) - null for unit in screen.units]
     return np.array([[one @ other for other in slopes] for one in slopes])
 
 

@@ -47,7 +47,7 @@ def usual(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     has a false cause more and one a false cause less.
     """
     robot = proposer.trials.problem.robot
-    kinds = [c for c in proposer.at_once.candidates if c.expected > 0.0 and c.one_fit]
+    kinds = [c for c in proposer.at_once.candidates if c.search.expected > 0.0 and c.search.one_fit]
     joints = set(robot.transmission.joints)
     offer = tuple(
         kind.at(where, kind.null_values(robot, where))

@@ -148,7 +148,7 @@ class Proposer:
             rest: the hypothesis without them, fitted.
             count: how many pairs at most.
         """
-        if h.swings or any(e.departures.size for e in own) or not self.candidates:
+        if h.swings or any(e.search.departures(e).size for e in own) or not self.candidates:
             return []
         found = self._without(h, own, rest, ())
         if found is None:
@@ -172,7 +172,9 @@ class Proposer:
         self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, exclude: Sequence[Key]
     ) -> tuple[LinearScreen, LinearScreen, list[Regressor]] | None:
         """Return the screen beside a hypothesis without some causes, that with them, the causes."""
-        some = any(deflects(c) for c in self.candidates) or any(e.departures.size for e in own)
+        some = any(deflects(c) for c in self.candidates) or any(
+            e.search.departures(e).size for e in own
+        )
         if some or h.swings or not self.candidates:
             return None
         search, regressors = self._around(h)

@@ -91,7 +91,7 @@ class Search:
 
     def _doubted_beside_drawings(self, current: Hypothesis) -> tuple[str, ...]:
         """Return the names that are not believed, none where no link's drawing is wrong."""
-        drawn = any(effect.departures.size for effect in current.effects)
+        drawn = any(effect.search.departures(effect).size for effect in current.effects)
         return doubted_names(self.proposer.trials, current) if drawn else ()
 
     def _next(self, current: Hypothesis) -> Hypothesis | None:

@@ -52,7 +52,7 @@ class Support:
             that it explains.
         coverage: (k - 1) k / n where the same effect was found at k of n joints that are judged.
         explained: whether too little is left altogether to ask for one cause more.
-        expected: log prior odds of the effect on real machines [nats] (`Effect.expected`).
+        expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
     """
 
@@ -138,7 +138,7 @@ def _supports(
             remainder=_remainder(share, excess / first),
             coverage=(places - 1) * places / len(trials.problem.judged_joints),
             explained=explained,
-            expected=effect.expected,
+            expected=effect.search.expected,
             implausible=implausible,
         )
         result.append(support)
