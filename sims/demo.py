@@ -11,9 +11,9 @@ from sims import standing
 from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import load_robot, save_robot
-from wbc.cli.logs.compare import error_table
-from wbc.cli.logs.diagnose import print_diagnosis
-from wbc.cli.robots.experiment import print_experiment, write_set_points
+from wbc.cli.diagnose import print_diagnosis
+from wbc.cli.experiment import print_experiment, write_set_points
+from wbc.cli.printout import table
 from wbc.design.experiment import (
     MotionLimits,
     design_experiment,
@@ -28,6 +28,7 @@ from wbc.measurement import load_log, load_logs, save_log
 from wbc.sim.excitation import record_with
 from wbc.view import write_playback
 from wbc.view.report import write_report
+from wbc.view.rows import error_rows
 
 OUT = Path("out")
 LOOPS = (
@@ -69,7 +70,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     runs = record_with(leg, hidden, duration=duration)
     written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(runs)]
     logs = load_logs(written)
-    console.print(error_table(compare(leg, logs)))
+    console.print(table(error_rows(compare(leg, logs))))
     diagnosis = diagnose(leg, logs)
     commands = Commands.of(
         list(map(str, written)),
@@ -78,7 +79,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
         lossless=True,
     )
     print_diagnosis(console, diagnosis, commands)
-    console.print(error_table(compare(diagnosis.robot, logs)))
+    console.print(table(error_rows(compare(diagnosis.robot, logs))))
     written += [
         save_robot(diagnosis.robot, OUT / "fitted.toml", diagnosis.intervals()),
         write_report(

@@ -10,11 +10,12 @@ import pytest
 from rich.console import Console
 
 from wbc.cli import main
-from wbc.cli.logs.identify import table_of
+from wbc.cli.printout import table
 from wbc.identification.classic import ClassicFit
 from wbc.identification.classic.classic_fit import BaseParameter
 from wbc.measurement import save_log
 from wbc.samples import sample_logs
+from wbc.view.rows import parameter_rows
 
 
 def test_it_prints_whole_numbers_within_eighty_columns_and_writes_them(
@@ -39,6 +40,6 @@ def test_a_long_name_breaks_and_its_numbers_stay(capsys: pytest.CaptureFixture[s
     parameter = BaseParameter(name, sums, 1234.5, -0.000283, 1234.1, 1234.9, "N m s/rad")
     nothing = np.zeros((0,))
     fit = ClassicFit((parameter,), (), nothing, nothing, nothing, ())
-    Console(width=60).print(table_of(fit))
+    Console(width=60).print(table(parameter_rows(fit)))
     shown = capsys.readouterr().out
     assert all(text in shown for text in ("1234", "1234 … 1235", "−0.000283", "N m s/rad"))

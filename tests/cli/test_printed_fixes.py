@@ -51,7 +51,7 @@ FIXES: list[tuple[str, str, str]] = [
     ),
     ("--rounds must be at least 1.", f"{PLAN} {KNEE} --rounds 0", f"{PLAN} {KNEE} --rounds 1"),
     (
-        "the name must end in .csv.",
+        "--{} '{}': the name must end in {}.",
         f"{PLAN} {KNEE} --out path.txt",
         f"{PLAN} {KNEE} --out path.csv",
     ),
@@ -92,7 +92,7 @@ FIXES: list[tuple[str, str, str]] = [
         f"{PLAN} --between found.json",
     ),
     (
-        "with --each the name must end in .parquet.",
+        "--{} '{}': the name must end in {}.",
         f"{PLAN} --each {TWO} --out plans.csv",
         f"{PLAN} --each {TWO} --out plans.parquet",
     ),
@@ -138,7 +138,7 @@ FIXES: list[tuple[str, str, str]] = [
         "metrics planar_leg --pose hip=x",
         "metrics planar_leg --pose hip=0.1",
     ),
-    ("the name must end in .parquet.", f"{STUDY} --out d.csv", f"{STUDY} --out d.parquet"),
+    ("--{} '{}': the name must end in {}.", f"{STUDY} --out d.csv", f"{STUDY} --out d.parquet"),
     (
         "--instants must be at least 1.",
         f"{STUDY} --gait run.csv --instants 0",
@@ -280,14 +280,10 @@ ELSEWHERE = {
 }
 # No way out: the name of an option before what is wrong with its value, or what wrote a file.
 NO_WAY_OUT = (
-    "of --each",
     "what --{} writes",
     "no Dask scheduler there",
-    "for --efficiency [rad/s]",
-    "gearboxes of the catalogue to try",
     "is no run; at least two ticks",
     "taken for a joint without a drive",
-    "its options: wbc COMMAND --help",
     "writes nothing",
     "--figures '{}'",
     "--{} '{}'",
@@ -297,6 +293,7 @@ _SHOWS = re.compile(
 )
 _OPTION = re.compile(r"--([a-z-]+|{})(=\S+)?")
 _FILES_OF_OTHER_PROGRAMS = ("browser.py", "provenance.py", "isaac.py", "robot_guess.py")
+_HELP = "options.py"  # the help of the command line
 
 
 def templates(tree: ast.Module) -> Iterator[str]:
@@ -331,7 +328,7 @@ def printed_ways_out() -> list[str]:
     return [
         text
         for path in sorted((ROOT / "wbc").rglob("*.py"))
-        if path.name not in _FILES_OF_OTHER_PROGRAMS
+        if path.name not in (*_FILES_OF_OTHER_PROGRAMS, _HELP)
         for text in templates(ast.parse(path.read_text(encoding="utf-8")))
         if _SHOWS.search(text) and not _OPTION.fullmatch(text)
         if not text.startswith(("example: ", "example:\n", "examples:\n"))

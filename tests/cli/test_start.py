@@ -14,7 +14,7 @@ from wbc.samples import sample_paths
 
 _RUN = """
 import sys
-from wbc.cli.entry import run
+from wbc.cli import main as run
 try:
     run(sys.argv[1:])
 except SystemExit:
@@ -35,6 +35,14 @@ def loaded(*arguments: str, refused: str = "") -> list[str]:
 @pytest.mark.parametrize("command", ["", "diagnose", "compare", "design", "experiment", "metrics"])
 def test_help_loads_neither_plant_nor_controller(command: str) -> None:
     assert loaded(*filter(None, [command, "--help"])) == []
+
+
+def test_the_list_of_commands_loads_none_of_them() -> None:
+    """`wbc --help` took 2.6 s: it imported what every command needs."""
+    code = "import sys, wbc.cli.options as o; o.build_parser(); print('loaded:', *sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    heavy = {"rich", "pyarrow", "wbc.identification", "wbc.measurement", "wbc.design", "wbc.view"}
+    assert heavy & set(done.stdout.split()) == set()
 
 
 def test_checking_a_log_loads_neither(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.cli import main
-from wbc.cli.entry import build_parser
+from wbc.cli.options import build_parser
 from wbc.effects import CoulombFriction
 from wbc.measurement import save_log
 from wbc.sim.excitation import record_with

@@ -10,7 +10,7 @@ from sims import backdrive, demo, holding, hopping, impact, parallelogram, stand
 from sims.hopper import Hopper
 from sims.leg import balanced_pose
 from sims.pushes import hanging_leg
-from wbc.cli.entry import build_parser
+from wbc.cli.options import build_parser
 from wbc.sim import Plant, simulate
 
 

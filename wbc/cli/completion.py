@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import Any
 
 import shtab
 from rich.console import Console
 
+from wbc.cli.options import build_parser
 from wbc.effects import EFFECTS
 from wbc.robot import robot_names
-
-SHELLS = ("bash", "zsh", "fish", "tcsh")
-
-_EPILOG = """examples:
-  bash:  wbc completion bash > ~/.local/share/bash-completion/completions/wbc
-  zsh:   wbc completion zsh > "${fpath[1]}/_wbc"
-  fish:  wbc completion fish > ~/.config/fish/completions/wbc.fish
-  tcsh:  wbc completion tcsh > ~/.wbc.completion.csh; source it in ~/.cshrc
-
-The script holds the names of the shipped robots; write it again after an
-update."""
 
 _FILES = {
     "bash": "_wbc_files",
@@ -31,27 +19,13 @@ _FILES = {
 }
 _ROBOTS = {"bash": "_wbc_robots", "zsh": "_wbc_robots", "fish": "(_wbc_robots)", "tcsh": "f"}
 _EFFECTS = {"bash": "_wbc_effects", "zsh": "_wbc_effects", "fish": "(_wbc_effects)", "tcsh": "f"}
+_FILE_MARKS = ("LOG", "RUN", "FILE", "MAP", "INDEX", "FITTED", "DIR")
+"""How the metavar of an argument that names a file begins."""
 
 
-def add_to(commands: Any, parser: Callable[[], argparse.ArgumentParser]) -> None:
-    """Add the command's parser.
-
-    Args:
-        commands: where to add it.
-        parser: makes the parser of the whole command line, which the script describes.
-    """
-    own = commands.add_parser(
-        "completion",
-        help="print the script for completion in a shell",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    own.add_argument("shell", choices=SHELLS)
-    own.set_defaults(run=lambda options, console: run(options, console, parser()))
-
-
-def run(options: argparse.Namespace, console: Console, parser: argparse.ArgumentParser) -> int:
+def run(options: argparse.Namespace, console: Console) -> int:
     """Print the script."""
+    parser = build_parser()
     _describe(parser)
     script = shtab.complete(parser, options.shell, preamble=_preamble())
     console.out(script, highlight=False)
@@ -68,9 +42,7 @@ def _describe(parser: argparse.ArgumentParser) -> None:
             action.complete = _ROBOTS  # type: ignore[attr-defined]
         elif action.dest == "add":
             action.complete = _EFFECTS  # type: ignore[attr-defined]
-        elif action.dest in ("logs", "run_file", "columns", "save", "json", "report", "index") or (
-            action.dest in ("ghost", "html", "png", "gif", "figures")
-        ):
+        elif str(action.metavar).startswith(_FILE_MARKS):
             action.complete = _FILES  # type: ignore[attr-defined]
 
 

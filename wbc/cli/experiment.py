@@ -5,16 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from wbc.cli.shared.inputs import table_console, watching, write_json
-from wbc.cli.shared.outputs import require_outputs
+from wbc.cli.outputs import (
+    require_outputs,
+    table_console,
+    watching,
+    write_figures,
+    write_json,
+)
+from wbc.cli.printout import table
 from wbc.design.experiment import (
     BAND,
     CLASSIC,
@@ -37,72 +43,21 @@ from wbc.files import write_text
 from wbc.results import read_results
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
+from wbc.view.table import TextTable
 
 _ODDS = "log10 of the expected odds (3: one thousand to one)"
 _SURE = 0.99  # chance below which promises were kept less often than made, on 87 ties
-
-_EPILOG = """\
-A cause is EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE,...; `wbc list effects`
-names them, + joins several. found.json is what `wbc diagnose --json` wrote: the
-causes are what it found and what it could not tell from that. One cause alone:
-the motion that shrinks its intervals.
-
-The odds are those of the cause, if true, over the other one after its numbers
-are refitted: equal odds before, white noise of the torque, and nothing else
-wrong with the model. Of found.json, the values that its logs leave open are
-averaged over. A free base is held in a stand, the feet in the air.
-
-example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
-  --between rotor_inertia@knee payload_mass@shin --out trajectory.csv"""
-
-
-def add_to(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "experiment",
-        help="a motion that tells rival causes apart, and its expected odds",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add = parser.add_argument
-    add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
-    add("--lossless", action="store_true", help="start from the robot with perfect gears")
-    add("--between", nargs="+", required=True, metavar="CAUSE",
-        help="causes, or the found.json of a diagnosis")  # fmt: skip
-    add("--duration", type=float, default=10.0, metavar="S", help="[s], default 10")
-    add("--rate", type=float, default=100.0, metavar="HZ", help="rows per second, default 100")
-    add("--noise", type=float, metavar="NM",
-        help="noise of the measured rotor torque [N m]; default: 1 %% of its limit")  # fmt: skip
-    add("--band", type=float, default=BAND, metavar="HZ",
-        help=f"of torques that the diagnosis will keep, default {BAND:g}")  # fmt: skip
-    add("--span", type=float, default=np.inf, metavar="RAD", help="furthest from the usual pose")
-    add("--speed", type=float, default=np.inf, metavar="X", help="limit of joint speeds [rad/s]")
-    add("--acceleration", type=float, default=np.inf, metavar="X", help="limit [rad/s^2]")
-    add("--rounds", type=int, default=300, metavar="N", help="changes tried (default 300)")
-    add("--seed", type=int, default=0, help="seed of the search (default 0)")
-    add("--each", action="store_true",
-        help="a motion for every found.json, or for every two causes, into one table")  # fmt: skip
-    add(
-        "--workers", type=int, default=1, metavar="N", help="of --each: processes; -1 for all cores"
-    )
-    add("--cluster", metavar="ADDRESS", help="of --each: Dask scheduler to work on instead")
-    add("--out", metavar="FILE", help="set points, default trajectory.csv; plans.parquet of --each")
-    add("--figures", nargs="?", const="out", metavar="DIR", help="write motion and torques (PNG)")
-    add("--theme", choices=("light", "dark"), default="light", help="colours of the figure")
-    add("--json", metavar="FILE", help="the odds for machines ('-' prints it)")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Design the motion, say what to expect, write the set points."""
     options.out = options.out or ("plans.parquet" if options.each else "trajectory.csv")
-    require_outputs(options)
+    options.band = BAND if options.band is None else options.band
+    require_outputs(options, ".parquet" if options.each else ".csv")
     if options.rounds < 1:
         raise WbcError("--rounds must be at least 1.")
     if options.each:
         return _run_each(options, table_console(options, console), console)
-    if Path(options.out).suffix.lower() != ".csv":
-        raise WbcError(f"--out '{options.out}': the name must end in .csv.")
     task = _task(options, options.between)
     robot = task.loaded()
     rivals, limits = task.rivals(robot), task.limits(robot)
@@ -113,7 +68,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     path = write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
     shown.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
     if options.figures:
-        shown.print(f"wrote {_draw(options, rivals, limits, found)}")
+        _draw(options, rivals, limits, found, shown)
     write_json(options.json, _json(rivals, found, path), console)
     return 0
 
@@ -136,8 +91,6 @@ def _task(options: argparse.Namespace, between: Sequence[str]) -> ExperimentTask
 def _run_each(options: argparse.Namespace, shown: Console, console: Console) -> int:
     """Plan a motion for every diagnosis, or for every two of the causes."""
     out = Path(options.out)
-    if out.suffix.lower() != ".parquet":
-        raise WbcError(f"--out '{out}': with --each the name must end in .parquet.")
     tasks = [_task(options, group) for group in _groups(options.between)]
     with watching("experiments", shown) as watch:
         path = plan_experiments(
@@ -166,14 +119,12 @@ def _groups(texts: Sequence[str]) -> list[list[str]]:
 
 
 def _print_rows(rows: Mapping[str, Any], console: Console) -> None:
-    table = Table(title=f"least {_ODDS}", box=None)
-    for name in ("", "causes", RANDOM, CLASSIC, DESIGNED):
-        table.add_column(name, justify="left" if name == "causes" else "right")
+    heads, lines = (">", "causes", *(f">{name}" for name in (RANDOM, CLASSIC, DESIGNED))), []
     for k, text in enumerate(rows["path"]):
         odds = [rows[f"log10_odds_{name}"][k] for name in ("random", "d_optimal", "designed")]
         cells = [f"{value:.4g}" for value in odds] if text else ["", "", "none"]
-        table.add_row(str(k + 1), rows["causes"][k], *cells)
-    console.print(table)
+        lines.append((str(k + 1), rows["causes"][k], *cells))
+    console.print(table(TextTable(heads, tuple(lines), f"least {_ODDS}")))
     for k, failure in enumerate(rows["failure"], 1):
         if failure:
             console.print(f"no motion for {k}: {failure}")
@@ -207,16 +158,12 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
 
 
 def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
-    table = Table(title=_ODDS, box=None)
-    table.add_column("if this cause is true")
-    table.add_column("over")
-    for name in found:
-        table.add_column(name, justify="right")
+    heads, lines = ("if this cause is true", "over", *(f">{name}" for name in found)), []
     for pair in found[DESIGNED].odds:
         told = pair not in found[DESIGNED].alike
         cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
-        table.add_row(str(pair[0] + 1), str(pair[1] + 1), *cells)
-    console.print(table)
+        lines.append((str(pair[0] + 1), str(pair[1] + 1), *cells))
+    console.print(table(TextTable(heads, tuple(lines), _ODDS)))
     doubted = [
         f"{i + 1} over {j + 1}"
         for (i, j), chance in found[DESIGNED].chance.items()
@@ -230,28 +177,28 @@ def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
 
 
 def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
-    table = Table(title="expected half widths of the 90 % intervals", box=None)
-    table.add_column("parameter")
-    for name in found:
-        table.add_column(name, justify="right")
+    lines: list[tuple[str, ...]] = []
     for number, cause in enumerate(rivals.causes):
         for row, (effect, parameter) in enumerate(parameter_names(cause)):
             cells = [f"{one.widths[number][row]:.3g}" for one in found.values()]
             unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
-            table.add_row(f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells)
+            lines.append((f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells))
     shares = [f"{one.width / found[RANDOM].width:.2f}" for one in found.values()]
-    table.add_row("geometric mean, over the random one's", *shares)
-    console.print(table)
+    lines.append(("geometric mean, over the random one's", *shares))
+    heads = ("parameter", *(f">{name}" for name in found))
+    title = "expected half widths of the 90 % intervals"
+    console.print(table(TextTable(heads, tuple(lines), title)))
 
 
 def _draw(
-    options: argparse.Namespace, rivals: Rivals, limits: MotionLimits, found: dict[str, Designed]
-) -> Path:
-    from wbc.view import DARK, LIGHT
-    from wbc.view.plots import write_figure
+    options: argparse.Namespace,
+    rivals: Rivals,
+    limits: MotionLimits,
+    found: dict[str, Designed],
+    console: Console,
+) -> None:
     from wbc.view.plots.experiment import experiment_figure
 
-    theme = DARK if options.theme == "dark" else LIGHT
     designed, robot = found[DESIGNED], rivals.robot
     time = designed.path.times(options.rate)
     position, velocity, _ = designed.path.at(time)
@@ -264,8 +211,9 @@ def _draw(
             for name, key in (("designed", DESIGNED), ("random", RANDOM))
         }
     joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
-    figure = experiment_figure(joints, time, (position, velocity), misfits, theme=theme)
-    return write_figure(Path(options.figures) / f"{robot.name}_experiment.png", figure)
+    draw = partial(experiment_figure, joints, time, (position, velocity), misfits)
+    path = Path(options.figures) / f"{robot.name}_experiment.png"
+    write_figures(options, [(path, lambda theme: draw(theme=theme))], console)
 
 
 def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:

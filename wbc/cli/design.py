@@ -5,19 +5,25 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from wbc.arrays import FloatArray
-from wbc.cli.shared.inputs import read_logs, table_console, watching, write_json
-from wbc.cli.shared.outputs import require_outputs, require_parquet
-from wbc.cli.shared.sites import checked_axes, first_contact, main_direction, pose_from
+from wbc.cli.inputs import read_logs
+from wbc.cli.outputs import (
+    require_outputs,
+    table_console,
+    watching,
+    write_figures,
+    write_json,
+)
+from wbc.cli.printout import table
+from wbc.cli.robots import checked_axes, first_contact, pose_from
 from wbc.design import (
-    SIMULATIONS,
     Objective,
     Study,
     best_designs,
@@ -30,80 +36,18 @@ from wbc.design import (
     run_study,
     sampled_designs,
 )
-from wbc.design.sweep_parameter import NAMES
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.robot import Robot
+from wbc.view.table import TextTable
 
 _DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
 
-_EPILOG = f"""\
-parameters: {", ".join(NAMES[:4])},
-{", ".join(NAMES[4:6])}, length.LINK, mass.LINK, joint.JOINT;
-a gear parameter takes .JOINT for one gear alone. Without backward_efficiency, a
-swept forward_efficiency brings the wedge's 2 - 1/eta_f. What a gearbox of the
-catalogue leaves out stays the robot's own; its backward efficiency the wedge's.
-
-example: wbc design planar_leg --sweep reduction=6:160:40:log
-  --sweep forward_efficiency=0.5:0.98:40 --figures out
-
-A run that was interrupted goes on when the same command is given again."""
-
-
-def add_to(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "design",
-        help="sweep gears, links and pose: maps and the best compromises",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add = parser.add_argument
-    add("robot", metavar="ROBOT", help="shipped robot, robot.toml or fitted.toml")
-    add("--sweep", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT[:log]]",
-        help="what varies, or NAME=V,V,...; give it once per parameter")  # fmt: skip
-    add(
-        "--gearbox",
-        metavar="NAME,...|all",
-        help="gearboxes of the catalogue to try (`wbc list gearboxes`)",
-    )
-    add("--catalogue", metavar="FILE.csv", help="another catalogue of gearboxes")
-    add("--efficiency", metavar="FILE.csv",
-        help="both efficiencies by load and speed, read at the load held")  # fmt: skip
-    add("--joint-speed", type=float, default=0.0, metavar="X", help="for --efficiency [rad/s]")
-    add("--gait", metavar="LOG", help="judge every design in the poses of a recorded motion")
-    add(
-        "--instants",
-        type=int,
-        default=20,
-        metavar="N",
-        help="poses taken from the gait (default 20)",
-    )
-    add("--samples", type=int, default=0, metavar="N", help="N Sobol samples instead of a grid")
-    add("--seed", type=int, default=0, help="seed of the samples (default 0)")
-    add("--simulate", default="", metavar="NAME,...",
-        help=f"also simulate: {', '.join(SIMULATIONS)}")  # fmt: skip
-    add("--contact", metavar="NAME", help="or a frame; default: the first contact")
-    add("--pose", metavar="NAME|J=V,...", help="a named pose or joint positions [rad, m]")
-    add("--axes", default="xz", help="world axes (default xz)")
-    add("--load", type=float, metavar="N", help="force to hold [N]; default: each one's weight")
-    add("--objective", action="append", metavar="COLUMN:max|min",
-        help="goals of the front; default lift:max (holding_torque:min without torque limits)"
-        " and impact_mitigation:max (backward_inertia:min on a fixed base)")  # fmt: skip
-    add("--workers", type=int, default=1, metavar="N", help="processes; -1 for all cores")
-    add("--cluster", metavar="ADDRESS", help="Dask scheduler to work on instead")
-    add("--out", default="designs.parquet", metavar="FILE.parquet", help="the table of all designs")
-    add("--figures", nargs="?", const="out", metavar="DIR", help="write map and front (PNG)")
-    add("--theme", choices=("light", "dark"), default="light", help="colours of the figures")
-    add("--json", metavar="FILE", help="the front for machines ('-' prints it)")
-    parser.set_defaults(run=run)
-
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Run or resume the study, print the front, write figures and JSON."""
-    require_outputs(options)
-    require_parquet(options.out)
+    require_outputs(options, ".parquet")
     if options.workers == 0:
         raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
     study = _study(options)
@@ -128,6 +72,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
 def _study(options: argparse.Namespace) -> Study:
     robot = load_robot(options.robot)
     axes = checked_axes(options.axes)
+    main = "z" if "z" in axes else axes[-1]
     catalogue = read_gearboxes(options.catalogue)
     return Study(
         robot=options.robot,
@@ -135,7 +80,7 @@ def _study(options: argparse.Namespace) -> Study:
         contact=options.contact or first_contact(robot),
         position=tuple(pose_from(robot, options.pose).tolist()),
         axes=axes,
-        direction=tuple(main_direction(axes).tolist()),
+        direction=tuple(1.0 if axis == main else 0.0 for axis in axes),
         samples=options.samples,
         seed=options.seed,
         simulations=tuple(name for name in options.simulate.split(",") if name),
@@ -193,16 +138,15 @@ def _print(
     count, size = len(front["design"]), study.size // max(len(study.gait), 1)
     title = f"Pareto front: {count} of {size} designs ({aims})"
     columns = _columns(study, objectives)
-    shown = Table(title=title, box=None)
-    for name in columns:
-        unit = "" if units[name] == "1" else f"\n[{units[name]}]"
-        shown.add_column(name.replace("_", " ") + unit, justify="right")
+    heads = [
+        f">{name.replace('_', ' ')}" + ("" if units[name] == "1" else f"\n[{units[name]}]")
+        for name in columns
+    ]
     chosen = np.arange(count)
     if count > _SHOWN:
         chosen = np.linspace(0, count - 1, _SHOWN).round().astype(np.int_)
-    for row in chosen:
-        shown.add_row(*(_cell(study, name, front[name][row]) for name in columns))
-    console.print(shown)
+    cells = tuple(tuple(_cell(study, name, front[name][row]) for name in columns) for row in chosen)
+    console.print(table(TextTable(tuple(heads), cells, title)))
     if not count:
         console.print(
             "No design can be judged: each has a goal that is infinite or undefined. In a singular "
@@ -255,29 +199,23 @@ def _draw(
     units: Mapping[str, str],
     console: Console,
 ) -> None:
-    from wbc.view import DARK, LIGHT
-    from wbc.view.plots import design_map, pareto_figure, write_figure
+    from wbc.view.plots import design_map, pareto_figure
     from wbc.view.plots.design import MAPPED
 
-    table = sampled_designs(path, _DRAWN, objectives, len(study.gait))
-    count, size = len(table["design"]), study.size // max(len(study.gait), 1)
+    drawn = sampled_designs(path, _DRAWN, objectives, len(study.gait))
+    count, size = len(drawn["design"]), study.size // max(len(study.gait), 1)
     if count < size:
         console.print(f"the pictures show {count} of {size} designs, evenly spread")
-    theme = DARK if options.theme == "dark" else LIGHT
     varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"] or ["design"]
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     aimed = [objective.column for objective in objectives]
-    columns = list(dict.fromkeys([*(name for name in MAPPED if name in table), *aimed]))
-    figures = {
-        "map": design_map(
-            table, varied, units, columns=columns, logarithmic=logarithmic, theme=theme
-        )
-    }
+    columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
+    start = f"{options.figures}/{load_robot(study.robot).name}_design"
+    show_map = partial(design_map, drawn, varied, units, columns=columns, logarithmic=logarithmic)
+    figures = [(Path(f"{start}_map.png"), lambda theme: show_map(theme=theme))]
     if len(objectives) > 1:
-        aims = [objective.column for objective in objectives[:2]]
-        both = {name: np.concatenate([front[name], values]) for name, values in table.items()}
+        both = {name: np.concatenate([front[name], values]) for name, values in drawn.items()}
         best = np.arange(len(front["design"]))
-        figures["front"] = pareto_figure(both, best, aims, varied[0], units, theme=theme)
-    for name, figure in figures.items():
-        target = Path(options.figures) / f"{load_robot(study.robot).name}_design_{name}.png"
-        console.print(f"wrote {write_figure(target, figure)}")
+        show_front = partial(pareto_figure, both, best, aimed[:2], varied[0], units)
+        figures.append((Path(f"{start}_front.png"), lambda theme: show_front(theme=theme)))
+    write_figures(options, figures, console)

@@ -4,37 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
-from wbc.cli.shared.inputs import (
-    add_log_options,
-    read_logs,
-    robot_from,
-    table_console,
-    write_fix,
-    write_json,
-)
-from wbc.cli.shared.outputs import require_outputs
-from wbc.cli.shared.printout import Part, Spoken, print_out
+from wbc.cli.inputs import read_logs, robot_from, write_fix
+from wbc.cli.outputs import require_outputs, table_console, write_json
+from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.measurement import LogQuality, check_logs, find_repeats
 from wbc.measurement import read_logs as read_suspicious
 from wbc.measurement.guessing.robot_guess import guessed_numbers
-
-
-def add_to(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "check",
-        help="what logs are good for, and which columns are wrong",
-        epilog="example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
-    )
-    add_log_options(parser)
-    parser.add_argument("--json", metavar="FILE", help="the result for programs ('-' prints it)")
-    parser.set_defaults(run=run)
+from wbc.view.rows import clock_rows, short_label
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
@@ -54,9 +33,9 @@ def run(options: argparse.Namespace, console: Console) -> int:
     answer = [_answer(qualities, len(said), options.quiet)]
     parts = [Part("remarks", Spoken(text, 2)) for text in said]
     for group in find_repeats(logs):
-        names = ", ".join(_short(qualities[k]) for k in group)
+        names = ", ".join(short_label(qualities[k].label) for k in group)
         parts.append(Part("repeats", f"repeats of one run: {names}"))
-    parts.append(Part("the clocks", _clock_table(qualities)))
+    parts.append(Part("the clocks", table(clock_rows(qualities))))
     print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
     write_fix(options, list(wrong.values()), shown)
@@ -94,7 +73,7 @@ def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
     about: dict[str, list[str]] = {}
     for quality in qualities:
         for finding in quality.findings:
-            about.setdefault(str(finding), []).append(_short(quality))
+            about.setdefault(str(finding), []).append(short_label(quality.label))
     if len(qualities) == 1:
         return list(about)
     everywhere = f"all {len(qualities)} logs"
@@ -106,7 +85,7 @@ def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
 
 def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
     """Return in a sentence whether the logs can be used."""
-    wrong = [_short(quality) for quality in qualities if not quality.usable]
+    wrong = [short_label(quality.label) for quality in qualities if not quality.usable]
     if wrong:
         why = " Why: the same command without --quiet." if quiet else ""
         return f"do not use yet: {', '.join(wrong)} would give wrong results.{why}"
@@ -116,27 +95,3 @@ def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
     if remarks:
         return "these logs can be used, with the remarks below."
     return "nothing to complain about"
-
-
-def _short(quality: LogQuality) -> str:
-    """Return the name of a log without its folders."""
-    path, mark, part = quality.label.partition("#")
-    return Path(path).name + mark + part
-
-
-def _clock_table(qualities: Sequence[LogQuality]) -> Table:
-    """Return length and clock of every log."""
-    table = Table("log", "rows", "[s]", "[Hz]", "jitter", "longest gap", box=None)
-    table.columns[0].overflow = "fold"
-    for column in table.columns[1:]:
-        column.justify = "right"
-    for q in qualities:
-        table.add_row(
-            _short(q),
-            str(q.rows),
-            f"{q.duration:.3f}",
-            f"{q.rate:.1f}",
-            f"{100.0 * q.jitter:.1f} %",
-            f"{1e3 * q.longest_gap:.1f} ms",
-        )
-    return table

@@ -5,50 +5,16 @@ from __future__ import annotations
 import argparse
 import shlex
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
-from wbc.cli.shared.printout import Spoken
+from wbc.cli.printout import Spoken
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.measurement.columns.mend import write_map
 from wbc.measurement.guessing.column_guess import guess_map, guess_names, not_found
 from wbc.measurement.guessing.ratio_guess import guess_ratios
 from wbc.measurement.guessing.robot_guess import guessed_numbers, model_joints, write_robot
-
-_EPILOG = """examples:
-  wbc init my_leg.urdf run1.csv run2.csv
-  wbc init planar_leg_fixed run*.csv --out leg
-
-Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
-as a guess, with the reason: joints by name, motion and torque, units by
-derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
-motion of a joint and of its motor. What the logs lack is named, with the way to add
-it. Correct the guesses, then run wbc check."""
-
-
-def add_to(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "init",
-        help="a first robot.toml and column map for a model and logs",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("robot", metavar="MODEL", help="URDF, MJCF, robot.toml or shipped robot")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="CSV, Parquet, NPZ, MCAP or bag")
-    parser.add_argument(
-        "--base",
-        choices=("fixed", "free_flyer"),
-        default="fixed",
-        help="how the base of a model file is held",
-    )
-    parser.add_argument(
-        "--rate", type=float, metavar="HZ", help="rows per second of logs without a clock"
-    )
-    parser.add_argument("--out", default=".", metavar="DIR", help="where to write (default here)")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace, console: Console) -> int:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.padding import Padding
 from rich.segment import Segment, Segments
+from rich.table import Table
+
+from wbc.view.table import TextTable
 
 LINES = 54
 """Of a printout that nobody asked to be longer; with the names of files written it is below 60."""
@@ -52,11 +54,19 @@ class Spoken:
                 yield Padding(line, (0, 0, 0, self.indent), expand=False)
 
 
-def add_depth_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say how much is printed."""
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument("--quiet", action="store_true", help="print the answer alone")
-    group.add_argument("--verbose", action="store_true", help="print all of the detail")
+def table(rows: TextTable) -> Table:
+    """Return rows as a table without lines between its cells."""
+    made = Table(box=None, title=rows.title or None, caption=rows.caption or None)
+    for head in rows.heads:
+        made.add_column(
+            head.lstrip(">~"),
+            justify="right" if head.startswith(">") else "left",
+            overflow="fold" if head.startswith("~") else "ellipsis",
+            no_wrap=rows.whole and not head.startswith("~"),
+        )
+    for row in rows.cells:
+        made.add_row(*row)
+    return made
 
 
 def print_out(

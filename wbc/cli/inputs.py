@@ -1,0 +1,92 @@
+"""Robots, logs and column maps as the options name them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from wbc.effects import load_robot
+from wbc.errors import LogError
+from wbc.measurement import Log, LogFinding, load_logs, with_machine
+from wbc.measurement.columns.map_table import merged, read_table
+from wbc.measurement.columns.mend import together, write_map
+from wbc.robot import Robot
+
+Reader = Callable[..., tuple[Log, ...]]
+
+
+def robot_from(options: argparse.Namespace) -> Robot:
+    """Return the robot that the options name."""
+    robot = load_robot(options.robot)
+    return robot.lossless() if options.lossless else robot
+
+
+def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
+    """Return the logs that the options name, read with the robot's gear ratios.
+
+    Raises:
+        LogError: one has joints that another one lacks.
+    """
+    logs = read_logs(options.logs, options.columns, robot)
+    first = _joints(logs[0])
+    for log in logs[1:]:
+        if _joints(log) != first:
+            extra = ", ".join(sorted(_joints(log) ^ first))
+            raise LogError(
+                f"'{logs[0].source.label}' and '{log.source.label}' are not logs of the same robot:"
+                f" only one of them holds {extra}. Compare them one by one."
+            )
+    return logs
+
+
+def read_logs(
+    paths: Sequence[str], columns: str | None, robot: Robot, read: Reader = load_logs
+) -> tuple[Log, ...]:
+    """Return the logs of files, read with the robot's gear ratios.
+
+    Args:
+        paths: `LOG`, or `LOG@ROBOT` for logs of a machine with other drives or loads.
+        columns: column map.
+        robot: that the logs are held against.
+        read: how files are read.
+    """
+    gears = robot.transmission
+    ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
+    logs: list[Log] = []
+    for path in paths:
+        file, own = _with_own_robot(path)
+        if own is not None and robot.source is not None and robot.source.lossless:
+            own = own.lossless()
+        found = read([file], columns, gear_ratios=ratios)
+        logs += [log if own is None else with_machine(log, robot, own) for log in found]
+    return tuple(logs)
+
+
+def _with_own_robot(path: str) -> tuple[str, Robot | None]:
+    """Return (LOG, robot) of `LOG@ROBOT`; a file whose own name holds an @ stays a file."""
+    file, mark, name = str(path).rpartition("@")
+    if not mark or Path(str(path).partition("#")[0]).exists():
+        return str(path), None
+    return file, load_robot(name)
+
+
+def _joints(log: Log) -> frozenset[str]:
+    return frozenset(name for name in log.names if name.endswith(".position"))
+
+
+def write_fix(
+    options: argparse.Namespace, findings: Sequence[LogFinding], console: Console
+) -> None:
+    """Write the column map that mends what was found, on top of the one in use, if asked to."""
+    if getattr(options, "fix", None) is None:
+        return
+    mend = together(finding.mend for finding in findings if finding.mend)
+    if not mend:
+        console.print("no column map mends what was found; --fix writes nothing")
+        return
+    said = [line for finding in findings if finding.mend for line in finding.text.splitlines()]
+    path = write_map(options.fix, merged(read_table(options.columns), mend), said)
+    console.print(f"wrote {path}; give it with --columns {path}", soft_wrap=True)

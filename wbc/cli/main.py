@@ -1,0 +1,79 @@
+"""Parse one command, run it, and tell in one line what went wrong."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from wbc.cli.options import COMMANDS, build_parser
+from wbc.errors import WbcError
+from wbc.extras import needs
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        arguments: command line without the program's name; the process's own when left out.
+    """
+    options = _parsed(arguments)
+    try:
+        return _run(options)
+    except WbcError as error:
+        _complain(str(error))
+        _write_fix(options, error)
+        return 2
+    except BrokenPipeError:
+        # The reader of our output has left (wbc ... | head); there is nobody to complain to.
+        sys.stderr.close()
+        return 0
+    except OSError as error:
+        place = f"'{error.filename}': " if error.filename else ""
+        _complain(f"{place}{error.strerror or error}.")
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Import what the command needs, check what it will write, and run it."""
+    module, _, function = COMMANDS[options.command].function.rpartition(".")
+    with needs("cli", "the command wbc"):
+        from rich.console import Console
+
+        command = import_module(f"wbc.cli.{module or options.command}")
+    return int(getattr(command, function)(options, Console(markup=False)))
+
+
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Return the options; what a command does not know ends with the usage of that command.
+
+    argparse alone shows the usage of `wbc`, which names no option of any command.
+    """
+    parser = build_parser()
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+        commands.choices[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+    return options
+
+
+def _write_fix(options: argparse.Namespace, error: WbcError) -> None:
+    """Write the column map that --fix asked for, where an error says which columns are wrong."""
+    findings = getattr(error, "findings", ())
+    if not findings or not getattr(options, "fix", None):
+        return
+    from rich.console import Console
+
+    from wbc.cli.inputs import write_fix
+
+    try:
+        write_fix(options, findings, Console(stderr=True, markup=False, highlight=False))
+    except (WbcError, OSError) as cause:
+        _complain(str(cause))
+
+
+def _complain(text: str) -> None:
+    print(f"wbc: {text}", file=sys.stderr)

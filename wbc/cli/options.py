@@ -1,0 +1,373 @@
+"""Every command of `wbc` and every option, as tables that need nothing of the library."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+_RAW = argparse.RawDescriptionHelpFormatter
+_SHELLS = ("bash", "zsh", "fish", "tcsh")
+_LOG = "CSV, Parquet, NPZ, MCAP or bag"
+
+
+def limit(text: str) -> tuple[float, str]:
+    """Return (size, unit) of --fail-above; the unit is empty for noise floors."""
+    number, unit = text.strip(), ""
+    for ending, name in (("floors", ""), ("floor", ""), ("Nm", "Nm"), ("N m", "Nm"), ("N", "N")):
+        if number.endswith(ending):
+            number, unit = number.removesuffix(ending), name
+            break
+    try:
+        size = float(number)
+    except ValueError:
+        size = 0.0
+    if not 0.0 < size < inf:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no limit; give 0.5Nm (or N), or a number of noise floors such as 3"
+        )
+    return size, unit
+
+
+def _option(metavar: str | None, text: str, **more: Any) -> dict[str, Any]:
+    return {"metavar": metavar, "help": text, **more}
+
+
+def _flag(text: str) -> dict[str, Any]:
+    return {"action": "store_true", "help": text}
+
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    # The name of an argument, then a slash and a word where commands mean different things by it.
+    "logs": _option("LOG", f"{_LOG}; LOG@ROBOT if its drives or loads were others", nargs="+"),
+    "logs/optional": _option("LOG", f"{_LOG}; LOG@ROBOT for other drives or loads", nargs="*"),
+    "logs/plain": _option("LOG", _LOG, nargs="+"),
+    "run_file": _option("RUN", "a recording or log"),
+    "robot": _option("ROBOT", "shipped robot, robot.toml or fitted.toml"),
+    "robot/model": _option("MODEL", "URDF, MJCF, robot.toml or shipped robot"),
+    "what": {"choices": ("robots", "effects", "gearboxes")},
+    "shell": {"choices": _SHELLS},
+    "--robot": _option("NAME", "shipped robot, robot.toml or fitted.toml", required=True),
+    "--lossless": _flag("take the robot with perfect gears"),
+    "--columns": _option("MAP.toml", "map of column names, units, sides of the gear"),
+    "--quiet": _flag("print the answer alone"),
+    "--verbose": _flag("print all of the detail"),
+    "--fix": _option("MAP.toml", "write a column map that corrects wrong columns"),
+    "--json": _option("FILE", "the result for programs ('-' prints it)"),
+    "--report": _option("FILE.html", "the result as a page for the browser"),
+    "--save": _option("FILE.toml", "write the robot with what was found"),
+    # compare, diagnose
+    "--against": _option("NAME", "other robots to rank on the same logs", nargs="+", default=[]),
+    "--fail-above": _option(
+        "LIMIT",
+        "exit code 3 if the error is above: 0.5Nm (any output's rms), or 3 (noise floors)",
+        type=limit,
+    ),
+    "--add": _option("auto|NAME,...", "effects to consider (default auto)", default="auto"),
+    "--budget": _option(
+        "SECONDS",
+        "end the search after this time with the best answer so far (as Ctrl-C does)",
+        type=float,
+        default=inf,
+    ),
+    "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
+    "--fleet": _option("INDEX.csv", "many machines; columns log, machine, date"),
+    "--index": _option("FILE.csv", "list of logs: columns log, machine, date"),
+    "--fail-on-drift": _flag("exit code 4 if a machine drifts"),
+    # many jobs
+    "--workers": _option("N", "processes; -1 for all cores", type=int, default=1),
+    "--cluster": _option("ADDRESS", "Dask scheduler to work on instead"),
+    "--out/rows": _option("FILE.parquet", "table of machines and dates; given again, it grows"),
+    "--out/designs": _option("FILE.parquet", "table of all designs", default="designs.parquet"),
+    "--out/path": _option("FILE", "set points, default trajectory.csv; plans.parquet of --each"),
+    "--out/folder": _option("DIR", "where to write (default here)", default="."),
+    # init
+    "--base": {
+        "choices": ("fixed", "free_flyer"),
+        "default": "fixed",
+        "help": "how the base of a model file is held",
+    },
+    "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
+    # pictures
+    "--ghost": _option("FITTED", "a model to show beside the measurement"),
+    "--ground": _option("X,Z ...", "slopes and steps: their profile [m], x rising"),
+    "--html": _option("FILE", "write the page"),
+    "--png": _option("FILE", "write a picture"),
+    "--at": _option("T", "time [s] of the picture, where the page waits", type=float),
+    "--gif": _option("FILE", "write an animation (.gif or .mp4)"),
+    "--from": _option("T", "start of the animation [s]", dest="start", type=float),
+    "--to": _option("T", "end of the animation [s]", dest="stop", type=float),
+    "--speed/shown": _option("X", "0.1 shows it ten times slower", type=float, default=1.0),
+    "--figures": _option("DIR", "write figures (PNG)", nargs="?", const="out"),
+    "--theme": {
+        "choices": ("light", "dark"),
+        "default": "light",
+        "help": "colours of pictures (default light)",
+    },
+    # a contact of a robot
+    "--contact": _option("NAME", "or a frame; default: the first contact"),
+    "--pose": _option("NAME|J=V,...", "a named pose or joint positions [rad, m]"),
+    "--axes": _option(None, "world axes (default xz)", default="xz"),
+    "--load": _option("N", "force to hold [N]; default: the robot's weight", type=float),
+    "--to/format": {
+        "choices": ("mjcf", "urdf", "isaac"),
+        "required": True,
+        "help": "format of the file",
+    },
+    "--file": _option("FILE", "to write; default: the robot's name"),
+    # design
+    "--sweep": _option(
+        "NAME=LOW:HIGH[:COUNT[:log]]",
+        "what varies, or NAME=V,V,...; give it once per parameter",
+        action="append",
+        default=[],
+    ),
+    "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
+    "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
+    "--efficiency": _option(
+        "FILE.csv", "both efficiencies by load and speed, read at the load held"
+    ),
+    "--joint-speed": _option("X", "for --efficiency [rad/s]", type=float, default=0.0),
+    "--gait": _option("LOG", "judge every design in the poses of a recorded motion"),
+    "--instants": _option("N", "poses taken from the gait (default 20)", type=int, default=20),
+    "--samples": _option("N", "N Sobol samples instead of a grid", type=int, default=0),
+    "--seed": _option(None, "of samples and of the search (default 0)", type=int, default=0),
+    "--simulate": _option(
+        "NAME,...", "also simulate: drop, standing, landing, hop, trot", default=""
+    ),
+    "--objective": _option(
+        "COLUMN:max|min",
+        "goals of the front; default lift:max (holding_torque:min without torque limits)"
+        " and impact_mitigation:max (backward_inertia:min on a fixed base)",
+        action="append",
+    ),
+    # experiment
+    "--between": _option(
+        "CAUSE", "causes, or the found.json of a diagnosis", nargs="+", required=True
+    ),
+    "--duration": _option("S", "[s], default 10", type=float, default=10.0),
+    "--rate": _option("HZ", "rows per second, default 100", type=float, default=100.0),
+    "--noise": _option(
+        "NM", "noise of the measured rotor torque [N m]; default: 1 %% of its limit", type=float
+    ),
+    "--band": _option("HZ", "of torques that the diagnosis will keep", type=float),
+    "--span": _option("RAD", "furthest from the usual pose", type=float, default=inf),
+    "--speed": _option("X", "limit of joint speeds [rad/s]", type=float, default=inf),
+    "--acceleration": _option("X", "limit [rad/s^2]", type=float, default=inf),
+    "--rounds": _option("N", "changes tried (default 300)", type=int, default=300),
+    "--each": _flag("a motion for every found.json, or for every two causes, into one table"),
+}
+"""What argparse is told of each argument, by its name."""
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """What a command is for and which options it has.
+
+    Attributes:
+        help: one line in the list of commands.
+        options: names in `OPTIONS`, in the order of the help.
+        epilog: printed below the help.
+        function: of the module of `wbc.cli` with the command's name; or MODULE.FUNCTION.
+    """
+
+    help: str
+    options: str
+    epilog: str
+    function: str = "run"
+
+
+_LOGS = "logs --robot --lossless --columns --quiet --verbose --fix"
+_JOBS = "--workers --cluster"
+_SITE = "--contact --pose --axes --load"
+
+COMMANDS: dict[str, Subcommand] = {
+    "init": Subcommand(
+        "a first robot.toml and column map for a model and logs",
+        "robot/model logs/plain --base --rate/log --out/folder",
+        """examples:
+  wbc init my_leg.urdf run1.csv run2.csv
+  wbc init planar_leg_fixed run*.csv --out leg
+
+Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
+as a guess, with the reason: joints by name, motion and torque, units by
+derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
+motion of a joint and of its motor. What the logs lack is named, with the way to add
+it. Correct the guesses, then run wbc check.""",
+    ),
+    "check": Subcommand(
+        "what logs are good for, and which columns are wrong",
+        f"{_LOGS} --json",
+        "example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
+    ),
+    "compare": Subcommand(
+        "error of the model on logs: how much, and where",
+        f"{_LOGS} --against --fail-above --json --report",
+        "example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
+    ),
+    "diagnose": Subcommand(
+        "which physical effect the model lacks; add it, save it",
+        f"logs/optional{_LOGS.removeprefix('logs')} --add --save --budget --discover"
+        f" --json --report --fleet --out/rows {_JOBS}",
+        """example:
+  wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
+
+--add auto considers every effect there is (`wbc list effects`);
+--add NAME,NAME only these.
+
+many machines, a row each; given again, an interrupted run goes on:
+  wbc diagnose --fleet runs.csv --robot leg.toml --out fleet.parquet --workers 4""",
+    ),
+    "identify": Subcommand(
+        "all parameters at once: links, rotors, friction",
+        f"{_LOGS} --json",
+        """example:
+  wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
+
+One linear least squares for base parameters of the links, rotor inertia, viscous and
+Coulomb friction and offset of every joint. It says how large each number is, not
+which of them are needed: `wbc diagnose` does that.""",
+    ),
+    "rollout": Subcommand(
+        "a position servo fitted by simulating its runs",
+        f"{_LOGS} --save --json",
+        """example:
+  wbc rollout light.csv heavy.csv@heavy.toml --robot servo.toml --save fitted.toml
+
+For a position servo whose torque nobody recorded. The whole servo is simulated from its
+first position under the recorded targets: controller, winding, gear and load. Each log may
+have its own robot file (LOG@ROBOT) with another gain, supply voltage or load. What is
+printed as held out is the error on logs that the fit did not see.""",
+    ),
+    "trend": Subcommand(
+        "parameters and errors over dates and machines: which drifts",
+        f"logs/optional --index --robot --lossless --columns {_JOBS} --out/rows --fail-on-drift"
+        " --quiet --verbose --png --theme --json",
+        """examples:
+  wbc trend fleet/*/*.csv --robot fitted.toml --png trend.png
+  wbc trend --index runs.csv --robot fitted.toml --workers -1 --json trend.json
+
+The date stands in the file's name or a folder's (2026-03-01); the machine is the
+folder, or what stands before the date where all files lie in one folder. An
+index has the columns log, machine, date. The effects of the robot are fitted to
+every session anew; a session is all logs of one machine with one date.""",
+    ),
+    "play": Subcommand(
+        "a recording in motion: one offline page, a picture, an animation",
+        "run_file --robot --columns --ghost --ground --html --png --at --gif --from --to"
+        " --speed/shown --theme",
+        """examples:
+  wbc play out/landing.parquet --robot planar_leg_strong --html a.html
+  wbc play run.csv --robot planar_leg --ghost fitted.toml --png a.png --at 0.3
+  wbc play run.csv --robot planar_leg --gif a.mp4 --from 0.3 --to 1 --speed 0.1
+
+Pictures need Chromium, .mp4 needs ffmpeg. Without --html, --png, --gif
+the page opens in the browser.""",
+    ),
+    "metrics": Subcommand(
+        "inertia, force capability, impacts and holding of a contact",
+        f"robot {_SITE} --figures --theme --json",
+        "example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
+        "robots.metrics",
+    ),
+    "design": Subcommand(
+        "sweep gears, links and pose: maps and the best compromises",
+        "robot --sweep --gearbox --catalogue --efficiency --joint-speed --gait --instants"
+        f" --samples --seed --simulate {_SITE} --objective {_JOBS} --out/designs --figures"
+        " --theme --json",
+        """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
+rotor_friction, torque_limit, length.LINK, mass.LINK, joint.JOINT;
+a gear parameter takes .JOINT for one gear alone. A swept forward_efficiency
+without a backward_efficiency brings the wedge's 2 - 1/eta_f. Where a gearbox of
+the catalogue has no number, the robot's own is used, and the wedge's
+backward efficiency.
+
+example: wbc design planar_leg --sweep reduction=6:160:40:log
+  --sweep forward_efficiency=0.5:0.98:40 --figures out
+
+A run that was interrupted goes on when the same command is given again.""",
+    ),
+    "experiment": Subcommand(
+        "a motion that tells rival causes apart, and its expected odds",
+        "robot --lossless --between --duration --rate --noise --band --span --speed --acceleration"
+        f" --rounds --seed --each {_JOBS} --out/path --figures --theme --json",
+        """A cause is EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE,...; `wbc list effects`
+names them, + joins several. found.json is what `wbc diagnose --json` wrote: the
+causes are what it found and what it could not tell from that. One cause alone:
+the motion that shrinks its intervals.
+
+The odds are those of the cause, if true, over the other one after its numbers
+are refitted: equal odds before, white noise of the torque, and nothing else
+wrong with the model. Of found.json, the values that its logs leave open are
+averaged over. A free base is held in a stand, the feet in the air.
+
+example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
+  --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
+    ),
+    "export": Subcommand(
+        "a corrected robot as MJCF, URDF or Isaac Lab actuators",
+        "robot --to/format --file --json",
+        "example: wbc export fitted.toml --to mjcf --file fitted.xml",
+        "robots.export",
+    ),
+    "list": Subcommand(
+        "the robots, the physical effects and the gearboxes there are",
+        "what --json",
+        "example: wbc list effects",
+        "robots.listing",
+    ),
+    "completion": Subcommand(
+        "print the script for completion in a shell",
+        "shell",
+        """examples:
+  bash:  wbc completion bash > ~/.local/share/bash-completion/completions/wbc
+  zsh:   wbc completion zsh > "${fpath[1]}/_wbc"
+  fish:  wbc completion fish > ~/.config/fish/completions/wbc.fish
+  tcsh:  wbc completion tcsh > ~/.wbc.completion.csh; source it in ~/.cshrc
+
+The script holds the names of the shipped robots; write it again after an
+update.""",
+    ),
+}
+"""The commands by name, in the order of the help."""
+
+_EPILOG = """\
+example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
+exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input,
+3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
+
+
+class _Version(argparse.Action):
+    """Prints the version; it is looked up only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib.metadata import version
+
+        print(f"wbc {version('wbc')}")
+        parser.exit()
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="wbc",
+        description="Compare a robot model with logs, learn which physics is missing, see it.",
+        epilog=_EPILOG,
+        formatter_class=_RAW,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", help="its options: wbc COMMAND --help"
+    )
+    for name, command in COMMANDS.items():
+        own = commands.add_parser(
+            name, help=command.help, epilog=command.epilog, formatter_class=_RAW
+        )
+        depth = own
+        for key in command.options.split():
+            if key == "--quiet":
+                depth = own.add_mutually_exclusive_group()  # type: ignore[assignment]
+            to = depth if key in ("--quiet", "--verbose") else own
+            to.add_argument(key.partition("/")[0], **OPTIONS[key])
+    return parser

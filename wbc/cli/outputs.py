@@ -1,0 +1,133 @@
+"""What a command writes: refused before the work where it cannot be written, whole after it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from wbc.errors import WbcError
+from wbc.files import write_text
+from wbc.progress import Watch, progress_bar, progress_lines
+
+_INPUTS = ("run_file", "robot", "columns", "ghost", "index", "fleet")
+_ENDINGS = {
+    "html": (".html", ".htm"),
+    "report": (".html", ".htm"),
+    "png": (".png",),
+    "gif": (".gif", ".mp4"),
+    "save": (".toml",),
+    "out": (),  # each command says which
+    "file": (".xml", ".urdf", ".py"),
+    "fix": (".toml",),
+    "json": (),
+}
+
+
+def require_outputs(options: argparse.Namespace, out: str = "") -> None:
+    """Check that every file that the options name can be written.
+
+    Args:
+        options: of the command; those that name files are looked at where it has them.
+        out: how the name of --out must end.
+
+    Raises:
+        WbcError: a wrong ending, a folder in the place of a file, a file in the place of a folder,
+            a place without permission, an input, or one file for two results.
+    """
+    named = [getattr(options, option, None) for option in _INPUTS]
+    inputs = [name for name in [*named, *getattr(options, "logs", [])] if name]
+    taken = {Path(name).resolve(): f"the input '{name}'" for name in inputs}
+    for option, endings in {**_ENDINGS, "out": (out,) if out else ()}.items():
+        name = getattr(options, option, None)
+        if name is None or (option == "json" and name == "-"):
+            continue
+        path = Path(name)
+        if endings and path.suffix.lower() not in endings:
+            raise WbcError(f"--{option} '{name}': the name must end in {' or '.join(endings)}.")
+        if path.is_dir():
+            raise WbcError(f"--{option} '{name}' is a folder; name a file in it.")
+        if path.resolve() in taken:
+            raise WbcError(f"--{option} would overwrite {taken[path.resolve()]}; choose another.")
+        taken[path.resolve()] = f"what --{option} writes"
+        _require_folder(path.parent, f"--{option} '{name}'")
+    if getattr(options, "figures", None):
+        _require_folder(Path(options.figures), f"--figures '{options.figures}'")
+
+
+def _require_folder(folder: Path, asker: str) -> None:
+    """Check that files can be made in a folder, or the folder itself; missing ones are made."""
+    known = folder
+    while not known.exists():
+        known = known.parent
+    if not known.is_dir():
+        raise WbcError(f"{asker}: '{known}' is a file, not a folder.")
+    if not os.access(known, os.W_OK | os.X_OK):
+        raise WbcError(f"{asker}: no permission to write in '{known}'.")
+
+
+def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:
+    """Write `content` to a file, or print it when `target` is '-'."""
+    if target is None:
+        return
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        console.out(text, end="")
+    else:
+        console.print(f"wrote {write_text(Path(target), text)}")
+
+
+def write_figures(
+    options: argparse.Namespace, draw: Iterable[tuple[Path, Callable[[Any], Any]]], console: Console
+) -> None:
+    """Draw figures in the theme that the options name, and write them.
+
+    Args:
+        options: with the theme.
+        draw: files, and the functions that draw their figures in a theme.
+        console: where the files are named.
+    """
+    from wbc.view import DARK, LIGHT
+    from wbc.view.plots import write_figure
+
+    theme = DARK if options.theme == "dark" else LIGHT
+    for path, figure in draw:
+        console.print(f"wrote {write_figure(path, figure(theme))}")
+
+
+def table_console(options: argparse.Namespace, console: Console) -> Console:
+    """Return where tables go: nowhere when the JSON itself is printed."""
+    return Console(quiet=True) if options.json == "-" else console
+
+
+@contextmanager
+def watching(what: str, console: Console) -> Iterator[Watch]:
+    """Show a bar with the time left; where there is no terminal, lines on standard error."""
+    if not console.is_terminal:
+        yield progress_lines(what)
+        return
+    with progress_bar(what, console) as watch:
+        yield watch
+
+
+@contextmanager
+def working(console: Console, what: str) -> Iterator[Any]:
+    """Show a spinner with a changing line while work goes on; silent when piped."""
+    if not console.is_terminal:
+        yield lambda line: None
+        return
+    with console.status(what) as status:
+        yield lambda line: status.update(f"{what}: {line}")
+
+
+def command_line() -> str:
+    """Return the command as it was typed, for provenance."""
+    return shlex.join(["wbc", *sys.argv[1:]])

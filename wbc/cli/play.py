@@ -1,0 +1,103 @@
+"""`wbc play`: a recording or log in motion."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import webbrowser
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from wbc.cli.inputs import read_logs
+from wbc.cli.outputs import require_outputs, working
+from wbc.effects import load_robot
+from wbc.errors import ViewError
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view import (
+    GroundSlab,
+    model_ghost,
+    profile_ground,
+    write_animation,
+    write_picture,
+    write_playback,
+)
+
+_GROUND_WIDTH = 2.0
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Write what was asked for; without any, open the page in the browser."""
+    require_outputs(options)
+    robot = load_robot(options.robot)
+    log = _one_log(options, robot)
+    for option, instant in (("at", options.at), ("from", options.start), ("to", options.stop)):
+        if instant is not None and not log.time[0] <= instant <= log.time[-1]:
+            raise ViewError(
+                f"--{option} {instant:g} lies outside the log, which runs from {log.time[0]:g} s "
+                f"to {log.time[-1]:g} s."
+            )
+    ghost = None
+    if options.ghost:
+        ghost = model_ghost(load_robot(options.ghost), log, label=Path(options.ghost).stem)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(options.html) if options.html else Path(folder) / "playback.html"
+        with working(console, "drawing"):
+            write_playback(page, robot, log, ghost=ghost, ground=_ground(options), at=options.at)
+        absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
+        if absent:
+            more = f" and {len(absent) - 4} more" if len(absent) > 4 else ""
+            console.print(f"no position of {', '.join(absent[:4])}{more} in the log: shown at rest")
+        written = [page] if options.html else []
+        written += _pictures(options, page, log, console)
+        for path in written:
+            console.print(f"wrote {path}")
+        if not written:
+            if not webbrowser.open(page.resolve().as_uri()):
+                raise ViewError("no browser to open the page in; write it with --html FILE.")
+            console.input("Enter closes the page's file.")
+    return 0
+
+
+def _one_log(options: argparse.Namespace, robot: Robot) -> Log:
+    logs = read_logs([options.run_file], options.columns, robot)
+    if len(logs) != 1:
+        names = ", ".join(log.source.part for log in logs)
+        raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
+    return logs[0]
+
+
+def _ground(options: argparse.Namespace) -> tuple[GroundSlab, ...] | None:
+    if options.ground is None:
+        return None
+    try:
+        pairs = [point.split(",") for point in options.ground.split()]
+        points = [(float(x), float(z)) for x, z in pairs]
+    except ValueError as cause:
+        raise ViewError(
+            f"--ground '{options.ground}' is not a profile X,Z X,Z ...; for a step of 10 cm: "
+            '--ground "-1,0 0,0 0,0.1 1,0.1".'
+        ) from cause
+    return profile_ground(points, _GROUND_WIDTH)
+
+
+def _pictures(
+    options: argparse.Namespace, page: Path, log: Log, console: Console
+) -> Iterator[Path]:
+    if options.png:
+        at = float(log.time[0]) if options.at is None else options.at
+        with working(console, "taking a picture"):
+            yield write_picture(options.png, page, at, theme=options.theme)
+    if options.gif:
+        with working(console, "taking pictures") as progress:
+            yield write_animation(
+                options.gif,
+                page,
+                start=options.start,
+                stop=options.stop,
+                speed=options.speed,
+                theme=options.theme,
+                progress=progress,
+            )

@@ -1,0 +1,243 @@
+"""`wbc metrics`, `wbc export` and `wbc list`: the commands on one robot, without logs."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+
+from wbc.arrays import FloatArray
+from wbc.cli.outputs import require_outputs, table_console, write_figures, write_json
+from wbc.cli.printout import table
+from wbc.effects import EFFECTS, load_robot
+from wbc.errors import RobotError, ViewError, WbcError
+from wbc.robot import Robot, robot_names
+from wbc.view.table import TextTable
+
+if TYPE_CHECKING:
+    from wbc.metrics import Metric
+
+
+def first_contact(robot: Robot) -> str:
+    """Return the name of the robot's first contact.
+
+    Raises:
+        RobotError: a robot without contacts.
+    """
+    if not robot.contacts:
+        raise RobotError(
+            f"'{robot.name}' has no contact; add [[contacts]] to its description, or name a frame: "
+            f"--contact {robot.model.frames[-1].name}."
+        )
+    return robot.contacts[0].name
+
+
+def pose_from(robot: Robot, text: str | None) -> FloatArray:
+    """Return the pose q (nq,) of `NAME`, of `JOINT=VALUE,...`, or the robot's usual one
+    (the neutral one of a robot without poses).
+
+    Raises:
+        RobotError: an unknown pose or joint, or text of another form.
+    """
+    if text is None and not robot.poses:
+        return robot.neutral()
+    if text is None or "=" not in text:
+        return robot.pose(text)
+    joints: dict[str, float] = {}
+    for item in text.split(","):
+        name, _, value = item.partition("=")
+        try:
+            joints[name.strip()] = float(value)
+        except ValueError as cause:
+            raise RobotError(f"--pose: '{item}' is not JOINT=VALUE [rad, m].") from cause
+    return robot.configuration(**joints)
+
+
+def checked_axes(axes: str) -> str:
+    """Return the world axes that `--axes` names.
+
+    Raises:
+        WbcError: none, one twice, or another letter than x, y, z.
+    """
+    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set("xyz"):
+        raise WbcError(f"--axes '{axes}': name some of x, y, z, each once.")
+    return axes
+
+
+def metrics(options: argparse.Namespace, console: Console) -> int:
+    """Print what the gears do to inertia, force capability and impacts; write figures and JSON."""
+    from wbc.metrics import summary, with_contact_at
+
+    require_outputs(options)
+    if options.figures and len(options.axes) != 2:
+        raise ViewError(f"--figures are drawn in two axes, not in '{options.axes}'.")
+    robot = load_robot(options.robot)
+    contact = options.contact or first_contact(robot)
+    robot = with_contact_at(robot, contact)
+    q = pose_from(robot, options.pose)
+    found = summary(robot, q, contact, checked_axes(options.axes), options.load)
+    shown = table_console(options, console)
+    notes = list(dict.fromkeys(metric.assumption for metric in found))
+    cells = [(_label(m), _told(m, robot), str(notes.index(m.assumption) + 1)) for m in found]
+    title = f"{robot.name}, contact {contact}"
+    shown.print(table(TextTable(("metric", "value", "assumes"), tuple(cells), title)))
+    numbered = tuple((str(number), note) for number, note in enumerate(notes, 1))
+    shown.print(table(TextTable(("", "what the numbers assume"), numbered)))
+    content: dict[str, Any] = {_label(metric): _by_joint(metric) for metric in found}
+    content["assumptions"] = {_label(metric): metric.assumption for metric in found}
+    write_json(options.json, content, console)
+    if options.figures:
+        from wbc.view.plots import leg_figure, tradeoff_figure
+
+        start = f"{options.figures}/{robot.name}"
+        draw = partial(leg_figure, robot, q, contact, axes=options.axes)
+        compare = partial(tradeoff_figure, robot, q, contact, axes=options.axes)
+        figures = (
+            (Path(f"{start}_leg.png"), lambda theme: draw(theme=theme)),
+            (Path(f"{start}_tradeoff.png"), lambda theme: compare(theme=theme)),
+        )
+        write_figures(options, figures, shown)
+    return 0
+
+
+def _label(metric: Metric) -> str:
+    return metric.name if metric.unit == "1" else f"{metric.name} [{metric.unit}]"
+
+
+def _by_joint(metric: Metric) -> Any:
+    """Return the value, of a vector with an entry per gear the one of each joint."""
+    plain = _plain(metric.value)
+    return dict(zip(metric.joints, plain, strict=True)) if metric.joints else plain
+
+
+def _plain(value: Any) -> Any:
+    """Return a value that JSON can hold: infinite is "unlimited", unknown is None."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None if np.isnan(value) else "unlimited"
+    return value
+
+
+def _told(metric: Metric, robot: Robot) -> str:
+    """Return a value as text."""
+    plain = _by_joint(metric)
+    if isinstance(plain, dict):
+        return _by_gear(metric, plain, robot)
+    if plain is None:
+        motors = robot.transmission
+        lacking = []
+        for name in ("torque_constant", "resistance"):
+            absent = np.isnan(getattr(motors, name))
+            joints = "any motor" if absent.all() else ", ".join(np.array(motors.joints)[absent])
+            lacking += [f"{name.replace('_', ' ')} of {joints}"] if absent.any() else []
+        return f"unknown: robot.toml has no {', and no '.join(lacking)}"
+    if isinstance(plain, list):
+        rows = plain if plain and isinstance(plain[0], list) else [plain]
+        return "\n".join("  ".join(_entry(x) for x in row) for row in rows)
+    return plain if isinstance(plain, str) else f"{plain:.6g}"
+
+
+def _by_gear(metric: Metric, values: dict[str, Any], robot: Robot) -> str:
+    """Return the value of each gear that has one, and which torques are above their limit."""
+    limits = dict(zip(robot.transmission.joints, robot.transmission.torque_limit, strict=True))
+    lines = []
+    for joint, value in values.items():
+        if value == 0.0:
+            continue
+        over = metric.name.startswith("holding") and value > limits[joint]
+        limit = f" (above its limit {limits[joint]:.4g})" if over else ""
+        lines.append(f"{_entry(value)}  {joint}{limit}")
+    rest = len(values) - len(lines)
+    if rest:
+        others = "all others" if lines else "every gear"
+        lines.append(f"{0:9d}  {others if rest > 1 or not lines else 'the other one'}")
+    return "\n".join(lines)
+
+
+def _entry(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:9.4f}"
+
+
+def export(options: argparse.Namespace, console: Console) -> int:
+    """Write the robot as a file of another simulator, and print what is not in it."""
+    from wbc.export import FORMATS, export_robot
+
+    robot = load_robot(options.robot)
+    ending = FORMATS[options.to]
+    options.file = options.file or f"{robot.name}{ending}"
+    if Path(options.file).suffix.lower() != ending:
+        raise WbcError(f"--file '{options.file}': {options.to} wants a name that ends in {ending}.")
+    require_outputs(options)
+    exported = export_robot(robot, options.to)
+    path = exported.write(options.file)
+    shown = table_console(options, console)
+    for title, texts in (
+        ("set by hand:", exported.notes),
+        (f"{options.to} cannot say:", exported.unsaid),
+    ):
+        if texts:
+            shown.print("\n  - ".join((title, *texts)))
+    shown.print(f"wrote {path}: links, joints and motors; shapes and pictures are not in it")
+    content = {"file": str(path), "notes": exported.notes, "unsaid": exported.unsaid}
+    write_json(options.json, content, console)
+    return 0
+
+
+def listing(options: argparse.Namespace, console: Console) -> int:
+    """Print the robots, effects or gearboxes there are."""
+    require_outputs(options)
+    rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
+    cells = tuple(tuple(row.values()) for row in rows)
+    table_console(options, console).print(table(TextTable(tuple(rows[0]), cells)))
+    write_json(options.json, {options.what: rows}, console)
+    return 0
+
+
+def _robots() -> list[dict[str, str]]:
+    rows = []
+    for name in robot_names():
+        try:
+            robot = load_robot(name)
+            joints = ", ".join(robot.transmission.joints)
+            contacts = ", ".join(contact.name for contact in robot.contacts)
+        except WbcError as error:
+            joints, contacts = f"not available: {error}", ""
+        rows.append({"robot": name, "driven joints": joints, "contacts": contacts})
+    return rows
+
+
+def _effects() -> list[dict[str, str]]:
+    return [
+        {
+            "effect": name,
+            "what it is": effect.explanation,
+            "parameters": ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters),
+        }
+        for name, effect in EFFECTS.items()
+    ]
+
+
+def _gearboxes() -> list[dict[str, str]]:
+    from wbc.design import read_gearboxes
+
+    def number(value: float | None) -> str:
+        return "?" if value is None else f"{value:g}"
+
+    return [
+        {
+            "gearbox": box.name,
+            "kind": box.kind,
+            "reduction": number(box.reduction),
+            "efficiencies": f"{number(box.forward_efficiency)}, {number(box.backward_efficiency)}",
+            "kg m^2": number(box.gear_inertia),
+            "source": box.source,
+        }
+        for box in read_gearboxes().values()
+    ]

@@ -1,1 +1,0 @@
-"""Options, loading and writing that several commands share."""
