@@ -253,6 +253,7 @@ ELSEWHERE = {
     "(`wbc list robots`)": "the_lists_that_messages_name_are_there",
     "choose another folder with --out.": "a_printed_option_lets_the_command_run",
     "write it with --html FILE.": "a_designed_motion_is_played_as_it_says",
+    "its friction has no level": "a_self_locking_gear_is_refused",
     "see it: wbc play": "a_designed_motion_is_played_as_it_says",
     "for a step of 10 cm: --ground": "a_printed_option_lets_the_command_run",
     "--workers 0: give a number": "a_printed_option_lets_the_command_run",

@@ -111,7 +111,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--axes": _option(None, "world axes (default xz)", default="xz"),
     "--load": _option("N", "force to hold [N]; default: the robot's weight", type=float),
     "--to/format": {
-        "choices": ("mjcf", "urdf", "isaac"),
+        "choices": ("mujoco", "mjcf", "urdf", "isaac"),
         "required": True,
         "help": "format of the file",
     },
@@ -306,9 +306,9 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
     ),
     "export": Subcommand(
-        "a corrected robot as MJCF, URDF or Isaac Lab actuators",
+        "a corrected robot for MuJoCo with its losses, as URDF or Isaac Lab actuators",
         "robot --to/format --file --json",
-        "example: wbc export fitted.toml --to mjcf --file fitted.xml",
+        "example: wbc export fitted.toml --to mujoco --file fitted.xml",
         "robots.export",
     ),
     "list": Subcommand(

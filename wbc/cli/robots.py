@@ -167,7 +167,7 @@ def _entry(value: Any) -> str:
 
 def export(options: argparse.Namespace, console: Console) -> int:
     """Write the robot as a file of another simulator, and print what is not in it."""
-    from wbc.export import FORMATS, export_robot
+    from wbc.export import FORMATS, export_robot, losses_path
 
     robot = load_robot(options.robot)
     ending = FORMATS[options.to]
@@ -185,7 +185,11 @@ def export(options: argparse.Namespace, console: Console) -> int:
         if texts:
             shown.print("\n  - ".join((title, *texts)))
     shown.print(f"wrote {path}: links, joints and motors; shapes and pictures are not in it")
+    content: dict[str, Any]
     content = {"file": str(path), "notes": exported.notes, "unsaid": exported.unsaid}
+    if exported.losses is not None:
+        content["losses"] = str(losses_path(path))
+        shown.print(f"wrote {losses_path(path)}: the losses of the gears, to call in every step")
     write_json(options.json, content, console)
     return 0
 

@@ -10,12 +10,13 @@ from xml.etree import ElementTree as ET
 from wbc.errors import RobotError, unknown_name
 from wbc.export.isaac import isaac
 from wbc.export.joint_numbers import JointNumbers, joint_numbers
+from wbc.export.loss_numbers import TOLD, loss_module
 from wbc.export.mjcf import mjcf
 from wbc.export.urdf import urdf
 from wbc.files import write_text
 from wbc.robot import Robot
 
-FORMATS = {"mjcf": ".xml", "urdf": ".urdf", "isaac": ".py"}
+FORMATS = {"mujoco": ".xml", "mjcf": ".xml", "urdf": ".urdf", "isaac": ".py"}
 """Format -> ending of its file."""
 
 
@@ -27,15 +28,24 @@ class Exported:
         text: of the file.
         unsaid: sentences on what the format cannot say; they stand in a comment of the file, too.
         notes: delays of the drives, which the user sets.
+        losses: text of the Python file with the gears' losses, None for formats without it.
     """
 
     text: str
     unsaid: tuple[str, ...]
     notes: tuple[str, ...]
+    losses: str | None = None
 
     def write(self, path: str | Path) -> Path:
-        """Write the file, whole or not at all."""
+        """Write the file, whole or not at all, and its losses as NAME_losses.py beside it."""
+        if self.losses is not None:
+            write_text(losses_path(path), self.losses)
         return write_text(path, self.text)
+
+
+def losses_path(path: str | Path) -> Path:
+    """Return where the losses of an exported file stand: a.xml has a_losses.py beside it."""
+    return Path(path).with_name(f"{Path(path).stem}_losses.py")
 
 
 def export_robot(robot: Robot, to: str) -> Exported:
@@ -46,27 +56,30 @@ def export_robot(robot: Robot, to: str) -> Exported:
 
     Args:
         robot: with its effects.
-        to: `mjcf`, `urdf` or `isaac`.
+        to: `mjcf`, `urdf`, `isaac`, or `mujoco` for MJCF and a Python file with the losses
+            (`wbc.export.losses`).
 
     Raises:
-        RobotError: another format, or a joint of a kind that is not exported.
+        RobotError: another format, a joint of a kind that is not exported, or a self-locking gear
+            for `mujoco`.
     """
     if to not in FORMATS:
         raise RobotError(unknown_name("format", to, FORMATS))
-    found = joint_numbers(robot)
+    losses = loss_module(robot) if to == "mujoco" else None
+    found = joint_numbers(robot, () if losses is None else TOLD)
     content: ET.Element | str
     if to == "isaac":
         content, more = isaac(robot, found)
     else:
-        content, more = (mjcf if to == "mjcf" else urdf)(robot, found)
+        content, more = (urdf if to == "urdf" else mjcf)(robot, found)
     unsaid = tuple(dict.fromkeys([*found.unsaid, *more]))
     notes = tuple(_delays(robot, found))
-    comment = _comment(robot, unsaid, notes)
+    comment = _comment(robot, unsaid, notes, losses is not None)
     if isinstance(content, str):
         text = content.replace("{comment}", comment.replace("\\", "/").replace('"', "'"))
     else:
         text = _xml(content, comment)
-    return Exported(text, unsaid, notes)
+    return Exported(text, unsaid, notes, losses)
 
 
 def _delays(robot: Robot, found: JointNumbers) -> list[str]:
@@ -78,8 +91,12 @@ def _delays(robot: Robot, found: JointNumbers) -> list[str]:
     ]
 
 
-def _comment(robot: Robot, unsaid: tuple[str, ...], notes: tuple[str, ...]) -> str:
+def _comment(
+    robot: Robot, unsaid: tuple[str, ...], notes: tuple[str, ...], with_losses: bool
+) -> str:
     lines = [f"{robot.name}, written by wbc export. Shapes and pictures are not in it."]
+    if with_losses:
+        lines.append("The losses of its gears act if the Python file beside it is called.")
     for title, texts in (("Set by hand:", notes), ("This format cannot say:", unsaid)):
         if texts:
             lines.append(title)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,8 +53,14 @@ class JointNumbers:
     unsaid: tuple[str, ...]
 
 
-def joint_numbers(robot: Robot) -> JointNumbers:
-    """Return the numbers of a robot with its effects, each asked for what it does."""
+def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
+    """Return the numbers of a robot with its effects, each asked for what it does.
+
+    Args:
+        robot: with its effects.
+        told: names of effects that are told elsewhere, `transmission_efficiency` for what the
+            gears lose under load.
+    """
     gears, count = robot.transmission, robot.model.nv
     ratio = np.abs(gears.gear_ratio)
     found = JointNumbers(
@@ -70,18 +76,19 @@ def joint_numbers(robot: Robot) -> JointNumbers:
         gain=np.ones(gears.size),
         offset=np.zeros(gears.size),
         delay=np.zeros(gears.size),
-        unsaid=tuple(_of_gears(robot)),
+        unsaid=tuple(_of_gears(robot, "transmission_efficiency" in told)),
     )
     motion = probe_motion(robot)
-    unsaid = [text for effect in robot.effects for text in _add(robot, effect, motion, found)]
+    effects = [effect for effect in robot.effects if effect.name not in told]
+    unsaid = [text for effect in effects for text in _add(robot, effect, motion, found)]
     return replace(found, unsaid=(*found.unsaid, *dict.fromkeys(unsaid)))
 
 
-def _of_gears(robot: Robot) -> Iterator[str]:
+def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
     gears = robot.transmission
     for k, joint in enumerate(gears.joints):
         forward, backward = gears.forward_efficiency[k], gears.backward_efficiency[k]
-        if forward != 1.0 or backward != 1.0:
+        if not losses_told and (forward != 1.0 or backward != 1.0):
             yield (
                 f"losses in the gear at {joint} (forward efficiency {forward:.3g}, backward "
                 f"efficiency {backward:.3g}): the exported gear loses nothing that grows with "

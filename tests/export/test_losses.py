@@ -1,0 +1,296 @@
+"""The losses of an exported robot in MuJoCo's step, beside our plant's."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import Robot, load_robot
+from wbc.cli import main
+from wbc.effects import (
+    CoulombFriction,
+    LoadFriction,
+    LoadPresliding,
+    LoadStribeckFriction,
+    Presliding,
+    StribeckFriction,
+    ViscousFriction,
+    save_robot,
+)
+from wbc.errors import RobotError
+from wbc.export import export_robot, loss_numbers
+from wbc.export.losses import Losses, bent_after, next_losses, rigid_mesh
+from wbc.robot import Effect
+from wbc.sim import Plane, Plant
+from wbc.transmission import mesh_input
+
+_TICK = 1e-3  # [s]
+
+
+def lossy(robot: Robot, reflected: np.ndarray, *effects: Effect) -> Robot:
+    """Return the robot on gears that lose power both ways, with rotors and effects."""
+    gears = robot.transmission
+    changes = {
+        "forward_efficiency": np.full(gears.size, 0.85),
+        "backward_efficiency": np.full(gears.size, 0.75),
+        "rotor_inertia": reflected / gears.gear_ratio**2,
+    }
+    return robot.with_transmission(gears.replace(**changes)).with_effects(*effects)
+
+
+def leg() -> tuple[Robot, np.ndarray, np.ndarray, float]:
+    robot = load_robot("planar_leg_fixed").with_effects(
+        CoulombFriction("hip", 0.8),
+        ViscousFriction("knee", 0.3),
+        Presliding("hip", 0.7, 0.02),
+        LoadFriction("hip", 0.1),
+        StribeckFriction("knee", 0.6, 0.3),
+        LoadStribeckFriction("hip", 0.1, 0.3),
+    )
+    return robot, robot.pose("paper"), np.array([0.5, -0.4]), 60.0
+
+
+def go2() -> tuple[Robot, np.ndarray, np.ndarray, float]:
+    robot = load_robot("go2")
+    hips, thighs, calves = (robot.transmission.joints[k::3] for k in range(3))
+    robot = lossy(
+        robot,
+        np.full(12, 0.01),
+        *(CoulombFriction(joint, 0.3) for joint in hips),
+        *(ViscousFriction(joint, 0.1) for joint in thighs),
+        Presliding(thighs[0], 0.4, 0.02),
+        LoadPresliding(calves[1], 0.8, 0.7, 0.03),
+        LoadFriction(calves[2], 0.15),
+    )
+    return robot, np.tile([0.0, 0.8, -1.6], 4), np.tile([0.3, -0.3, 0.35], 4), 20.0
+
+
+def arm() -> tuple[Robot, np.ndarray, np.ndarray, float]:
+    robot = load_robot("tiago")
+    # MuJoCo refuses the drawing's inertia of one link, which no body has.
+    number = robot.body_joint("arm_1_link")
+    drawn = robot.model.inertias[number]
+    moments, axes = np.linalg.eigh(drawn.inertia)
+    moments[0] = max(moments[0], moments[2] - moments[1] + 1e-9)
+    sound = pin.Inertia(drawn.mass, drawn.lever, axes @ np.diag(moments) @ axes.T)
+    joints = robot.transmission.joints
+    robot = lossy(
+        robot.with_inertia(number, sound),
+        np.array([20.0, *7 * [0.05]]),
+        Presliding(joints[2], 2.0, 0.01),
+        ViscousFriction(joints[2], 2.0),
+        LoadFriction(joints[3], 0.1),
+        LoadPresliding(joints[4], 0.75, 0.6, 0.02),
+        CoulombFriction(joints[5], 0.8),
+        CoulombFriction(joints[7], 0.5),
+    )
+    start = np.array([0.2, 0.5, 0.8, 0.2, 0.6, 0.1, 0.2, 0.1])
+    return robot, start, np.array([0.02, 0.4, 0.5, 0.6, 0.5, 0.5, 0.4, 0.4]), 200.0
+
+
+def servo(
+    robot: Robot, target: np.ndarray, gain: float, motion: tuple[np.ndarray, ...]
+) -> np.ndarray:
+    """Return what a position controller asks of the motors, at their outputs (m,) [N m]."""
+    position, velocity = (x[robot.actuated] for x in motion)
+    # A slide carries the arm.
+    gains = np.where([j.startswith("torso") for j in robot.transmission.joints], 100.0, 1.0) * gain
+    wanted = gains * (target - position) - 0.05 * gains * velocity
+    return np.asarray(np.linalg.inv(robot.transmission.motor_from_joint).T @ wanted)
+
+
+def ours(robot: Robot, q: np.ndarray, ask: Callable, duration: float) -> np.ndarray:
+    plant, asked = Plant(robot, terrain=Plane(height=-50.0)), []
+    state = plant.state(q)
+    for k in range(round(duration / _TICK)):
+        asked.append(ask(k * _TICK, (state.position, state.velocity)))
+        torque = asked[-1] / robot.transmission.gear_ratio
+        state = plant.step(state, torque, _TICK).state
+    return np.array([*asked, state.position[robot.actuated]])
+
+
+def theirs(
+    robot: Robot, q: np.ndarray, ask: Callable, duration: float, losses: bool = True
+) -> np.ndarray:
+    model = mujoco.MjModel.from_xml_string(export_robot(robot, "mujoco").text)
+    model.opt.timestep = _TICK
+    acting = Losses(model, loss_numbers(robot)) if losses else None
+    data, asked = mujoco.MjData(model), []
+    data.qpos[:] = q
+    for k in range(round(duration / _TICK)):
+        asked.append(ask(k * _TICK, (np.array(data.qpos), np.array(data.qvel))))
+        data.ctrl[:] = asked[-1]
+        if acting is not None:
+            acting.apply(data)
+        mujoco.mj_step(model, data)
+    return np.array([*asked, np.array(data.qpos)[robot.actuated]])
+
+
+@pytest.mark.parametrize("machine", [leg, go2, arm], ids=lambda machine: machine.__name__)
+def test_motors_need_the_torque_that_they_need_in_our_plant(machine: Callable) -> None:
+    """Driving and back-driven: the largest joint error is below 1 % of the torque at 1 ms."""
+    robot, start, swing, gain = machine()
+
+    def ask(time: float, motion: tuple[np.ndarray, ...]) -> np.ndarray:
+        late = np.arange(len(start))
+        turned = np.sin(late + 4.0 * time) - np.sin(late)
+        return servo(robot, start + swing * turned, gain, motion)
+
+    here = ours(robot, start, ask, 0.8)[:-1]
+    size = np.sqrt(np.mean(here**2, axis=0))
+    found = [theirs(robot, start, ask, 0.8, losses)[:-1] for losses in (True, False)]
+    with_losses, without = (np.sqrt(np.mean((x - here) ** 2, axis=0)) / size for x in found)
+    assert with_losses.max() < 0.01
+    assert without.max() > 0.2
+
+
+@pytest.mark.parametrize("step", [1e-3, 5e-3])
+def test_a_leg_that_is_let_go_holds_or_falls_as_in_our_plant(step: float) -> None:
+    """Driven back by its own weight alone, at a fine and at a coarse step."""
+    robot, start, _, _ = leg()
+    plant = Plant(robot, terrain=Plane(height=-50.0))
+    for weight, moves in ((1.0, True), (0.05, False)):
+        light = robot.with_gravity([0.0, 0.0, -9.81 * weight])
+        plant, time = Plant(light, terrain=Plane(height=-50.0)), 0.4
+        state = plant.state(start)
+        for _ in range(round(time / 1e-3)):
+            state = plant.step(state, np.zeros(2), 1e-3).state
+        model = mujoco.MjModel.from_xml_string(export_robot(light, "mujoco").text)
+        model.opt.timestep = step
+        losses, data = Losses(model, loss_numbers(light)), mujoco.MjData(model)
+        data.qpos[:] = start
+        for _ in range(round(time / step)):
+            losses.apply(data)
+            mujoco.mj_step(model, data)
+        moved = np.abs(state.position - start).max()
+        assert moved > 0.1 if moves else moved < 0.02  # what bristles bend
+        # A coarse step of semi-implicit Euler errs by half its length times the speed.
+        atol = (2.0 * step * np.abs(state.velocity).max()) if moves else 1e-4
+        np.testing.assert_allclose(data.qpos, state.position, atol=atol)
+
+
+@pytest.mark.parametrize("backward", [0.05, 0.3])
+@pytest.mark.parametrize("step", [2e-4, 2e-3, 1e-2])
+def test_no_step_is_too_coarse_for_the_losses(backward: float, step: float) -> None:
+    """Gears that hardly yield, on heavy rotors: the losses never make energy."""
+    robot = load_robot("planar_leg_fixed").with_gravity([0.0, 0.0, 0.0])
+    gears = robot.transmission
+    changes = {"backward_efficiency": np.full(2, backward), "rotor_inertia": np.full(2, 1e-3)}
+    robot = robot.with_transmission(gears.replace(**changes))
+
+    model, plain = (
+        mujoco.MjModel.from_xml_string(export_robot(robot, "mujoco").text) for _ in range(2)
+    )
+    model.opt.timestep = step
+    losses = Losses(model, loss_numbers(robot))
+    data, own = mujoco.MjData(model), mujoco.MjData(plain)
+    data.qvel[:] = 3.0, -4.0
+    energies = []
+    for _ in range(round(1.0 / step)):
+        own.qpos[:], own.qvel[:] = data.qpos, data.qvel
+        mujoco.mj_forward(plain, own)  # with the rotors as they are
+        inertia = np.zeros((2, 2))
+        mujoco.mj_fullM(plain, own, inertia)
+        energies.append(0.5 * float(data.qvel @ inertia @ data.qvel))
+        losses.apply(data)
+        mujoco.mj_step(model, data)
+    assert energies[-1] < 0.7 * energies[0]
+    assert max(energies) < 1.005 * energies[0]  # MuJoCo alone: 1.0007 at the coarsest step
+
+
+def test_the_mesh_is_the_one_of_the_library() -> None:
+    random = np.random.default_rng(0)
+    t, forward, backward = random.uniform([[-9.0], [0.4], [0.1]], [[9.0], [1.0], [1.0]], (3, 200))
+    middle, level = rigid_mesh(t, np.zeros(200), forward, backward)
+    for direction in (1.0, -1.0):
+        out = middle - level * direction
+        np.testing.assert_allclose(mesh_input(out, np.full(200, direction), forward, backward), t)
+    # Dahl's equation in small steps.
+    z = 0.3
+    for _ in range(20000):
+        z += (1.0 - z) * 1e-6 / 0.01
+    assert bent_after(np.array(0.3), np.array(0.02), np.array(0.01)) == pytest.approx(z, abs=1e-4)
+
+
+def batch() -> tuple[dict, list[np.ndarray]]:
+    """Return a robot's numbers, and arguments for twenty robots."""
+    robot, *_ = go2()
+    numbers, random = loss_numbers(robot), np.random.default_rng(1)
+    numbers["inverse_inertia"] = np.full(12, 20.0)
+    bristles = 12 + len(np.asarray(numbers["bristle_level"]))
+    sizes = (bristles, 12, 12, 12)
+    return numbers, [random.uniform(-1.0, 1.0, (4, 5, size)) for size in sizes]
+
+
+def test_many_robots_at_once_are_each_of_them_alone() -> None:
+    numbers, arguments = batch()
+    together = next_losses(numbers, *arguments, 1e-3)
+    alone = [next_losses(numbers, *(x[2, 3] for x in arguments), 1e-3)]
+    for several, one in zip(together, alone[0], strict=True):
+        np.testing.assert_allclose(np.broadcast_to(several, (4, 5, several.shape[-1]))[2, 3], one)
+
+
+def test_jax_gives_the_same_as_numpy() -> None:
+    jax = pytest.importorskip("jax")
+    numbers, arguments = batch()
+    names = ("motors", "joints")
+    arrays = {name: jax.numpy.asarray(x) for name, x in numbers.items() if name not in names}
+    step = jax.jit(lambda *given: next_losses(arrays, *given, 1e-3))
+    for found, expected in zip(
+        step(*arguments), next_losses(numbers, *arguments, 1e-3), strict=True
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("robot", [leg()[0], load_robot("planar_leg_fixed")], ids=["many", "few"])
+def test_the_written_file_needs_numpy_and_mujoco_only(
+    robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start = robot.pose("paper")
+    save_robot(robot, tmp_path / "fitted.toml")
+    target = str(tmp_path / "leg.xml")
+    assert main(["export", str(tmp_path / "fitted.toml"), "--to", "mujoco", "--file", target]) == 0
+    assert "leg_losses.py: the losses of the gears" in " ".join(capsys.readouterr().out.split())
+    assert export_robot(robot, "mujoco").unsaid == ()
+    user = (
+        "import sys, mujoco, leg_losses\n"
+        "model = mujoco.MjModel.from_xml_path('leg.xml')\n"
+        "losses, data = leg_losses.losses(model), mujoco.MjData(model)\n"
+        f"data.qpos[:] = {start.tolist()}\n"
+        "for _ in range(100):\n"
+        "    losses.apply(data)\n"
+        "    mujoco.mj_step(model, data)\n"
+        "print(*data.qpos, 'wbc' in sys.modules)\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", user],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    model = mujoco.MjModel.from_xml_path(target)
+    losses, data = Losses(model, loss_numbers(robot)), mujoco.MjData(model)
+    data.qpos[:] = start
+    for _ in range(100):
+        losses.apply(data)
+        mujoco.mj_step(model, data)
+    assert told[-1] == "False"
+    np.testing.assert_allclose([float(x) for x in told[:2]], data.qpos, atol=1e-12)
+
+
+def test_a_self_locking_gear_is_refused() -> None:
+    robot = load_robot("planar_leg_fixed")
+    gears = robot.transmission.replace(backward_efficiency=np.array([0.5, -0.2]))
+    locking = robot.with_transmission(gears)
+    with pytest.raises(RobotError, match="gear of 'knee' is self-locking"):
+        export_robot(locking, "mujoco")
+    assert "gear at knee" in " ".join(export_robot(locking, "mjcf").unsaid)  # the way out

@@ -1,0 +1,104 @@
+"""A robot's losses as the numbers that `wbc.export.losses` works with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from pprint import pformat
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction
+from wbc.errors import RobotError
+from wbc.export.joint_numbers import joint_numbers
+from wbc.robot import Effect, Robot
+
+_KINDS = (LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction)
+TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
+"""Names of the effects that these numbers hold beside what stands in every exported file."""
+
+
+def loss_numbers(robot: Robot) -> dict[str, Any]:
+    """Return the numbers of a robot's losses for `wbc.export.losses`, lists of names and arrays.
+
+    Torques and inertias of gears (m,) stand at their outputs. What these numbers do not hold is in
+    `export_robot(robot, "mujoco").unsaid`.
+
+    Raises:
+        RobotError: a gear with losses is self-locking.
+    """
+    gears = robot.transmission
+    locking = np.flatnonzero(gears.backward_efficiency <= 0.0)
+    if locking.size:
+        raise RobotError(
+            f"the gear of '{gears.joints[locking[0]]}' is self-locking (backward efficiency <= 0): "
+            "its friction has no level that the torque of the motor gives. Export with --to mjcf, "
+            "or give the gear a backward efficiency above 0."
+        )
+    found, size = joint_numbers(robot, TOLD), gears.size
+    forward, backward = gears.forward_efficiency, gears.backward_efficiency
+    length, coefficient, speed = np.zeros(size), np.zeros(size), np.ones(size)
+    for effect in robot.effects:
+        if isinstance(effect, LoadPresliding):
+            length[gears.index(effect.where)] = effect.length
+        elif isinstance(effect, LoadStribeckFriction):
+            k = gears.index(effect.where)
+            coefficient[k], speed[k] = effect.coefficient, effect.speed
+    bristles = [e for e in robot.effects if isinstance(e, Presliding)]
+    slow = [e for e in robot.effects if isinstance(e, StribeckFriction)]
+    return {
+        "motors": list(gears.joints),
+        "joints": list(gears.joints),
+        "motor_from_joint": gears.motor_from_joint,
+        "joint_from_motor": np.linalg.inv(gears.motor_from_joint),
+        "gain": found.gain,
+        "offset": found.offset,
+        "share": 0.5 * (forward + 1.0 / backward),
+        "forward_efficiency": forward,
+        "backward_efficiency": backward,
+        "gear_length": length,
+        "slow_coefficient": coefficient,
+        "slow_speed": speed,
+        "rotor_inertia": found.motor_armature,
+        "rotor_damping": found.motor_damping,
+        "rotor_friction": found.motor_friction,
+        "joint_damping": found.damping[robot.actuated],
+        "joint_friction": found.friction[robot.actuated],
+        "bristle_place": _places(robot, bristles),
+        "bristle_level": np.array([effect.level for effect in bristles]),
+        "bristle_length": np.array([effect.length for effect in bristles]),
+        "stribeck_place": _places(robot, slow),
+        "stribeck_level": np.array([effect.level for effect in slow]),
+        "stribeck_speed": np.array([effect.speed for effect in slow]),
+    }
+
+
+def loss_module(robot: Robot) -> str:
+    """Return the text of a Python file with a robot's losses, which needs NumPy only.
+
+    Raises:
+        RobotError: a gear with losses is self-locking.
+    """
+    numbers = {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in loss_numbers(robot).items()
+    }
+    table = pformat(numbers, width=100, sort_dicts=False)
+    code = Path(__file__).with_name("losses.py").read_text(encoding="utf-8")
+    function = (
+        "def losses(model: Any) -> Losses:\n"
+        '    """Return the losses of this robot in a model of MuJoCo."""\n'
+        "    return Losses(model, NUMBERS)\n"
+    )
+    named = "NUMBERS: Numbers = " + table + f'\n"""Losses of {robot.name}."""'
+    return "\n\n".join((code, named + "\n", function))
+
+
+def _places(robot: Robot, effects: Sequence[Effect]) -> FloatArray:
+    """Return (b, m) with a one where an effect sits."""
+    gears = robot.transmission
+    places = np.zeros((len(effects), gears.size))
+    places[np.arange(len(effects)), [gears.index(effect.where) for effect in effects]] = 1.0
+    return places
