@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import warnings
@@ -30,18 +31,17 @@ def doubled(x: float) -> float:
 
 
 def test_without_a_folder_functions_are_compiled_with_one_warning(nowhere):
+    functions = [compiled(Number, Number)(doubled) for _ in range(2)]
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        functions = [compiled(Number, Number)(doubled) for _ in range(2)]
-    assert [function(3.0) for function in functions] == [6.0, 6.0]
-    assert all(function.signatures for function in functions)
+        assert [function(3.0) for function in functions] == [6.0, 6.0]
     assert len(told) == 1
     assert "NUMBA_CACHE_DIR" in str(told[0].message)
 
 
 def test_errors_of_the_compiler_are_not_taken_for_a_missing_folder():
     with pytest.raises(Exception, match="nothing_of_this_name"):
-        compiled(Number, Number)(lambda x: nothing_of_this_name(x))  # noqa: F821
+        compiled(Number, Number)(lambda x: nothing_of_this_name(x))(1.0)  # noqa: F821
 
 
 def test_the_library_alone_does_not_load_the_compiler():
@@ -64,7 +64,17 @@ def test_small_arrays_live_in_the_call_that_makes_them():
 
 def test_a_function_that_makes_arrays_must_count_who_holds_them():
     with pytest.raises(NumbaError):
-        compiled(Number, Number, counted=False)(lambda x: x + np.zeros(2)[0])
+        compiled(Number, Number, counted=False)(lambda x: x + np.zeros(2)[0])(1.0)
+
+
+def test_a_first_call_with_other_types_is_refused():
+    """It is compiled for the types that it declares, not for those that come first."""
+    total = compiled(Number, Row)(lambda x: x.sum())
+    with pytest.raises(TypeError, match="No matching definition"):
+        total(np.zeros((2, 2)))
+    with pytest.raises(TypeError, match="No matching definition"):
+        total(np.zeros(2, dtype=np.int64))
+    assert total(np.ones(2)) == 2.0
 
 
 CALLER = """
@@ -74,6 +84,7 @@ from callee import FACTOR, inner
 
 @compiled(Number, Number)
 def outer(x: float) -> float:
+    {text}
     return FACTOR * inner(x)
 
 
@@ -91,18 +102,48 @@ def inner(x: float) -> float:
 """
 
 
-def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(tmp_path):
-    """A user who pulls a new version must not go on with machine code of the old one."""
-    (tmp_path / "caller.py").write_text(CALLER)
+@pytest.fixture
+def run(tmp_path):
+    """Write both files, run them, and return what they print."""
 
-    def run(factor: str, added: str) -> list[str]:
+    def written(factor: str, added: str, text: str = "# Nothing.", before: str = "") -> list[str]:
+        (tmp_path / "caller.py").write_text(CALLER.format(text=text))
         (tmp_path / "callee.py").write_text(CALLEE.format(factor=factor, added=added))
+        own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+        code = f"import sys; sys.path.insert(0, '.'); {before}\nimport caller"
         done = subprocess.run(
-            [sys.executable, "caller.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+            [sys.executable, "-W", "error", "-c", code],
+            cwd=tmp_path,
+            env=own,
+            capture_output=True,
+            text=True,
         )
-        return done.stdout.split()
+        return done.stdout.split() or [done.stderr]
 
+    return written
+
+
+def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(run):
+    """A user who pulls a new version must not go on with machine code of the old one."""
     assert run("1.0", "1.0") == ["2.0", "0"]
     assert run("1.0", "20.0") == ["21.0", "0"]
     assert run("1.25", "20.0") == ["26.25", "0"]
     assert run("1.25", "20.0") == ["26.25", "1"]
+    assert run("1.0", "1.0") == ["2.0", "1"]
+
+
+def test_another_comment_or_docstring_leaves_machine_code_as_it_is(run):
+    """What a function does has not changed."""
+    assert run("1.0", "1.0") == ["2.0", "0"]
+    assert run("1.0", "1.0", text='"""Return more."""\n    # And more.') == ["2.0", "1"]
+
+
+READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
+
+
+def test_what_is_kept_beside_sources_is_found_where_nothing_can_be_written(run):
+    """A disk that is mounted to be read, with the library and its machine code on it."""
+    assert run("1.0", "1.0") == ["2.0", "0"]
+    assert run("1.0", "1.0", before=READ_ONLY) == ["2.0", "1"]
+    (told,) = run("1.0", "7.0", before=READ_ONLY)
+    assert "NUMBA_CACHE_DIR" in told

@@ -1,22 +1,34 @@
 """Loops over small arrays as machine code: there a call into numpy takes longer than its work.
 
-Functions are compiled for fixed types when their module is first imported, and kept on disk beside
-it, so that no tick ever waits for the compiler; under `NUMBA_CACHE_DIR` where that is set, in the
-user's own cache where the sources cannot be written beside. They check nothing: whoever calls them
-owns the shapes.
+Functions are compiled for fixed types: when they are first called, or by `make_ready`, which
+whoever has a loop calls before it, so that no tick waits for the compiler. Machine code is kept
+under `NUMBA_CACHE_DIR` where that is set, else beside the sources, else in the user's own cache.
+Where it is kept already nothing has to be written. They check nothing: whoever calls them owns the
+shapes.
 """
 
 from __future__ import annotations
 
+import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from hashlib import sha256
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from tempfile import TemporaryFile
+from types import CodeType
+from typing import Any, ClassVar, TypeVar, cast
 
 import numba
-from numba import types
+from numba import config, types
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    NullCache,
+    UserWideCacheLocator,
+)
 from numba.core.cgutils import alloca_once
+from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
@@ -122,10 +134,10 @@ local: Any = intrinsic(prefer_literal=True)(_local)
 def compiled(
     result: Any, *arguments: Any, counted: bool = True
 ) -> Callable[[_Function], _Function]:
-    """Return a decorator that compiles a function for the types of its result and arguments.
+    """Return a decorator of a function that will be machine code for these types.
 
     Sums may be taken in any order, so that they use the processor's vectors; what is not finite
-    stays so. Where no folder can be written the function is compiled anew in every process.
+    stays so.
 
     Args:
         result: type of what it returns.
@@ -136,44 +148,170 @@ def compiled(
     """
 
     def decorator(function: _Function) -> _Function:
-        try:
-            return _machine_code(function, result(*arguments), kept=True, counted=counted)
-        except (RuntimeError, OSError):  # no folder, or one that is full
-            found = _machine_code(function, result(*arguments), kept=False, counted=counted)
-            _warn_of_compiling()
-            return found
+        return cast(_Function, MachineCode(function, result(*arguments), counted))
 
     return decorator
 
 
-def _machine_code(function: _Function, signature: Any, *, kept: bool, counted: bool) -> _Function:
-    compiler = numba.njit(
-        cache=kept, error_model="numpy", fastmath={"reassoc", "contract"}, _nrt=counted
-    )
-    found = compiler(function)
-    if kept:
-        _stamp(found)
-    found.compile(signature)
-    found.disable_compile()
-    return cast(_Function, found)
+def make_ready(room: str) -> None:
+    """Load or compile what the loaded modules of a package of the library call.
 
-
-def _stamp(dispatcher: Any) -> None:
-    """Mark what is kept of a function with all that its machine code is made of.
-
-    Numba looks at the function's own file alone. Its machine code also holds the functions that it
-    calls and the numbers that it reads from its module: when one of these has changed since, it is
-    compiled anew.
+    Args:
+        room: such as "wbc.control".
     """
-    function, kept = dispatcher.py_func, dispatcher._cache._cache_file
-    parts = [repr(kept._source_stamp)]
+    for name, module in list(sys.modules.items()):
+        if name == room or name.startswith(f"{room}."):
+            for found in list(vars(module).values()):
+                if isinstance(found, MachineCode):
+                    found.make_ready()
+
+
+class MachineCode(CPUDispatcher):  # type: ignore[misc]
+    """A function that is compiled for one signature, when it is first needed."""
+
+    def __init__(self, function: Callable[..., Any], signature: Any, counted: bool) -> None:
+        """Look where its machine code may be kept.
+
+        Args:
+            function: to compile.
+            signature: its types.
+            counted: see `compiled`.
+        """
+        options = {"nopython": True, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
+        super().__init__(function, targetoptions={**options, "_nrt": counted})
+        self._declared = signature
+        self.stamp = _stamp(function, (signature, counted))
+        vars(function)["stamp"] = self.stamp
+        self._kept = True
+        try:
+            self._cache = _Kept(function)
+        except RuntimeError:  # no folder
+            self._kept = False
+
+    def __reduce__(self) -> str:
+        """Pickle it by its name."""
+        return str(self.py_func.__qualname__)
+
+    def calls(self) -> list[MachineCode]:
+        """Return the compiled functions that it calls."""
+        function = self.py_func
+        used = (function.__globals__.get(name) for name in function.__code__.co_names)
+        return [one for one in used if isinstance(one, MachineCode)]
+
+    def make_ready(self) -> None:
+        """Load or compile it, if that was not done yet."""
+        if not self._can_compile:
+            return
+        if not self._kept:
+            _warn_of_compiling()
+        try:
+            super().compile(self._declared)
+        except OSError:  # a folder that is full, or cannot be read
+            _warn_of_compiling()
+            self._cache = NullCache()
+            super().compile(self._declared)
+        self.disable_compile()
+
+    def compile(self, sig: Any) -> Any:
+        """Return the machine code; only for the types declared, whatever is asked for."""
+        self.make_ready()
+        return self.overloads[self._declared.args].entry_point
+
+    def _compile_for_args(self, *args: Any) -> Any:
+        """Return the machine code for a first call.
+
+        Raises:
+            TypeError: arguments that are not of the types declared.
+        """
+        self.make_ready()
+        found = tuple(map(self.typeof_pyval, args))
+        if not self.typingctx.resolve_overload(self.py_func, [self._declared], found, {}):
+            self._explain_matching_error(*args)
+        return self.overloads[self._declared.args].entry_point
+
+
+class _Folder(UserWideCacheLocator):  # type: ignore[misc]
+    """A folder in which something is kept of a function already, or where it can be kept."""
+
+    def __init__(self, function: Callable[..., Any], file: str, folder: Path) -> None:
+        self._py_file, self._stamp, self._cache_path = file, vars(function)["stamp"], str(folder)
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> _Folder | None:
+        """Return the folder for a function of a file; None where there is none."""
+        folders = [Path(file).parent / "__pycache__", Path(_own_folder(function, file))]
+        if config.CACHE_DIR:
+            folders.insert(0, Path(config.CACHE_DIR))
+        holding = [f for f in folders if (f / f"{_base(function)}.nbi").exists()]
+        for folder in [*holding, *filter(_can_be_written, folders)]:
+            return cls(function, file, folder)
+        return None
+
+    def get_source_stamp(self) -> str:
+        """Return what stands for the content of the function."""
+        return str(self._stamp)
+
+
+class _Files(CompileResultCacheImpl):  # type: ignore[misc]
+    """Named by what is in them, so that several versions of a function may lie side by side."""
+
+    _locator_classes: ClassVar[list[type]] = [_Folder]
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._base = _base(function)
+        super().__init__(function)
+
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        return self._base
+
+
+class _Kept(FunctionCache):  # type: ignore[misc]
+    _impl_class = _Files
+
+
+def _base(function: Callable[..., Any]) -> str:
+    return f"{function.__name__.strip('<>')}-{vars(function)['stamp'][:24]}"
+
+
+def _own_folder(function: Callable[..., Any], file: str) -> str:
+    return str(UserWideCacheLocator(function, file).get_cache_path())
+
+
+@cache
+def _can_be_written(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def _stamp(function: Callable[..., Any], declared: object) -> str:
+    """Return a text that differs where the machine code of a function would.
+
+    That also holds the functions that it calls and the numbers that it reads from its module. Its
+    place in the file, its text and comments do not matter.
+    """
+    versions = numba.__version__, *sys.version_info[:2]
+    parts = [repr((versions, declared)), *_described(function.__code__, function.__doc__)]
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)
         if isinstance(used, int | float | tuple):
             parts.append(f"{name} = {used!r}")
-        parts.append(getattr(used, "wbc_stamp", ""))
-    dispatcher.wbc_stamp = sha256("\n".join(parts).encode()).hexdigest()
-    kept._source_stamp = dispatcher.wbc_stamp
+        elif isinstance(used, MachineCode):
+            parts.append(used.stamp)
+    return sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _described(code: CodeType, text: str | None) -> Iterator[str]:
+    """Return what a function does, without where it stands."""
+    yield repr((code.co_code, code.co_names, code.co_varnames, code.co_freevars))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _described(constant, None)
+        elif constant != text:
+            yield repr(constant)
 
 
 @cache
@@ -181,6 +319,6 @@ def _warn_of_compiling() -> None:
     """Say it once per process."""
     warnings.warn(
         "wbc finds no folder to keep its compiled functions in and compiles them in every "
-        "process, for some seconds; set NUMBA_CACHE_DIR to a folder that can be written.",
+        "process, for up to a minute; set NUMBA_CACHE_DIR to a folder that can be written.",
         stacklevel=2,
     )

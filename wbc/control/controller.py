@@ -10,6 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.compiled import make_ready
 from wbc.control.admission import (
     checked_efforts,
     checked_force_tasks,
@@ -95,6 +96,7 @@ class Controller:
             ControlError: no tasks, two of one name, or one that does not fit the robot.
             RobotError: a contact, joint or frame that the robot does not have.
         """
+        make_ready("wbc.control")
         self.robot, self.tasks = robot, tuple(tasks)
         self.settings = ControllerSettings() if settings is None else settings
         names = checked_names("task", [task.name for task in self.tasks])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
-from wbc.compiled import Flag, OutVector, Vector, compiled
+from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
 from wbc.errors import SimulationError
 from wbc.robot import Robot
 from wbc.sim.energy.kinetic_energy import mechanical_energy
@@ -58,6 +58,7 @@ class Plant:
 
     def __post_init__(self) -> None:
         """Prepare what does not change from step to step."""
+        make_ready("wbc.sim")
         if not 0.0 <= self.restitution <= 1.0:
             raise SimulationError(f"restitution must lie in [0, 1], got {self.restitution:g}.")
         gears = self.robot.transmission
