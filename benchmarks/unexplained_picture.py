@@ -19,7 +19,7 @@ from wbc.effects import load_robot
 from wbc.measurement import load_logs
 from wbc.view import DARK, LIGHT
 from wbc.view.plots import unexplained_figure, write_figure
-from wbc.view.quantities.residuals import LogResiduals, residuals_of
+from wbc.view.residuals import LogResiduals, residuals_of
 
 
 def main(given: argparse.Namespace) -> None:

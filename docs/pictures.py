@@ -42,16 +42,16 @@ from wbc.files import atomic_write
 from wbc.identification import Diagnosis
 from wbc.measurement import load_logs, save_log
 from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
-from wbc.view.pictures.browser import HeadlessBrowser
+from wbc.view.browser import HeadlessBrowser
+from wbc.view.channels import log_impacts
 from wbc.view.plots import (
     residual_figure,
     staircase_figure,
     unexplained_figure,
     write_figure,
 )
-from wbc.view.quantities.impacts import log_impacts
-from wbc.view.quantities.residuals import residuals_of
-from wbc.view.report.content import step_rows
+from wbc.view.report_content import step_rows
+from wbc.view.residuals import residuals_of
 
 IMAGES = Path(__file__).resolve().parent / "images"
 OUT = Path("out")  # where the studies write

@@ -20,10 +20,10 @@ from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.sim import Plant, Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
+from wbc.view.channels import configuration
 from wbc.view.plots import drawing, new_figure, power_figure
-from wbc.view.plots.standing import center_of_mass, run_style
-from wbc.view.plots.style import legend_above
-from wbc.view.quantities.channels import configuration
+from wbc.view.run_figures import center_of_mass, run_style
+from wbc.view.style import legend_above
 
 OUT = Path("out")
 _SHOWN = 1.2  # [s] of the knee's torque: two hops

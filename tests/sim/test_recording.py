@@ -22,7 +22,7 @@ from wbc.sim import (
     StepEvent,
     simulate,
 )
-from wbc.view.playback.playback import playback_page
+from wbc.view.playback import playback_page
 
 
 def _run(robot=None, duration: float = 0.2) -> Simulation:

@@ -16,7 +16,7 @@ from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import write_animation, write_picture, write_playback
-from wbc.view.pictures.browser import HeadlessBrowser
+from wbc.view.browser import HeadlessBrowser
 
 
 @pytest.fixture(scope="module")

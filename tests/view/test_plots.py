@@ -16,6 +16,7 @@ from wbc.metrics import summary, with_contact_at
 from wbc.robot import Robot
 from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
+from wbc.view.flow import gear_flow, tooth_loss
 from wbc.view.plots import (
     energy_audit,
     energy_figure,
@@ -26,7 +27,6 @@ from wbc.view.plots import (
     tradeoff_figure,
     write_figure,
 )
-from wbc.view.quantities.gear_flow import gear_flow, tooth_loss
 
 
 def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(

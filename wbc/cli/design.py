@@ -94,7 +94,7 @@ def _study(options: argparse.Namespace) -> Study:
 
 def _gait(options: argparse.Namespace, robot: Robot) -> tuple[tuple[float, ...], ...]:
     """Return rows (time, q...) at evenly spread instants of a log."""
-    from wbc.view.quantities.channels import configuration
+    from wbc.view.channels import configuration
 
     if options.instants < 1:
         raise WbcError("--instants must be at least 1.")
@@ -200,7 +200,7 @@ def _draw(
     console: Console,
 ) -> None:
     from wbc.view.plots import design_map, pareto_figure
-    from wbc.view.plots.design import MAPPED
+    from wbc.view.study_figures import MAPPED
 
     drawn = sampled_designs(path, _DRAWN, objectives, len(study.gait))
     count, size = len(drawn["design"]), study.size // max(len(study.gait), 1)

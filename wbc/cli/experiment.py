@@ -197,7 +197,7 @@ def _draw(
     found: dict[str, Designed],
     console: Console,
 ) -> None:
-    from wbc.view.plots.experiment import experiment_figure
+    from wbc.view.study_figures import experiment_figure
 
     designed, robot = found[DESIGNED], rivals.robot
     time = designed.path.times(options.rate)

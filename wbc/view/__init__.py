@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 from wbc.extras import needs
 
 if TYPE_CHECKING:
+    from wbc.view.ghost import Ghost, log_ghost, model_ghost
+    from wbc.view.ground import GroundSlab, flat_ground, profile_ground
+    from wbc.view.live import LiveView
     from wbc.view.palette import DARK, LIGHT, Theme
-    from wbc.view.pictures.pictures import write_animation, write_picture
-    from wbc.view.playback.ghost import Ghost, log_ghost, model_ghost
-    from wbc.view.playback.live import LiveView
-    from wbc.view.playback.playback import write_playback
-    from wbc.view.scene.ground import GroundSlab, flat_ground, profile_ground
+    from wbc.view.pictures import write_animation, write_picture
+    from wbc.view.playback import write_playback
 
 __all__ = [
     "DARK",
@@ -35,12 +35,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "playback.ghost": ("Ghost", "log_ghost", "model_ghost"),
-    "scene.ground": ("GroundSlab", "flat_ground", "profile_ground"),
-    "playback.live": ("LiveView",),
+    "ghost": ("Ghost", "log_ghost", "model_ghost"),
+    "ground": ("GroundSlab", "flat_ground", "profile_ground"),
+    "live": ("LiveView",),
     "palette": ("DARK", "LIGHT", "Theme"),
-    "pictures.pictures": ("write_animation", "write_picture"),
-    "playback.playback": ("write_playback",),
+    "pictures": ("write_animation", "write_picture"),
+    "playback": ("write_playback",),
 }
 
 

@@ -46,10 +46,24 @@ def short_label(label: str) -> str:
     return Path(path).name + mark + part
 
 
+def output_rows(comparison: Comparison) -> TextTable:
+    """Return what else a comparison says of the residual of every output."""
+    return _rows(
+        "output|>acceleration error [rad/s²]|>correlation time [s]|>peak frequency [Hz]",
+        (
+            (
+                o.output,
+                *(plain(x, 2) for x in (o.acceleration, o.correlation_time, o.frequency)),
+            )
+            for o in comparison.outputs
+        ),
+    )
+
+
 def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:
     """Return length and clock of every log."""
     return _rows(
-        "~log|>rows|>[s]|>[Hz]|>jitter|>longest gap",
+        "~log|>rows|>length [s]|>rate [Hz]|>jitter|>longest gap",
         (
             (
                 short_label(q.label),
@@ -135,7 +149,7 @@ def open_loop_rows(simulated: Sequence[OpenLoop]) -> TextTable:
             errors.append(f"{' -> '.join(found)}{between}of {told(first.moved[row, k])}")
         cells.append((joint, *errors, unit))
     return _rows(
-        "|".join(["open loop", *(f">{horizon:g} s" for horizon in first.horizons), ""]),
+        "|".join(["open loop", *(f">after {horizon:g} s" for horizon in first.horizons), ""]),
         cells,
         caption="rms position error of the simulated robot so long after a measured state, of how "
         "far the joint moved",
@@ -143,18 +157,17 @@ def open_loop_rows(simulated: Sequence[OpenLoop]) -> TextTable:
 
 
 def left_rows(diagnosis: Diagnosis) -> TextTable:
-    """Return what is left at each output."""
+    """Return what is left at each output; "after" only where something was found."""
+    found = bool(diagnosis.findings)
+    cells = []
+    for o in diagnosis.outputs:
+        numbers = (o.before, *((o.after,) if found else ()), o.attainable, o.floor)
+        told_unit = o.unit if o.judged else f"{o.unit}, set aside"
+        cells.append((o.output, *(plain(x, 2) for x in numbers), told_unit))
     reported = efforts(o.unit for o in diagnosis.outputs)
     return _rows(
-        "left at|>before|>after|>attainable|>noise floor|",
-        (
-            (
-                o.output,
-                *(plain(x, 2) for x in (o.before, o.after, o.attainable, o.floor)),
-                o.unit if o.judged else f"{o.unit}, set aside",
-            )
-            for o in diagnosis.outputs
-        ),
+        f"left at|>before|{'>after|' if found else ''}>attainable|>noise floor|",
+        cells,
         caption=f"rms {reported} that the model does not explain; attainable: what the best model "
         "of the motion would leave; noise floor: what noise leaves",
     )

@@ -13,8 +13,7 @@ from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.view import log_ghost, model_ghost, write_playback
 from wbc.view.plots import residual_figure, staircase_figure
-from wbc.view.quantities.explained import binned_mean
-from wbc.view.quantities.residuals import residuals_of
+from wbc.view.residuals import binned_mean, residuals_of
 
 KNEE = 1
 

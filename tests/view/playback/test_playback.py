@@ -16,7 +16,7 @@ from wbc.errors import LogError, ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
 from wbc.view import Ghost, profile_ground, write_playback
-from wbc.view.quantities.channels import configuration
+from wbc.view.channels import configuration
 
 
 def scene_of(page: Path) -> dict:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.view.quantities.explained import explained_curves
+from wbc.view.residuals import explained_curves
 
 
 def test_dry_friction_is_one_curve_over_speed_and_none_over_position() -> None:

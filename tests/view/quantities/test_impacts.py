@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.view.quantities.impacts import find_impacts
+from wbc.view.channels import find_impacts
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 WEIGHT = 100.0

@@ -32,13 +32,13 @@ from wbc.identification import (
     diagnose,
     open_loop,
 )
-from wbc.identification.answer.diagnosis.sentence import MEANINGS, TITLES
+from wbc.identification.answer.diagnosis.sentence import MEANINGS, TITLES, verdict_sentence
 from wbc.identification.answer.diagnosis.to_do import what_to_do
 from wbc.identification.answer.numbers import plain, with_interval
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
-from wbc.view.quantities.residuals import residuals_of
-from wbc.view.report import verdict_sentence, write_report
+from wbc.view.report import write_report
+from wbc.view.residuals import residuals_of
 
 COEFFICIENT = 0.4
 

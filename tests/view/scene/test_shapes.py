@@ -14,9 +14,8 @@ from wbc.effects import PayloadMass
 from wbc.errors import RobotError
 from wbc.robot import Robot, bare_robot, placed_geometry
 from wbc.robot.coordinates import joint_axis
-from wbc.view.scene.geometry import _clustered, along, capsule, meshcat_geometry
-from wbc.view.scene.scene import hub_of, scene_size
-from wbc.view.scene.shapes import robot_shapes, stick_shapes
+from wbc.view.scene import hub_of, scene_size
+from wbc.view.shapes import _clustered, along, capsule, meshcat_geometry, robot_shapes, stick_shapes
 
 
 def placed(robot: Robot, q: np.ndarray) -> dict[str, np.ndarray]:

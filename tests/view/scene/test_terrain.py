@@ -8,8 +8,7 @@ import pytest
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.stairs import Stairs
 from wbc.sim.ground.terrain import Terrain
-from wbc.view.scene.ground import surface_under
-from wbc.view.scene.terrain import terrain_slabs
+from wbc.view.ground import surface_under, terrain_slabs
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,198 @@
+"""What a picture needs from a log; unlike an estimate it makes do with what is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.errors import LogError
+from wbc.measurement import Log, joint_position
+from wbc.robot import Robot
+
+
+def configuration(robot: Robot, log: Log) -> FloatArray:
+    """Return q (N, nq); a joint that the log does not mention stays at its neutral position.
+
+    Where only a velocity was recorded its integral stands for the position.
+
+    Raises:
+        LogError: the log holds the position of no joint of the robot.
+    """
+    position = np.tile(robot.neutral(), (len(log), 1))
+    found = False
+    for name in robot.single_joints:
+        if log.has(f"{name}.position") or log.has(f"{name}.velocity"):
+            position[:, robot.position_index(name)] = joint_position(log, name)
+            found = True
+    base = [f"base.position.{axis}" for axis in "xyz"]
+    turn = [f"base.orientation.{axis}" for axis in "xyzw"]
+    if robot.has_free_flyer and log.has(*base, *turn):
+        position[:, :3] = np.stack([log.column(name) for name in base], axis=1)
+        quaternion = np.stack([log.column(name) for name in turn], axis=1)
+        position[:, 3:7] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+        found = True
+    if not found:
+        some = [f"{joint}.position" for joint in robot.single_joints[:4]]
+        names = ", ".join(some) + (", ..." if len(robot.single_joints) > 4 else "")
+        raise LogError(
+            f"{log.source.label}: no position of any joint of '{robot.name}'; expected {names}."
+        )
+    return position
+
+
+def velocity(robot: Robot, log: Log) -> FloatArray:
+    """Return v (N, nv): measured where the log has it, else the difference of the positions."""
+    result = np.zeros((len(log), robot.model.nv))
+    for name in robot.single_joints:
+        row = robot.velocity_index(name)
+        if log.has(f"{name}.velocity"):
+            result[:, row] = log.column(f"{name}.velocity")
+        elif log.has(f"{name}.position"):
+            result[:, row] = np.gradient(log.column(f"{name}.position"), log.time)
+    parts = [f"base.{kind}_velocity.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
+    if robot.has_free_flyer and log.has(*parts):
+        result[:, :6] = np.stack([log.column(part) for part in parts], axis=1)
+    return result
+
+
+def rotor_torque(robot: Robot, log: Log) -> FloatArray:
+    """Return the torque on the rotors (N, m) [N m]; NaN columns where the log holds none."""
+    gears = robot.transmission
+    torque = np.full((len(log), gears.size), np.nan)
+    for column, joint in enumerate(gears.joints):
+        if log.has(f"{joint}.rotor_torque"):
+            torque[:, column] = log.column(f"{joint}.rotor_torque")
+        elif log.has(f"{joint}.motor_torque"):
+            torque[:, column] = log.column(f"{joint}.motor_torque") / gears.gear_ratio[column]
+        elif log.has(f"{joint}.current"):
+            torque[:, column] = log.column(f"{joint}.current") * gears.torque_constant[column]
+    return torque
+
+
+def contact_forces(robot: Robot, log: Log) -> dict[str, FloatArray]:
+    """Return contact name -> force of the ground on the robot (N, 3) [N], world axes."""
+    forces = {}
+    for contact in robot.contacts:
+        axes = [f"{contact.name}.force.{axis}" for axis in "xyz"]
+        if not any(log.has(axis) for axis in axes):
+            continue
+        forces[contact.name] = np.stack(
+            [log.column(axis) if log.has(axis) else np.zeros(len(log)) for axis in axes], axis=1
+        )
+    return forces
+
+
+_QUIET = 0.02
+_MOMENT = 0.02
+
+
+@dataclass(frozen=True)
+class RecordedImpact:
+    """A contact that closes on a moving robot.
+
+    Attributes:
+        time: [s].
+        contact: its name.
+        force: [N] largest force within 20 ms.
+    """
+
+    time: float
+    contact: str
+    force: float
+
+
+def find_impacts(
+    time: FloatArray, forces: Mapping[str, FloatArray], weight: float
+) -> tuple[RecordedImpact, ...]:
+    """Return the instants at which a contact force rises out of the air.
+
+    A contact that was in the air for 20 ms (force below a fiftieth of the weight) has hit the
+    ground when it bears its even share of the weight within another 20 ms.
+
+    Args:
+        time: (N,) [s].
+        forces: contact name -> (N, 3) [N].
+        weight: [N] of the robot.
+    """
+    impacts = []
+    for name, force in forces.items():
+        size = np.linalg.norm(force, axis=1)
+        free = size < _QUIET * weight
+        for row in np.flatnonzero(free[:-1] & ~free[1:]) + 1:
+            earlier = np.flatnonzero(~free[:row])
+            left = int(earlier[-1]) + 1 if earlier.size else 0
+            if time[row] - time[left] < _MOMENT:
+                continue
+            soon = size[row : int(np.searchsorted(time, time[row] + _MOMENT)) + 1]
+            if soon.max() >= weight / len(forces):
+                impacts.append(RecordedImpact(float(time[row]), name, float(soon.max())))
+    return tuple(sorted(impacts, key=lambda impact: impact.time))
+
+
+def log_impacts(robot: Robot, log: Log) -> tuple[RecordedImpact, ...]:
+    """Return the impacts that the contact forces of a log show."""
+    return find_impacts(log.time, contact_forces(robot, log), robot_weight(robot))
+
+
+def robot_weight(robot: Robot) -> float:
+    """Return the weight of all moving bodies [N]."""
+    gravity = float(np.linalg.norm(robot.model.gravity.linear))
+    return float(pin.computeTotalMass(robot.model)) * gravity
+
+
+_NEAR = 3
+
+
+def jump_rows(values: FloatArray, near: Sequence[int]) -> tuple[int, ...]:
+    """Return the first row after the largest jump of `values` around each of some rows.
+
+    A recording that gives force and speed of the same step and one that samples them at the same
+    instant put the jump of the speeds on different rows; three rows either way are searched.
+
+    Args:
+        values: (N, k).
+        near: rows at which something hit.
+    """
+    steps = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0)
+    found = set()
+    for row in near:
+        low, high = max(row - _NEAR, 0), min(row + _NEAR, len(steps))
+        if high > low:
+            found.add(low + int(np.argmax(steps[low:high])) + 1)
+    return tuple(sorted(found))
+
+
+def pieces(size: int, jumps: Sequence[int]) -> list[slice]:
+    """Return the slices of `size` rows between jumps; a jump starts a new one."""
+    ends = [0, *(row for row in jumps if 0 < row < size), size]
+    return [slice(a, b) for a, b in pairwise(ends)]
+
+
+def window_mean(values: FloatArray, rows: int, jumps: Sequence[int] = ()) -> FloatArray:
+    """Return the mean of `values` (N, ...) over `rows` rows around each, never across a jump.
+
+    Towards an end or a jump the window shrinks on both sides, so that a ramp stays a ramp.
+    """
+    result = np.empty(values.shape)
+    for piece in pieces(len(values), jumps):
+        size = piece.stop - piece.start
+        row = np.arange(size)
+        reach = np.minimum(rows // 2, np.minimum(row, size - 1 - row))
+        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values[piece], axis=0)])
+        width = (2 * reach + 1).reshape(-1, *(1,) * (values.ndim - 1))
+        result[piece] = (sums[row + reach + 1] - sums[row - reach]) / width
+    return result
+
+
+def rate_of_change(values: FloatArray, time: FloatArray, jumps: Sequence[int] = ()) -> FloatArray:
+    """Return d/dt of `values` (N, ...) between jumps; 0 in a piece of a single row."""
+    result = np.zeros(values.shape)
+    for piece in pieces(len(values), jumps):
+        if piece.stop - piece.start > 1:
+            result[piece] = np.gradient(values[piece], time[piece], axis=0)
+    return result

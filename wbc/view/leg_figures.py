@@ -1,0 +1,302 @@
+"""Pose, inertia ellipsoids and force polytopes of the paper's case study."""
+
+from __future__ import annotations
+
+from functools import partial
+from textwrap import fill
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull
+
+from wbc.arrays import FloatArray
+from wbc.errors import DynamicsError
+from wbc.metrics import (
+    Sweep,
+    backward_generalized_inertia,
+    efficiency_sweep,
+    force_capability,
+    forward_generalized_inertia,
+    generalized_inertia,
+)
+from wbc.robot import Robot
+from wbc.transmission import Direction
+from wbc.view.channels import robot_weight
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.shapes import robot_shapes
+from wbc.view.style import DASHES, drawing, new_figure
+
+# One colour for one assumption about the gears, in both panels.
+_FORWARD, _BACKWARD, _PERFECT, _COMBINED = 0, 1, 2, 3
+_DASH = {
+    _PERFECT: DASHES[1],
+    _BACKWARD: DASHES[0],
+    _FORWARD: DASHES[2],
+    _COMBINED: DASHES[3],
+}
+_NEAR = 0.04  # of the panel: names of joints closer than that are written as one
+
+
+def leg_figure(
+    robot: Robot, position: ArrayLike, contact: str, theme: Theme = LIGHT, axes: str = "xz"
+) -> Figure:
+    """Return pose, inertia ellipsoids and force polytopes of one contact (Sim & Ramos, IV.D).
+
+    The forces are those of the point on its surroundings. The combined polygon is that of
+    `wbc.metrics.ForceCapability.moving`: the point is about to move along the second axis, as
+    the foot of a leg whose body sinks. Where no motor limits the force its panel says why.
+
+    The semi-axes of the ellipsoids are the principal inertias in kg, so that larger is heavier,
+    as the paper draws them; the Forward-GIT is left out where it does not exist (floating base).
+
+    Args:
+        robot: whose gears and links are drawn.
+        position: q (nq,), not singular.
+        contact: name of the contact point.
+        theme: page colours.
+        axes: two world axes, across and up.
+
+    Raises:
+        DynamicsError: a singular pose.
+    """
+    q = np.asarray(position, dtype=np.float64)
+    with drawing(theme):
+        figure, grid = new_figure(1, 3, 10.0, 4.3)
+        pose, inertia, force = grid[0]
+        _draw_pose(pose, robot, q, contact, axes, theme)
+        _draw_inertia(inertia, robot, q, contact, axes, theme)
+        _draw_force(force, robot, q, contact, axes, theme)
+    return figure
+
+
+def _draw_pose(
+    ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
+) -> None:
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    rows = ["xyz".index(axis) for axis in axes]
+    point = robot.contact(contact)
+    frame = model.getFrameId(point.frame)
+    foot = np.asarray(data.oMf[frame].act(point.offset))[rows]
+    joint, driven = int(model.frames[frame].parentJoint), set(robot.transmission.joints)
+    chain, names = [foot], [contact]
+    while model.names[joint] in driven:
+        chain.append(np.asarray(data.oMi[joint].translation)[rows])
+        names.append(model.names[joint])
+        joint = int(model.parents[joint])
+    _draw_body(ax, robot, data.oMi[joint], joint, rows, theme)
+    line = np.array(chain)
+    ax.plot(line[:, 0], line[:, 1], color=theme.ink, linewidth=4, solid_capstyle="round", alpha=0.6)
+    for name in driven - set(names):  # of other limbs: in their place, without a name
+        place = np.asarray(data.oMi[model.getJointId(name)].translation)[rows]
+        ax.plot(*place, "o", color=theme.faint, markersize=6, zorder=1)
+    ax.plot(*line[1:].T, "o", color=theme.series[0], markersize=9)
+    ax.plot(*foot, "o", color=theme.series[1], markersize=7)
+    _name_places(ax, names, line)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.12, 0.06)
+    ax.set_title("pose")
+    ax.set_xlabel(f"{axes[0]} [m]")
+    ax.set_ylabel(f"{axes[1]} [m]")
+
+
+def _name_places(ax: Axes, names: list[str], places: FloatArray) -> None:
+    """Write names (k,) beside places (k, 2), a line each for those that lie on each other."""
+    near = _NEAR * max(float(np.ptp(places, axis=0).max()), 1e-9)
+    left = list(range(len(names)))
+    while left:
+        here = places[left[0]]
+        same = [k for k in left if np.linalg.norm(places[k] - here) <= near]
+        left = [k for k in left if k not in same]
+        text = "\n".join(names[k] for k in same)
+        ax.annotate(text, (here[0], here[1]), xytext=(9, 4), textcoords="offset points", fontsize=8)
+
+
+def _draw_body(
+    ax: Axes, robot: Robot, placement: pin.SE3, joint: int, rows: list[int], theme: Theme
+) -> None:
+    """Draw the outline of the body that carries the limb."""
+    corners = [
+        placement.act(np.where(pick, shape.low, shape.high))[rows]
+        for shape in robot_shapes(robot)
+        if shape.joint == joint
+        for pick in np.array(np.meshgrid(*[[True, False]] * 3)).reshape(3, -1).T
+    ]
+    if not corners or np.ptp(corners, axis=0).min() < 1e-9:
+        return
+    outline = np.array(corners)[ConvexHull(corners).vertices]
+    ax.add_patch(Polygon(outline, facecolor=theme.faint, edgecolor=theme.ink, alpha=0.4))
+
+
+def _draw_inertia(
+    ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
+) -> None:
+    tensors = {
+        _PERFECT: ("GIT (perfect gears)", generalized_inertia(robot, q, contact, axes)),
+        _BACKWARD: ("Backward-GIT", backward_generalized_inertia(robot, q, contact, axes)),
+    }
+    try:
+        forward = forward_generalized_inertia(robot, q, contact, axes)
+        tensors[_FORWARD] = ("Forward-GIT", forward)
+        missing = ""
+    except DynamicsError:
+        missing = "no Forward-GIT: the base is not driven"
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    for colour, (label, tensor) in tensors.items():
+        values, vectors = np.linalg.eigh(0.5 * (tensor + tensor.T))
+        curve = vectors @ (values[:, None] * circle)
+        ax.plot(*curve, label=label, color=theme.series[colour], linestyle=_DASH[colour])
+        tip = vectors[:, -1] * values[-1]
+        ax.plot([0.0, tip[0]], [0.0, tip[1]], color=theme.series[colour], linewidth=0.7)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.1, 0.1)
+    if missing:
+        ax.plot([], [], " ", label=missing)
+    _legend_below(ax)
+    ax.set_title("inertia ellipsoids (principal inertias)")
+    ax.set_xlabel(f"{axes[0]} [kg]")
+    ax.set_ylabel(f"{axes[1]} [kg]")
+
+
+def _legend_below(ax: Axes) -> None:
+    """Put the legend under the axes, where no curve can reach it."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
+
+
+def _draw_force(
+    ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
+) -> None:
+    capability = force_capability(robot, q, contact, axes)
+    polygons = {
+        "hold (backward)": (_BACKWARD, partial(capability.vertices, Direction.BACKWARD)),
+        "perfect gears": (_PERFECT, partial(capability.vertices, Direction.STUCK)),
+        "lift (forward)": (_FORWARD, partial(capability.vertices, Direction.FORWARD)),
+        f"combined, about to move along {axes[1]}": (
+            _COMBINED,
+            partial(capability.moving, (0.0, 1.0)),
+        ),
+    }
+    reason = ""
+    for label, (number, find) in polygons.items():
+        try:
+            corners = find()
+        except DynamicsError as cause:
+            reason = str(cause)
+            continue
+        order = np.argsort(np.arctan2(*(corners - corners.mean(axis=0)).T[::-1]))
+        colour, dash = theme.series[number], _DASH[number]
+        ax.add_patch(Polygon(corners[order], facecolor=colour, alpha=0.13))
+        outline = Polygon(
+            corners[order], fill=False, edgecolor=colour, linestyle=dash, linewidth=1.4, label=label
+        )
+        ax.add_patch(outline)
+    if not ax.patches:
+        text = fill(reason, 36)
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=8)
+        ax.set_axis_off()
+        ax.set_title("force capability")
+        return
+    if robot.floating_size:
+        weight = -robot_weight(robot)  # what a foot that carries all presses on the ground with
+        ax.axhline(weight, color=theme.ink, linewidth=0.9, linestyle=":")
+        place = ("axes fraction", "data")
+        ax.annotate("weight", (1.01, weight), xycoords=place, va="center", fontsize=8)
+    ax.autoscale_view()
+    ax.margins(0.06, 0.08)
+    _legend_below(ax)
+    ax.set_title("force on the surroundings")
+    ax.set_xlabel(f"$f_{axes[0]}$ [N]")
+    ax.set_ylabel(f"$f_{axes[1]}$ [N]")
+
+
+def tradeoff_figure(
+    robot: Robot,
+    position: ArrayLike,
+    contact: str,
+    direction: ArrayLike = (0.0, 1.0),
+    theme: Theme = LIGHT,
+    axes: str = "xz",
+) -> Figure:
+    """Return what less efficient gears cost and bring along one direction (Sim & Ramos, IV.D).
+
+    Panels over the forward efficiency of all gears: the wedge's backward efficiency; force that
+    can be lifted and held over the force with perfect gears (left out where no motor limits it);
+    for a floating base the impact
+    mitigation factor (it is 1 for a base that cannot move).
+
+    Args:
+        robot: whose efficiencies are varied.
+        position: q (nq,), not singular.
+        contact: name of the contact point.
+        direction: (n,) along `axes`.
+        theme: page colours.
+        axes: world axes.
+    """
+    eta = np.linspace(0.505, 1.0, 100)
+    sweep = efficiency_sweep(robot, position, contact, direction, eta, axes=axes)
+    limited = bool(np.isfinite(sweep.conventional).all())
+    panels = 1 + limited + bool(robot.floating_size)
+    with drawing(theme):
+        figure, grid = new_figure(1, panels, 3.35 * panels, 3.1)
+        _draw_relation(grid[0][0], robot, eta, theme)
+        if limited:
+            _draw_ratios(grid[0][1], sweep, theme)
+        if robot.floating_size:
+            _draw_mitigation(grid[0][-1], sweep, theme)
+        for ax in grid[0]:
+            ax.set_xlabel("forward efficiency $\\eta_f$ [-]")
+            ax.set_xlim(0.5, 1.0)
+    return figure
+
+
+def _draw_relation(ax: Axes, robot: Robot, eta: FloatArray, theme: Theme) -> None:
+    gears = robot.transmission
+    forward, backward = gears.forward_efficiency, gears.backward_efficiency
+    ax.plot(eta, 2.0 - 1.0 / eta, color=theme.series[1])
+    ax.plot(eta, eta, color=theme.ink, linestyle=":", linewidth=1.0)
+    ax.annotate(
+        "$\\eta_b = \\eta_f$",
+        (0.62, 0.62),
+        xytext=(-30, 10),
+        textcoords="offset points",
+        fontsize=8,
+    )
+    ax.scatter(forward, backward, color=theme.ink, zorder=3, clip_on=False)  # 1 is the edge
+    for f, b in dict.fromkeys(zip(forward.tolist(), backward.tolist(), strict=True)):
+        same = np.flatnonzero((forward == f) & (backward == b))
+        text = "\n".join(gears.joints[j] for j in same) if len(same) < gears.size else "all gears"
+        ax.annotate(
+            text, (f, b), xytext=(0, -7), ha="center", va="top",
+            textcoords="offset points", fontsize=8,
+        )  # fmt: skip
+    ax.set_title("backward efficiency of the wedge")
+    ax.set_ylabel("$\\eta_b$ [-]")
+
+
+def _draw_ratios(ax: Axes, sweep: Sweep, theme: Theme) -> None:
+    ax.plot(
+        sweep.values, sweep.hold_ratio, color=theme.series[1], linestyle=DASHES[1], label="hold"
+    )
+    ax.plot(sweep.values, sweep.lift_ratio, color=theme.series[0], label="lift")
+    ax.set_yscale("log")
+    ax.set_yticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
+    ax.set_title("force over force with perfect gears")
+    ax.set_ylabel("ratio [-]")
+    ax.legend()
+
+
+def _draw_mitigation(ax: Axes, sweep: Sweep, theme: Theme) -> None:
+    values = sweep.impact_mitigation
+    ax.axhline(values[-1], color=theme.ink, linestyle=":", linewidth=1.0)
+    ax.annotate(
+        "perfect gears", (0.51, values[-1]), xytext=(0, 3), textcoords="offset points", fontsize=8
+    )
+    ax.plot(sweep.values, values, color=theme.series[2])
+    ax.set_ylim(0.0, 1.0)
+    ax.set_title("impact mitigation factor")
+    ax.set_ylabel("IMF [-]")

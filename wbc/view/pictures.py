@@ -1,0 +1,198 @@
+"""Pictures and animations of a playback, taken without a display."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from PIL import Image
+
+from wbc.arrays import FloatArray
+from wbc.errors import ViewError
+from wbc.files import atomic_write
+from wbc.view.browser import HeadlessBrowser
+
+_READY = "window.player"
+
+
+def write_picture(
+    path: str | Path,
+    playback: str | Path,
+    at: float,
+    *,
+    width: int = 1280,
+    height: int = 800,
+    controls: bool = True,
+    theme: str = "light",
+) -> Path:
+    """Write a PNG of a playback page at a time.
+
+    Args:
+        path: the PNG to write.
+        playback: HTML written by `write_playback`.
+        at: time [s] on the log's clock, clipped to the log.
+        width, height: [px].
+        controls: whether buttons are in the picture (the timeline always is).
+        theme: "light" or "dark".
+
+    Raises:
+        ViewError: no Chromium (the message names the package), or a page that is no playback.
+    """
+    with HeadlessBrowser(Path(playback), width, height, _fragment(controls)) as browser:
+        _prepare(browser, theme)
+        _show(browser, at)
+        picture = browser.screenshot()
+    return atomic_write(path, lambda file: file.write(picture))
+
+
+def write_animation(
+    path: str | Path,
+    playback: str | Path,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    speed: float = 1.0,
+    frame_rate: float = 15.0,
+    width: int = 640,
+    height: int = 480,
+    theme: str = "light",
+    progress: Callable[[str], None] = lambda line: None,
+) -> Path:
+    """Write a GIF or an MP4 of a playback page; the ending of `path` decides.
+
+    Args:
+        path: ends in .gif, or in .mp4 (needs ffmpeg, or the extra `wbc[video]`).
+        playback: HTML written by `write_playback`.
+        start, stop: [s] on the log's clock; the whole log when left out.
+        speed: 0.5 shows it at half speed.
+        frame_rate: frames per second of the animation.
+        width, height: [px].
+        theme: "light" or "dark".
+        progress: called with a line of text as pictures are taken.
+
+    Raises:
+        ViewError: no Chromium or ffmpeg (the message names the package), an unknown ending, or a
+            span of time that is empty.
+    """
+    destination = Path(path)
+    if destination.suffix.lower() not in (".gif", ".mp4"):
+        raise ViewError(f"'{destination}': an animation ends in .gif or .mp4.")
+    # Asked for before any picture is taken.
+    encoder = find_ffmpeg() if destination.suffix.lower() == ".mp4" else None
+    with HeadlessBrowser(Path(playback), width, height, _fragment(False)) as browser:
+        _prepare(browser, theme)
+        begin = float(browser.evaluate("player.start")) if start is None else start
+        end = float(browser.evaluate("player.stop")) if stop is None else stop
+        if not (end > begin and speed > 0.0 and frame_rate > 0.0):
+            raise ViewError(f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}.")
+        pictures = _pictures(browser, np.arange(begin, end, speed / frame_rate), progress)
+        if encoder is None:
+            return write_gif(destination, pictures, frame_rate)
+        return write_mp4(destination, pictures, frame_rate, encoder)
+
+
+def _fragment(controls: bool) -> str:
+    return "still" if controls else "still&bare"
+
+
+def _prepare(browser: HeadlessBrowser, theme: str) -> None:
+    browser.wait_for(_READY)
+    browser.evaluate(f"player.setTheme({theme!r}), player.frameCamera()")
+
+
+def _show(browser: HeadlessBrowser, at: float) -> None:
+    browser.evaluate(f"player.seek({at!r}), player.picture()")
+
+
+def _pictures(
+    browser: HeadlessBrowser, instants: FloatArray, progress: Callable[[str], None]
+) -> Iterator[Image.Image]:
+    for number, instant in enumerate(instants, 1):
+        _show(browser, float(instant))
+        progress(f"{number} of {len(instants)}")
+        yield Image.open(io.BytesIO(browser.screenshot())).convert("RGB")
+
+
+_PALETTE_FRAMES = 8
+
+
+def write_gif(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
+    """Write pictures as a GIF that repeats for ever."""
+    films = list(pictures)
+    # One palette for all frames: no flicker, and pixels that stay compress away. It is made from
+    # frames all over the film, so that a colour that comes late is in it.
+    sample = films[:: max(1, len(films) // _PALETTE_FRAMES)]
+    width, height = films[0].size
+    mosaic = Image.new("RGB", (width, height * len(sample)))
+    for i, picture in enumerate(sample):
+        mosaic.paste(picture, (0, i * height))
+    palette = _palette(mosaic)
+    frames = [film.quantize(palette=palette, dither=Image.Dither.NONE) for film in films]
+
+    def write(file: BinaryIO) -> None:
+        frames[0].save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=frames[1:],
+            duration=round(1000.0 / frame_rate),
+            loop=0,
+            optimize=False,
+        )
+
+    return atomic_write(path, write)
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """Return 256 colours: most for the shades that fill a picture, some for small marks."""
+    shades = picture.quantize(colors=200, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    marks = picture.quantize(colors=56, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(shades[:600] + marks[:168])
+    return palette
+
+
+def find_ffmpeg() -> str:
+    """Return the path of an ffmpeg: the system's, or that of the package imageio-ffmpeg.
+
+    Raises:
+        ViewError: none is installed; the message names the packages.
+    """
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        return str(importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise ViewError(
+            "an MP4 needs ffmpeg, and none is on the PATH. On Debian: apt-get install ffmpeg; "
+            "without root: pip install 'wbc[video]'. A .gif needs nothing more."
+        ) from None
+
+
+def write_mp4(path: Path, pictures: Iterator[Image.Image], frame_rate: float, ffmpeg: str) -> Path:
+    """Write pictures as an MP4 (H.264) that browsers and presentations play.
+
+    Raises:
+        ViewError: ffmpeg fails; the message is its own.
+    """
+    with tempfile.TemporaryDirectory(prefix="wbc-view-") as folder:
+        for i, picture in enumerate(pictures):
+            picture.save(Path(folder) / f"{i:06d}.png")
+        film = Path(folder) / "film.mp4"
+        command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", f"{frame_rate:g}"]
+        command += ["-i", f"{folder}/%06d.png", "-pix_fmt", "yuv420p", "-crf", "20"]
+        # The colour format halves both sides; the index in front lets a browser start at once.
+        command += ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-movflags", "+faststart", str(film)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise ViewError(f"ffmpeg could not write '{path}': {done.stderr.strip()}")
+        content = film.read_bytes()
+    return atomic_write(path, lambda file: file.write(content))

@@ -1,0 +1,38 @@
+"""Plots for print and screen; every function returns a matplotlib figure."""
+
+from wbc.extras import needs
+
+with needs("view", "drawing plots"):
+    from wbc.view.leg_figures import leg_figure, tradeoff_figure
+    from wbc.view.residual_figures import residual_figure, staircase_figure, unexplained_figure
+    from wbc.view.run_figures import (
+        LogEnergy,
+        energy_audit,
+        energy_figure,
+        impact_figure,
+        power_figure,
+        standing_figure,
+    )
+    from wbc.view.study_figures import design_map, pareto_figure, trend_figure
+    from wbc.view.style import DASHES, drawing, new_figure, write_figure
+
+__all__ = [
+    "DASHES",
+    "LogEnergy",
+    "design_map",
+    "drawing",
+    "energy_audit",
+    "energy_figure",
+    "impact_figure",
+    "leg_figure",
+    "new_figure",
+    "pareto_figure",
+    "power_figure",
+    "residual_figure",
+    "staircase_figure",
+    "standing_figure",
+    "tradeoff_figure",
+    "trend_figure",
+    "unexplained_figure",
+    "write_figure",
+]

@@ -1,1 +1,0 @@
-"""What is drawn, computed from recordings: flows of power, impacts, averages, residuals."""

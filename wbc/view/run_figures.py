@@ -1,0 +1,424 @@
+"""Mesh power and losses of every gear."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import contact_torque
+from wbc.errors import ViewError
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.channels import (
+    configuration,
+    contact_forces,
+    jump_rows,
+    log_impacts,
+    robot_weight,
+    rotor_torque,
+    velocity,
+)
+from wbc.view.flow import gear_flow, gear_powers
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.style import (
+    DASHES,
+    direction_patches,
+    display_window,
+    drawing,
+    fill_power,
+    legend_above,
+    mark_impacts,
+    new_figure,
+    plot_mean,
+)
+
+
+def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
+    """Return mesh power by direction and the heat it leaves, one row per gear.
+
+    Powers are means over a 150th of the log, never across an impact: sensor noise makes
+    the power of single ticks change its sign, which would hide whether motor or joint drives.
+
+    Args:
+        robot: whose efficiencies give the losses.
+        log: with rotor torques.
+        theme: page colours.
+    """
+    gears = robot.transmission
+    flow = gear_flow(robot, log, display_window(log.time))
+    impacts = log_impacts(robot, log)
+    with drawing(theme):
+        figure, grid = new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
+        for i, joint in enumerate(gears.joints):
+            power, loss = grid[i]
+            fill_power(power, log.time, flow.mesh_power[:, i], flow.direction[:, i])
+            power.plot(log.time, flow.mesh_power[:, i], color=theme.ink, linewidth=0.5)
+            power.set_title(f"{joint}: power into the teeth")
+            heat = np.concatenate(
+                [[0.0], np.cumsum(0.5 * (flow.loss[1:, i] + flow.loss[:-1, i]) * np.diff(log.time))]
+            )
+            loss.fill_between(
+                log.time, flow.loss[:, i], color=theme.series[5], alpha=0.5, linewidth=0.0
+            )
+            loss.plot(log.time, flow.loss[:, i], color=theme.series[5], linewidth=0.9)
+            total = loss.twinx()
+            total.plot(log.time, heat, color=theme.series[1])
+            total.set_ylabel("heat so far [J]", color=theme.series[1])
+            total.tick_params(axis="y", colors=theme.series[1])
+            total.grid(visible=False)
+            total.set_ylim(bottom=0.0)
+            loss.set_ylim(bottom=0.0)
+            loss.set_title(
+                f"{joint}: loss ($\\eta_f$ = {gears.forward_efficiency[i]:.2f}, "
+                f"$\\eta_b$ = {gears.backward_efficiency[i]:.2f})"
+            )
+            for ax in (power, loss):
+                ax.set_ylabel("power [W]")
+                mark_impacts(ax, impacts, theme.ink)
+        for ax in grid[-1]:
+            ax.set_xlabel("time [s]")
+            ax.set_xlim(log.time[0], log.time[-1])
+        figure.legend(handles=direction_patches(), loc="outside upper center", ncols=3)
+    return figure
+
+
+@dataclass(frozen=True, eq=False)
+class LogEnergy:
+    """Energy along a log, all (N,) [J] and counted from its first sample.
+
+    Attributes:
+        motor_work: integral of tau_phi dphi.
+        contact_work: integral of the ground forces' power on the robot (0 where nothing slides
+            and nothing hits; negative for an impact that swallows energy).
+        kinetic: change of the kinetic energy of links and rotors.
+        potential: change of the potential energy.
+        heat: integral of the losses in teeth and rotor friction.
+        unexplained: motor and contact work minus all the rest.
+    """
+
+    motor_work: FloatArray
+    contact_work: FloatArray
+    kinetic: FloatArray
+    potential: FloatArray
+    heat: FloatArray
+    unexplained: FloatArray
+
+
+def energy_audit(robot: Robot, log: Log, *, held: bool = False) -> LogEnergy:
+    """Return where the energy of a log went according to the model.
+
+    What the model lacks (friction, a payload, an impact too short for the sampling) ends up in
+    `unexplained`.
+
+    Args:
+        robot: whose masses and gears.
+        log: positions or velocities, torques, contact forces.
+        held: whether torques and forces are held from each row to the next, as in a recording of
+            the simulator. Otherwise they are samples, and powers are averaged over 20 ms.
+    """
+    position, speed = configuration(robot, log), velocity(robot, log)
+    model, data = robot.model, robot.model.createData()
+    links = np.array(
+        [pin.computeKineticEnergy(model, data, q, v) for q, v in zip(position, speed, strict=True)]
+    )
+    height = np.array([pin.computePotentialEnergy(model, data, q) for q in position])
+    gears = robot.transmission
+    spin = (speed[:, robot.actuated] @ gears.motor_from_joint.T) * gears.gear_ratio
+    rotors = 0.5 * np.sum(gears.rotor_inertia * spin**2, axis=1)
+    force = contact_torque(robot, position, contact_forces(robot, log))
+    if held:
+        middle = 0.5 * (speed[1:] + speed[:-1])
+        drive, loss = _gear_powers(robot, log, speed)
+        push = np.sum(force[:-1] * middle, axis=1)
+    else:
+        flow = gear_flow(robot, log)
+        drive, loss, push = (
+            _between(power) for power in (flow.rotor_power, flow.loss, force * speed)
+        )
+    motor, heat, ground = (_sum(log.time, power) for power in (drive, loss, push))
+    kinetic = links + rotors - links[0] - rotors[0]
+    potential = height - height[0]
+    rest = motor + ground - kinetic - potential - heat
+    return LogEnergy(motor, ground, kinetic, potential, heat, rest)
+
+
+def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT, *, held: bool = False) -> Figure:
+    """Return the audit as lines: what came in, what is stored, what is lost.
+
+    Args:
+        robot, log, held: see `energy_audit`.
+        theme: page colours.
+    """
+    audit = energy_audit(robot, log, held=held)
+    lines = [
+        ("work of the motors", audit.motor_work),
+        ("work of the ground", audit.contact_work),
+        ("kinetic energy", audit.kinetic),
+        ("potential energy", audit.potential),
+        ("heat in gears", audit.heat),
+    ]
+    largest = max(float(np.abs(values).max()) for _, values in lines)
+    left = float(np.abs(audit.unexplained).max())
+    with drawing(theme):
+        figure, grid = new_figure(2, 1, 7.0, 4.6, share_x=True, heights=(3, 1))
+        upper, lower = grid[0][0], grid[1][0]
+        for i, (label, values) in enumerate(lines):
+            upper.plot(log.time, values, color=theme.series[i], linestyle=DASHES[i], label=label)
+        upper.set_title("energy since the start")
+        upper.set_ylabel("energy [J]")
+        legend_above(figure, upper, 3)
+        lower.plot(log.time, audit.unexplained, color=theme.ink)
+        # On the scale of a twentieth of the energies: a line that looks flat is explained.
+        lower.set_ylim(-(limit := max(0.05 * largest, 1.2 * left)), limit)
+        share = 100.0 * left / largest if largest else 0.0
+        lower.set_title(f"not explained: at most {left:.2g} J, {share:.1g} % of the largest energy")
+        lower.set_ylabel("energy [J]")
+        lower.set_xlabel("time [s]")
+        lower.set_xlim(log.time[0], log.time[-1])
+        figure.align_ylabels([upper, lower])
+    return figure
+
+
+def _gear_powers(robot: Robot, log: Log, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what all motors give and what all gears lose, (N - 1,) [W], in each step of a log.
+
+    The torque of a row is held to the next, while the speed changes between the two. Powers that
+    are sampled at the rows miss how a controller answers to noise: over two squats of the leg they
+    leave 0.12 J of 18 J unexplained, these 0.008 J, as the simulator's own balance does.
+    """
+    gears = robot.transmission
+    torque = rotor_torque(robot, log)[:-1]
+    output = speed[:, robot.actuated] @ gears.motor_from_joint.T
+    growth = np.diff(output, axis=0) / np.diff(log.time)[:, None]
+    middle = 0.5 * (output[1:] + output[:-1])
+    _, loss = gear_powers(gears, torque, middle, growth)
+    drive = torque * gears.gear_ratio * middle
+    return np.nansum(drive, axis=1), np.nansum(loss, axis=1)
+
+
+def _between(power: FloatArray) -> FloatArray:
+    """Return the sum (N - 1,) over columns of a sampled power (N, ...), between its rows."""
+    total = np.nansum(power, axis=1)
+    return np.asarray(0.5 * (total[1:] + total[:-1]))
+
+
+def _sum(time: FloatArray, power: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(power * np.diff(time))])
+
+
+_QUANTITY = {
+    "N": "force",
+    "N m": "torque",
+    "N s": "impulse",
+    "rad/s": "speed",
+    "W": "power",
+    "m": "height",
+    "mm": "sway",
+    "deg": "pitch",
+}
+
+
+def impact_figure(
+    robot: Robot,
+    runs: Mapping[str, Log],
+    *,
+    before: float = 0.05,
+    after: float = 0.25,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return ground force, gear speeds and mesh power around the first impact of every run.
+
+    The force axis is linear up to the weight and logarithmic above, so that the blow and the
+    standing force both show. The impulse counts from the impact and without the weight's share: it
+    ends at the momentum that the robot brought.
+
+    Args:
+        robot: the robot of all runs.
+        runs: label -> recording; time 0 of the plot is each run's own impact.
+        before, after: [s] shown around it.
+        theme: page colours.
+
+    Raises:
+        ViewError: a run without an impact.
+    """
+    gears = robot.transmission
+    with drawing(theme):
+        rows = 1 + gears.size
+        figure, grid = new_figure(rows, 2, 8.0, 1.7 * rows + 0.5, share_x=True)
+        for i, (label, log) in enumerate(runs.items()):
+            impacts = log_impacts(robot, log)
+            if not impacts:
+                raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
+            begin = impacts[0].time
+            style: dict[str, Any] = {
+                "color": theme.series[i % len(theme.series)],
+                "linestyle": DASHES[i % len(DASHES)],
+                "label": label,
+            }
+            _plot_run(grid, robot, log.between(begin - before, begin + after), begin, style)
+        _label(grid, gears.joints, theme)
+        for ax in grid[-1]:
+            ax.set_xlim(-1e3 * before, 1e3 * after)
+        if len(runs) > 1:
+            legend_above(figure, grid[0][0], len(runs))
+    return figure
+
+
+def _plot_run(
+    grid: list[list[Axes]], robot: Robot, log: Log, begin: float, style: dict[str, Any]
+) -> None:
+    time, weight = 1e3 * (log.time - begin), robot_weight(robot)
+    vertical = np.sum([force[:, 2] for force in contact_forces(robot, log).values()], axis=0)
+    grid[0][0].plot(time, vertical, **style)
+    grid[0][0].set_yscale("symlog", linthresh=weight, linscale=1.0)
+    grid[0][0].yaxis.set_major_formatter("{x:g}")
+    since = log.time >= begin - 0.5 * log.sample_time
+    beyond = np.where(since, vertical - weight, 0.0)
+    grid[0][1].plot(time, np.cumsum(beyond) * log.sample_time, **style)
+    flow = gear_flow(robot, log)
+    jumps = jump_rows(flow.speed, [int(np.searchsorted(log.time, begin))])
+    for k, (left, right) in enumerate(grid[1:]):
+        left.plot(time, flow.speed[:, k], **style)
+        plot_mean(right, time, flow.mesh_power[:, k], style, jumps)
+
+
+def _label(grid: list[list[Axes]], joints: tuple[str, ...], theme: Theme) -> None:
+    titles = [("vertical ground force", "N", "impulse of the ground beyond the weight", "N s")]
+    titles += [
+        (f"speed of the {joint} gear", "rad/s", f"mesh power, {joint}", "W") for joint in joints
+    ]
+    for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
+        for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
+            ax.set_title(title)
+            ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
+            ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
+    for ax in grid[-1]:
+        ax.set_xlabel("time after the impact [ms]")
+
+
+_CUT = 4.0  # weights at which the axis of the force ends where something lands
+
+
+def standing_figure(
+    robot: Robot,
+    runs: Mapping[str, Log],
+    height_reference: tuple[FloatArray, FloatArray] | None = None,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
+
+    Torque and force that noise shakes are shown as their mean, of a single run in front of every
+    sample. Where something lands the axis of the force ends at four weights.
+
+    Args:
+        robot: the robot of all runs (its links; the gears may differ from run to run).
+        runs: label -> recording.
+        height_reference: times (K,) [s] and heights (K,) [m] that the centre of mass should have.
+        theme: page colours.
+    """
+    gears = robot.transmission
+    with drawing(theme):
+        rows = 3 + gears.size + 1
+        figure, grid = new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
+        axes = [row[0] for row in grid]
+        if height_reference is not None:
+            axes[0].plot(
+                *height_reference, color=theme.ink, linewidth=2.6, alpha=0.3, label="reference"
+            )
+        for i, (label, log) in enumerate(runs.items()):
+            _plot_standing(axes, robot, log, run_style(i, label, theme), alone=len(runs) == 1)
+        first = next(iter(runs.values()))
+        impacts = [impact for log in runs.values() for impact in log_impacts(robot, log)]
+        for ax in axes:
+            mark_impacts(ax, log_impacts(robot, first), theme.ink)
+        titles = ["height of the centre of mass", "sway of the centre of mass", "pitch of the base"]
+        units = ["m", "mm", "deg"]
+        titles += [f"rotor torque, {joint}" for joint in gears.joints] + ["vertical ground force"]
+        units += ["N m"] * gears.size + ["N"]
+        for ax, title, unit in zip(axes, titles, units, strict=True):
+            ax.set_title(title)
+            ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
+        if impacts:
+            # The force of an impact would flatten all others.
+            axes[-1].set_ylim(-0.1 * robot_weight(robot), _CUT * robot_weight(robot))
+            peak = max(impact.force for impact in impacts)
+            axes[-1].set_title(f"{titles[-1]} (impacts up to {peak:.0f} N are cut off)")
+        axes[-1].set_xlabel("time [s]")
+        axes[-1].set_xlim(first.time[0], first.time[-1])
+        figure.align_ylabels(axes)
+        legend_above(figure, axes[0], len(runs) + 1)
+    return figure
+
+
+def run_style(number: int, label: str, theme: Theme) -> dict[str, Any]:
+    """Return the line of a run; from the third on wide and pale behind those that coincide."""
+    behind = number >= 2
+    return {
+        "color": theme.series[number % len(theme.series)],
+        "linestyle": "-" if behind else DASHES[number],
+        "linewidth": 4.5 if behind else 1.4,
+        "alpha": 0.4 if behind else 1.0,
+        "zorder": 3.0 - 0.1 * number,
+        "label": label,
+    }
+
+
+def _plot_standing(
+    axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any], alone: bool
+) -> None:
+    position = configuration(robot, log)
+    center = center_of_mass(robot, position)
+    axes[0].plot(log.time, center[:, 2], **style)
+    axes[1].plot(log.time, 1e3 * (center[:, 0] - _support(robot, log, position)), **style)
+    axes[2].plot(log.time, np.degrees(base_pitch(robot, position)), **style)
+    torque = rotor_torque(robot, log)
+    hits = [int(np.searchsorted(log.time, impact.time)) for impact in log_impacts(robot, log)]
+    for i in range(robot.transmission.size):
+        plot_mean(axes[3 + i], log.time, torque[:, i], style, hits, samples=alone)
+        limit = robot.transmission.torque_limit[i]
+        if np.isfinite(limit) and np.nanmax(np.abs(torque[:, i])) > 0.5 * limit:
+            for end in (-limit, limit):
+                axes[3 + i].axhline(end, color="0.5", linewidth=0.8, linestyle=":")
+    forces = contact_forces(robot, log)
+    total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
+    plot_mean(axes[-1], log.time, total, style, hits, samples=alone)
+
+
+def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the centre of mass (N, 3) [m], world."""
+    data = robot.model.createData()
+    return np.array([pin.centerOfMass(robot.model, data, q).copy() for q in position])
+
+
+def base_pitch(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the rotation (N,) [rad] about +y of the body that the last undriven joint carries."""
+    if not robot.unactuated.size:
+        return np.zeros(len(position))
+    last = int(robot.unactuated[-1])
+    number = next(
+        j for j in range(robot.model.njoints - 1, 0, -1) if robot.model.joints[j].idx_v <= last
+    )
+    data = robot.model.createData()
+    turns = np.empty((len(position), 3, 3))
+    for row, q in enumerate(position):
+        pin.forwardKinematics(robot.model, data, q)
+        turns[row] = data.oMi[number].rotation
+    return np.asarray(np.arctan2(turns[:, 0, 2], turns[:, 0, 0]))
+
+
+def _support(robot: Robot, log: Log, position: FloatArray) -> float:
+    """Return where x is counted from: the first contact at the end of the run, else 0."""
+    if not robot.contacts:
+        return 0.0
+    contact = robot.contacts[0]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, position[-1])
+    frame = robot.model.getFrameId(contact.frame)
+    return float(data.oMf[frame].act(contact.offset)[0])

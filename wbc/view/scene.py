@@ -1,0 +1,226 @@
+"""The bodies of a scene, built once; a playback or a live view moves them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import meshcat.geometry as mg
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.robot import Robot
+from wbc.robot.coordinates import joint_axis
+from wbc.view.channels import robot_weight
+from wbc.view.ground import GroundSlab
+from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW, rgb
+from wbc.view.shapes import LinkShape, UprightCylinder, along
+
+_PIN = 0.6
+"""Radius of a pin over half the thickness of its link: the link still shows around it."""
+
+
+_NEAR = 0.07
+"""Of the robot's size, how far from a joint a mesh still decides about its disc: whole links of
+TALOS asked for discs that hid the robot."""
+
+
+@dataclass(frozen=True)
+class SceneSize:
+    """Lengths that fit a robot, for arrows, hubs and marks.
+
+    Attributes:
+        reach: [m] about the robot's size.
+        weight: [N] of the robot; an arrow of this force is 0.45 reach long.
+    """
+
+    reach: float
+    weight: float
+
+    @property
+    def metres_per_newton(self) -> float:
+        """Length of a force arrow per newton."""
+        return 0.45 * self.reach / max(self.weight, 1e-9)
+
+    @property
+    def arrow_radius(self) -> float:
+        """Of the shaft of a force arrow [m]."""
+        return 0.011 * self.reach
+
+    @property
+    def arrow_head(self) -> float:
+        """Length of the head of a force arrow [m]."""
+        return 5.0 * self.arrow_radius
+
+
+def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> SceneSize:
+    """Return the lengths that fit a robot in its neutral pose."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.neutral())
+    corners = [
+        data.oMi[shape.joint].act(corner) for shape in shapes for corner in (shape.low, shape.high)
+    ]
+    span = float(np.ptp(np.array(corners), axis=0).max()) if corners else 1.0
+    return SceneSize(max(span, 1e-3), robot_weight(robot))
+
+
+def add_robot(root: Any, shapes: tuple[LinkShape, ...]) -> None:
+    """Add one group per joint with the bodies it moves, at `root/j<number>`."""
+    for shape in shapes:
+        place = root[f"j{shape.joint}"][shape.name]
+        place.set_object(shape.geometry, material(shape.colour, 1.0))
+        place.set_transform(shape.placement.homogeneous)
+
+
+@dataclass(frozen=True)
+class Hub:
+    """The disc on a joint: from `low` to `high` along the joint's axis, with a radius [m]."""
+
+    low: float
+    high: float
+    radius: float
+
+
+def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: SceneSize) -> None:
+    """Add a disc on the axis of every driven joint, at `root/j<number>/hub`, to be coloured."""
+    for joint in robot.transmission.joints:
+        number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
+        hub = hub_of(robot, shapes, joint, size)
+        place = root[f"j{number}"]["hub"]
+        body = UprightCylinder(hub.high - hub.low, hub.radius)
+        place.set_object(body, material(rgb(GREY), 1.0))
+        middle = 0.5 * (hub.low + hub.high) * axis
+        place.set_transform(pin.SE3(along(axis), middle).homogeneous)
+
+
+def hub_of(robot: Robot, shapes: tuple[LinkShape, ...], joint: str, size: SceneSize) -> Hub:
+    """Return a disc that sticks out of the bodies around a joint.
+
+    A pin through them where they reach no farther along the axis than the moved link does across
+    it; else a ring around that link, on the side to which they reach farther, so that the rings of
+    a wrist keep apart.
+    """
+    number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
+    parent = int(robot.model.parents[number])
+    here = robot.model.jointPlacements[number].inverse()
+    slim, margin, near = 0.034 * size.reach, 0.012 * size.reach, _NEAR * size.reach
+    own = [_box(s, pin.SE3.Identity(), near) for s in shapes if s.joint == number]
+    other = [_box(s, here, near) for s in shapes if s.joint == parent]
+    own, other = ([box for box in boxes if box.size] for boxes in (own, other))
+    touching = [b for b in own + other if (b[0] <= margin).all() and (b[1] >= -margin).all()]
+    if not touching:
+        return Hub(-margin, margin, slim)
+    k = int(np.argmax(np.abs(axis)))
+    low = float(min(box[0, k] for box in touching))
+    high = float(max(box[1, k] for box in touching))
+    if axis[k] < 0.0:
+        low, high = -high, -low
+    sides = [np.delete(np.abs(box).max(axis=0), k) for box in own or other]
+    across = max(float(side.max()) for side in sides)
+    if max(-low, high) <= across + margin:
+        thick = max(float(side.min()) for side in sides)
+        return Hub(low - margin, high + margin, max(slim, min(_PIN * thick, 2.0 * slim)))
+    middle = slim if high >= -low else -slim
+    return Hub(middle - 0.5 * slim, middle + 0.5 * slim, across + margin)
+
+
+def _box(shape: LinkShape, place: pin.SE3, near: float) -> FloatArray:
+    """Return the lower and upper corner (2, 3) [m] of a body's box in another frame.
+
+    Of a mesh only what is `near` [m] the frame's origin counts; (0,) if nothing is.
+    """
+    mesh = getattr(shape.geometry, "vertices", None)
+    if mesh is None:
+        ends = np.array([shape.low, shape.high])
+        points = np.array([place.act(np.array(corner)) for corner in product(*ends.T)])
+    else:
+        whole = (place * shape.placement).homogeneous
+        points = np.asarray(mesh, dtype=np.float64) @ whole[:3, :3].T + whole[:3, 3]
+        points = points[np.linalg.norm(points, axis=1) < near]
+        if not len(points):
+            return np.empty(0)
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def add_contact(root: Any, friction: float, size: SceneSize) -> None:
+    """Add an arrow of unit length along z and a friction cone, to be placed and scaled."""
+    radius = size.arrow_radius
+    shaft = UprightCylinder(1.0, radius)
+    root["shaft"]["body"].set_object(shaft, material(rgb(GREEN), 1.0))
+    root["shaft"]["body"].set_transform(_shift(0.5))
+    head = UprightCylinder(size.arrow_head, radiusTop=0.0, radiusBottom=2.6 * radius)
+    root["head"]["body"].set_object(head, material(rgb(GREEN), 1.0))
+    root["head"]["body"].set_transform(_shift(0.5 * size.arrow_head))
+    height = 0.28 * size.reach
+    cone = UprightCylinder(height, radiusTop=friction * height, radiusBottom=0.0)
+    root["cone"]["body"].set_object(cone, material(rgb(YELLOW), 0.22))
+    root["cone"]["body"].set_transform(_shift(0.5 * height))
+
+
+def add_center_of_mass(root: Any, size: SceneSize) -> None:
+    """Add a ball, its shadow point on the ground and the plumb line between them."""
+    radius = 0.028 * size.reach
+    root["ball"].set_object(mg.Sphere(radius), material(rgb(PURPLE), 1.0))
+    root["floor"].set_object(
+        UprightCylinder(0.004 * size.reach, radius), material(rgb(PURPLE), 0.9)
+    )
+    root["line"]["body"].set_object(UprightCylinder(1.0, 0.12 * radius), material(rgb(PURPLE), 0.8))
+    root["line"]["body"].set_transform(_shift(0.5))
+
+
+def add_ground(root: Any, slabs: tuple[GroundSlab, ...], opacity: float) -> None:
+    """Add the ground as thin boxes whose upper faces are the surface."""
+    for i, slab in enumerate(slabs):
+        place = root[f"slab{i}"]
+        matt = mg.MeshLambertMaterial(color=0xA9B0BA, opacity=opacity, transparent=opacity < 1.0)
+        place.set_object(mg.Box([float(side) for side in slab.sides]), matt)
+        place.set_transform(slab.placement.homogeneous)
+
+
+def add_robot_scene(
+    viewer: Any,
+    robot: Robot,
+    shapes: tuple[LinkShape, ...],
+    slabs: tuple[GroundSlab, ...],
+    contacts: Sequence[str],
+    ground_opacity: float = 1.0,
+) -> SceneSize:
+    """Add robot, hubs, named contacts, centre of mass and ground to `viewer`; return their size.
+
+    Args:
+        viewer: where to add them.
+        robot: whose joints and contacts.
+        shapes: its bodies, from `robot_shapes`.
+        slabs: the ground.
+        contacts: names of those with an arrow and a cone.
+        ground_opacity: of the ground, in [0, 1].
+    """
+    size = scene_size(robot, shapes)
+    add_robot(viewer["robot"], shapes)
+    add_hubs(viewer["robot"], robot, shapes, size)
+    for name in contacts:
+        add_contact(viewer["contacts"][name], robot.contact(name).friction, size)
+    add_center_of_mass(viewer["com"], size)
+    add_ground(viewer["ground"], slabs, ground_opacity)
+    return size
+
+
+def material(colour: tuple[float, float, float], opacity: float) -> mg.MeshPhongMaterial:
+    """Return a surface of a colour given as red, green, blue in [0, 1]."""
+    red, green, blue = (round(255 * part) for part in colour)
+    return mg.MeshPhongMaterial(
+        color=(red << 16) + (green << 8) + blue,
+        opacity=opacity,
+        transparent=opacity < 1.0,
+        depthWrite=opacity >= 1.0,
+        reflectivity=0.1,
+    )
+
+
+def _shift(height: float) -> FloatArray:
+    placement = np.eye(4)
+    placement[2, 3] = height
+    return placement

@@ -1,1 +1,0 @@
-"""The bodies of a scene: links, ground, terrain, and their shapes."""

@@ -1,0 +1,244 @@
+"""From pinocchio's geometries to what meshcat draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import meshcat.geometry as mg
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.robot import Robot, placed_geometry
+from wbc.view.palette import rgb
+
+# three.js runs cylinders along y, everybody else along z. meshcat sends this matrix row by row
+# and three.js reads it column by column, so that what is written here is the transpose.
+_UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+# Of one mesh. TALOS (144 000 triangles, 24 072 in its chest) makes a page of 5.2 MB; merging its
+# vertices to 4000 triangles per mesh made one of 3.6 MB, in which thin walls pierced one another.
+_MAX_TRIANGLES = 30_000
+
+
+class UprightCylinder(mg.Cylinder):  # type: ignore[misc]
+    """A cylinder or cone along z, centred."""
+
+    def intrinsic_transform(self) -> FloatArray:
+        """Return the rotation from three.js' y axis to z, transposed, (4, 4)."""
+        return _UPRIGHT
+
+
+def capsule(length: float, radius: float) -> mg.TriangularMeshGeometry:
+    """Return a capsule along z, centred; `length` is that of its straight part [m]."""
+    around, along = 20, 6
+    tilt = np.linspace(0.0, 0.5 * np.pi, along + 1)
+    rings = [(-0.5 * length - radius * np.sin(a), radius * np.cos(a)) for a in tilt[::-1]]
+    rings += [(0.5 * length + radius * np.sin(a), radius * np.cos(a)) for a in tilt]
+    angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
+    vertices = np.array(
+        [[r * np.cos(a), r * np.sin(a), z] for z, r in rings for a in angle], dtype=np.float32
+    )
+    faces = []
+    for ring in range(len(rings) - 1):
+        for i in range(around):
+            j = (i + 1) % around
+            low, high = ring * around, (ring + 1) * around
+            faces += [[low + i, low + j, high + i], [low + j, high + j, high + i]]
+    return mg.TriangularMeshGeometry(vertices, np.array(faces, dtype=np.uint32))
+
+
+def meshcat_geometry(shape: Any) -> Any | None:
+    """Return what meshcat draws for a coal shape (pinocchio's GeometryObject.geometry).
+
+    None for one that has no surface to draw. Meshes come with their scale applied.
+    """
+    match shape:
+        case coal.Box():
+            return mg.Box([float(2.0 * x) for x in shape.halfSide])
+        case coal.Sphere():
+            return mg.Sphere(float(shape.radius))
+        case coal.Ellipsoid():
+            return mg.Ellipsoid([float(x) for x in shape.radii])
+        case coal.Cylinder():
+            return UprightCylinder(float(2.0 * shape.halfLength), float(shape.radius))
+        case coal.Cone():
+            return UprightCylinder(
+                float(2.0 * shape.halfLength), radiusTop=0.0, radiusBottom=float(shape.radius)
+            )
+        case coal.Capsule():
+            return capsule(float(2.0 * shape.halfLength), float(shape.radius))
+        case coal.BVHModelBase():
+            return _mesh(np.asarray(shape.vertices()), _corners(shape.tri_indices, shape.num_tris))
+        case coal.Convex():
+            return _mesh(np.asarray(shape.points()), _corners(shape.polygons, shape.num_polygons))
+    return None
+
+
+def _corners(triangle: Callable[[int], Any], count: int) -> IntArray:
+    """Return the vertex numbers (count, 3) of coal's triangles, which do not iterate."""
+    triangles = (triangle(i) for i in range(count))
+    return np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64).reshape(-1, 3)
+
+
+def _mesh(vertices: FloatArray, faces: IntArray) -> Any | None:
+    if len(faces) == 0:
+        return None
+    # A playback travels by mail; what one cannot see at a robot's size is left out.
+    cells = 96.0
+    coarse, kept = vertices, faces
+    while len(kept) > _MAX_TRIANGLES:
+        coarse, kept = _clustered(vertices, faces, cells)
+        cells *= 0.75
+    return mg.TriangularMeshGeometry(
+        np.asarray(coarse, dtype=np.float32), np.asarray(kept, dtype=np.uint32)
+    )
+
+
+def _clustered(vertices: FloatArray, faces: IntArray, cells: float) -> tuple[FloatArray, IntArray]:
+    """Merge the vertices in each cell of a grid and drop the triangles that collapse."""
+    low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
+    keys = np.round((vertices - low) * (cells / span)).astype(np.int64)
+    _, inverse = np.unique(keys, axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    count = np.bincount(inverse)[:, None]
+    merged = np.stack([np.bincount(inverse, weights=vertices[:, i]) for i in range(3)], axis=1)
+    small = inverse[faces]
+    a, b, c = small.T
+    kept = small[(a != b) & (b != c) & (a != c)]
+    return merged / count, _one_sided(merged / count, kept)
+
+
+def _one_sided(vertices: FloatArray, faces: IntArray) -> IntArray:
+    """Return each triangle once; of two that face one another the one that faces outwards.
+
+    The two sides of a thin wall fall into the same cells. Drawn both, in the same place, they
+    would flicker.
+    """
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    outwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) / 3.0 - vertices.mean(0))
+    faces = faces[np.argsort(-outwards, kind="stable")]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    return np.asarray(faces[np.sort(first)])
+
+
+def along(direction: FloatArray) -> FloatArray:
+    """Return the rotation (3, 3) that turns z into `direction` (3,)."""
+    unit = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
+    if unit[2] < -1.0 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), unit)
+    return np.asarray(turn.toRotationMatrix())
+
+
+_NEUTRALS = ("#5F6B7A", "#8C98A8", "#B4BECB")
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """One drawn body.
+
+    Attributes:
+        name: unique on the robot.
+        joint: number of the joint that moves it, 0 for the world.
+        placement: of the body in the frame of that joint.
+        geometry: what meshcat draws.
+        colour: red, green, blue in [0, 1].
+        low, high: (3,) [m] corners of its box in the frame of the joint.
+    """
+
+    name: str
+    joint: int
+    placement: pin.SE3
+    geometry: Any
+    colour: tuple[float, float, float]
+    low: FloatArray
+    high: FloatArray
+
+
+def robot_shapes(robot: Robot) -> tuple[LinkShape, ...]:
+    """Return the visuals of the robot's model file, or capsules between its joints without any."""
+    shapes = []
+    for item, _, joint, placement in placed_geometry(robot, pin.GeometryType.VISUAL):
+        geometry = meshcat_geometry(item.geometry)
+        if geometry is not None:
+            colour, box = _colour(item, joint), _box(item.geometry, placement)
+            shapes.append(LinkShape(item.name, joint, placement, geometry, colour, *box))
+    return tuple(shapes) if any(shape.joint > 0 for shape in shapes) else stick_shapes(robot)
+
+
+def _colour(item: pin.GeometryObject, joint: int) -> tuple[float, float, float]:
+    given = np.asarray(item.meshColor)[:3]
+    # pinocchio's own default for "no material" tells nothing; a neutral per link does.
+    if np.allclose(given, 0.9):
+        return rgb(_NEUTRALS[joint % len(_NEUTRALS)])
+    return float(given[0]), float(given[1]), float(given[2])
+
+
+def _box(shape: Any, placement: pin.SE3) -> tuple[FloatArray, FloatArray]:
+    shape.computeLocalAABB()
+    box: coal.AABB = shape.aabb_local
+    ends = np.array([np.asarray(box.min_), np.asarray(box.max_)])
+    corners = np.array(
+        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
+    moved = corners @ placement.rotation.T + placement.translation
+    return moved.min(axis=0), moved.max(axis=0)
+
+
+def stick_shapes(robot: Robot) -> tuple[LinkShape, ...]:
+    """Return capsules from each joint to the joints and contacts that it carries.
+
+    A link on which nothing is far away is drawn as the uniform box of its mass and inertia.
+    """
+    model = robot.model
+    ends: dict[int, list[FloatArray]] = {joint: [] for joint in range(model.njoints)}
+    for joint in range(1, model.njoints):
+        ends[int(model.parents[joint])].append(np.asarray(model.jointPlacements[joint].translation))
+    for contact in robot.contacts:
+        frame = model.frames[model.getFrameId(contact.frame)]
+        ends[int(frame.parentJoint)].append(np.asarray(frame.placement.act(contact.offset)))
+    lengths = [float(np.linalg.norm(end)) for joint in ends for end in ends[joint]]
+    radius = 0.05 * max([length for length in lengths if length > 1e-9], default=0.5)
+    shapes: list[LinkShape] = []
+    for joint in range(1, model.njoints):
+        far = [end for end in ends[joint] if np.linalg.norm(end) > 1e-9]
+        # Balls of one size in one place flicker: links that meet differ in thickness.
+        own = radius * (1.0 - 0.05 * (joint % len(_NEUTRALS)))
+        shapes += [_rod(robot, joint, i, end, own) for i, end in enumerate(far)]
+        if not far and model.inertias[joint].mass > 0.0:
+            shapes.append(_inertia_box(robot, joint, radius))
+    return tuple(shapes)
+
+
+def _rod(robot: Robot, joint: int, number: int, end: FloatArray, radius: float) -> LinkShape:
+    return LinkShape(
+        f"{robot.model.names[joint]}_{number}",
+        joint,
+        pin.SE3(along(end), 0.5 * end),
+        capsule(float(np.linalg.norm(end)), radius),
+        rgb(_NEUTRALS[joint % len(_NEUTRALS)]),
+        np.minimum(end, 0.0) - radius,
+        np.maximum(end, 0.0) + radius,
+    )
+
+
+def _inertia_box(robot: Robot, joint: int, least: float) -> LinkShape:
+    inertia = robot.model.inertias[joint]
+    moments, axes = np.linalg.eigh(np.asarray(inertia.inertia))
+    squares = 6.0 / inertia.mass * (moments.sum() - 2.0 * moments)
+    sides = np.maximum(np.sqrt(np.maximum(squares, 0.0)), least)
+    if np.linalg.det(axes) < 0.0:
+        axes = axes * np.array([1.0, 1.0, -1.0])
+    shape = coal.Box(*[float(side) for side in sides])
+    placement = pin.SE3(axes, np.asarray(inertia.lever))
+    return LinkShape(
+        f"{robot.model.names[joint]}_box",
+        joint,
+        placement,
+        meshcat_geometry(shape),
+        rgb(_NEUTRALS[joint % len(_NEUTRALS)]),
+        *_box(shape, placement),
+    )

@@ -1,0 +1,312 @@
+"""Maps of metrics over what a design study varied, and its Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.identification.trend import Drift, Trend
+from wbc.view.palette import LIGHT, Theme
+from wbc.view.style import DASHES, drawing, legend_above, new_figure
+
+MAPPED = (
+    "lift",
+    "hold",
+    "backward_inertia",
+    "impact_mitigation",
+    "heat_saved",
+    "holding_torque",
+    "drop_impulse",
+    "standing_heat",
+    "hop_height",
+    "hop_cost",
+    "trot_cost",
+    "trot_work_cost",
+    "landing_error",
+    "landing_error_high",
+    "landing_error_low",
+)
+_SHARES = ("impact_mitigation", "heat_saved")  # between 0 and 1: evenly spread colours
+_DECADE = 20.0  # largest over smallest value from which colours are spread by the logarithm
+_SPREAD = 1e-6  # relative; a column that varies less than that shows nothing
+
+
+def design_map(
+    table: Mapping[str, FloatArray],
+    varied: Sequence[str],
+    units: Mapping[str, str],
+    *,
+    columns: Sequence[str] | None = None,
+    logarithmic: Sequence[str] = (),
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return one panel per metric over the first one or two parameters of a study.
+
+    Two parameters on a full grid give a coloured map; random samples, or more parameters, give
+    coloured points; one parameter gives a line.
+
+    Args:
+        table: columns (k,) of the study.
+        varied: its parameters, the first two are drawn across and up.
+        units: column -> unit.
+        columns: metrics to draw; those of `MAPPED` that there are when left out. Those that are
+            constant or nowhere finite are left out.
+        logarithmic: parameters to draw on a logarithmic axis.
+        theme: page colours.
+    """
+    wanted = columns or [name for name in MAPPED if name in table]
+    shown = [name for name in wanted if _varies(table[name])] or list(wanted)[:1]
+    wide = min(3, len(shown))
+    rows = -(-len(shown) // wide)
+    with drawing(theme):
+        figure, grid = new_figure(rows, wide, 3.9 * wide, 3.1 * rows)
+        axes = [ax for row in grid for ax in row]
+        for ax, name in zip(axes, shown, strict=False):
+            if len(varied) == 1:
+                _line(ax, table, varied[0], name, theme)
+            else:
+                _map(figure, ax, table, varied, name)
+            ax.set_title(_label(name, units) + _missing(table[name]))
+            ax.set_xlabel(_label(varied[0], units))
+            ax.set_ylabel(_label(varied[1], units) if len(varied) > 1 else _label(name, units))
+            _scales(ax, varied, logarithmic)
+        for ax in axes[len(shown) :]:
+            ax.set_visible(False)
+    return figure
+
+
+def pareto_figure(
+    table: Mapping[str, FloatArray],
+    front: IntArray,
+    objectives: Sequence[str],
+    coloured: str,
+    units: Mapping[str, str],
+    *,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return all designs in two objectives, the front as a line coloured by a parameter.
+
+    Args:
+        table: columns (k,) of the study.
+        front: rows on the front.
+        objectives: two columns, across and up.
+        coloured: parameter that colours the front.
+        units: column -> unit.
+        theme: page colours.
+    """
+    across, up = (table[name] for name in objectives)
+    usable = np.isfinite(across) & np.isfinite(up)
+    rows = front[usable[front]]
+    rows = rows[np.argsort(across[rows])]
+    with drawing(theme):
+        figure, grid = new_figure(1, 1, 6.2, 4.2)
+        ax = grid[0][0]
+        ax.plot(
+            across[usable], up[usable], ".", color=theme.ink, alpha=0.25, markersize=3,
+            label="all designs", rasterized=True,
+        )  # fmt: skip
+        ax.plot(across[rows], up[rows], color=theme.ink, linewidth=0.8)
+        points = ax.scatter(
+            across[rows], up[rows], c=table[coloured][rows], s=22, zorder=3,
+            label="not beaten in both",
+        )  # fmt: skip
+        figure.colorbar(points, ax=ax, label=_label(coloured, units))
+        ax.set_title("Pareto front")
+        ax.set_xlabel(_label(objectives[0], units))
+        ax.set_ylabel(_label(objectives[1], units))
+        ax.legend()
+    return figure
+
+
+def _line(ax: Axes, table: Mapping[str, FloatArray], across: str, name: str, theme: Theme) -> None:
+    order = np.argsort(table[across])
+    values = np.where(np.isfinite(table[name]), table[name], np.nan)[order]
+    ax.plot(table[across][order], values, color=theme.series[0])
+
+
+def _map(
+    figure: Figure, ax: Axes, table: Mapping[str, FloatArray], varied: Sequence[str], name: str
+) -> None:
+    x, y = (table[column] for column in varied[:2])
+    z = np.where(np.isfinite(table[name]), table[name], np.nan)
+    norm = _norm(z, name in _SHARES)
+    across, up = np.unique(x), np.unique(y)
+    if len(varied) == 2 and len(across) * len(up) == len(z):
+        order = np.lexsort((x, y))
+        square = np.ma.masked_invalid(z[order].reshape(len(up), len(across)))
+        drawn = ax.pcolormesh(across, up, square, norm=norm, shading="nearest", rasterized=True)
+        ax.grid(False)
+    else:
+        drawn = ax.scatter(x, y, c=z, norm=norm, s=6, rasterized=True)  # type: ignore[assignment]
+    bar = figure.colorbar(drawn, ax=ax)
+    if isinstance(norm, LogNorm):
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _norm(values: FloatArray, share: bool) -> Normalize:
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    if not share and low > 0.0 and high > _DECADE * low:
+        return LogNorm(low, high)
+    return Normalize(low, high)
+
+
+def _scales(ax: Axes, varied: Sequence[str], logarithmic: Sequence[str]) -> None:
+    for axis, name in zip(("x", "y"), varied[:2], strict=False):
+        if name not in logarithmic:
+            continue
+        getattr(ax, f"set_{axis}scale")("log")
+        place = getattr(ax, f"{axis}axis")
+        place.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        place.set_major_formatter(FormatStrFormatter("%g"))
+        place.set_minor_formatter(NullFormatter())
+
+
+def _varies(values: FloatArray) -> bool:
+    finite = values[np.isfinite(values)]
+    return finite.size > 1 and float(np.ptp(finite)) > _SPREAD * float(np.abs(finite).max())
+
+
+def _missing(values: FloatArray) -> str:
+    """Return what the empty places of a panel mean."""
+    if np.isinf(values).any():
+        return ", empty: unlimited"
+    return ", empty: none" if np.isnan(values).any() else ""
+
+
+def _label(name: str, units: Mapping[str, str]) -> str:
+    text = name.replace("_", " ")
+    unit = units.get(name, "1")
+    return f"{text} [{'-' if unit == '1' else unit}]"
+
+
+def experiment_figure(
+    joints: Mapping[str, str],
+    time: FloatArray,
+    motion: tuple[FloatArray, FloatArray],
+    misfits: Mapping[str, FloatArray],
+    *,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Return the motion on the left; on the right what the wrong cause leaves of the torque.
+
+    Args:
+        joints: names of the m driven joints, with the units of their positions.
+        time: (N,) [s].
+        motion: positions and velocities (N, m) [rad, m; rad/s, m/s].
+        misfits: name of a motion -> (N, m) in units of the noise of one row, at most two; the
+            motion stands alone without any.
+        theme: page colours.
+    """
+    with drawing(theme):
+        sides = 2 if misfits else 1  # with one cause alone nothing is told apart
+        figure, grid = new_figure(2, sides, 9.6, 4.8, share_x=True)
+        for row, (values, label) in enumerate(
+            zip(motion, (("position", ""), ("velocity", "/s")), strict=True)
+        ):
+            name, per = label
+            units = ", ".join(f"{unit}{per}" for unit in dict.fromkeys(joints.values()))
+            _lines(grid[row][0], list(joints), time, values)
+            grid[row][0].set_title(f"{name} [{units}]")
+        for row, (name, values) in enumerate(list(misfits.items())[:2]):
+            axes = grid[row][1]
+            _lines(axes, list(joints), time, values)
+            axes.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)  # the noise
+            axes.set_title(f"{name}: torque that the wrong cause leaves [noise rms]")
+        top = max((abs(values).max() for values in misfits.values()), default=1.0)
+        for row in range(2) if misfits else ():
+            grid[row][1].set_ylim(-1.1 * top, 1.1 * top)
+            grid[row][1].set_visible(row < len(misfits))
+        for axes in grid[1]:
+            axes.set_xlabel("time [s]")
+        legend_above(figure, grid[0][0], min(len(joints), 6))
+    return figure
+
+
+def _lines(axes: Axes, joints: Sequence[str], time: FloatArray, values: FloatArray) -> None:
+    for i, joint in enumerate(joints):
+        dashes = DASHES[i % len(DASHES)]
+        axes.plot(time, values[:, i], color=f"C{i}", linestyle=dashes, label=joint)
+
+
+_COLUMNS = 2
+_QUIET = 0.35
+
+
+def trend_figure(trend: Trend, theme: Theme = LIGHT) -> Figure:
+    """Return a panel per quantity: a line per machine over the dates, with 90 % intervals.
+
+    Machines that drift are drawn in colour and named; the others are grey, or named too where
+    there are few.
+
+    Args:
+        trend: from `follow`.
+        theme: page colours.
+    """
+    quantities = list(dict.fromkeys(drift.quantity for drift in _ordered(trend)))
+    machines = list(dict.fromkeys(session.machine for session in trend.sessions))
+    rows = -(-len(quantities) // _COLUMNS)
+    with drawing(theme):
+        columns = min(_COLUMNS, len(quantities))
+        figure, grid = new_figure(rows, columns, 5.2 * columns, 2.5 * rows + 0.4)
+        axes = [ax for row in grid for ax in row]
+        for ax, quantity in zip(axes, quantities, strict=False):
+            drifts = {d.machine: d for d in trend.drifts if d.quantity == quantity}
+            _panel(ax, trend, drifts, machines, theme)
+        for ax in axes[len(quantities) :]:
+            ax.set_visible(False)
+    return figure
+
+
+def _ordered(trend: Trend) -> list[Drift]:
+    return [*trend.drifting, *trend.drifts]
+
+
+def _panel(
+    ax: Axes, trend: Trend, drifts: dict[str, Drift], machines: list[str], theme: Theme
+) -> None:
+    first = next(iter(drifts.values()))
+    few = len(drifts) <= len(theme.series)
+    loud = [name for name in machines if name in drifts and (few or drifts[name].drifts)]
+    for name in machines:
+        if name not in drifts:
+            continue
+        own = [s for s in trend.sessions if s.machine == name and first.quantity in s.values]
+        estimates = [s.values[first.quantity] for s in own]
+        dates = np.array([datetime.fromisoformat(s.date) for s in own])
+        value = np.array([e.value for e in estimates])
+        away = np.abs([[e.value - e.low, e.high - e.value] for e in estimates]).T
+        shown = name in loud
+        colour = theme.series[loud.index(name) % len(theme.series)] if shown else theme.ink
+        drifting = drifts[name].drifts
+        ax.errorbar(
+            dates,
+            value,
+            yerr=away,
+            color=colour,
+            alpha=1.0 if shown else _QUIET,
+            linewidth=2.2 if drifting else 1.0,
+            marker="o",
+            markersize=3.5,
+            capsize=2.0,
+            elinewidth=0.8,
+            label=f"{name}{' drifts' if drifting else ''}" if shown else None,
+        )
+    unit = "" if first.unit == "1" else f" [{first.unit}]"
+    ax.set_title(first.name)
+    ax.set_ylabel(f"{first.quantity[2].replace('_', ' ')}{unit}")
+    locator = AutoDateLocator(maxticks=6)
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    if loud:
+        ax.legend(fontsize=8)

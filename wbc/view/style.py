@@ -1,0 +1,183 @@
+"""How every plot looks: one style, two pages, no display."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from wbc.arrays import FloatArray
+from wbc.errors import ViewError
+from wbc.files import atomic_write
+from wbc.transmission import Direction
+from wbc.view.channels import RecordedImpact, window_mean
+from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS, LIGHT, Theme
+
+_FORMATS = ("png", "pdf", "svg")
+# Line styles repeat what colours say, for a print in grey.
+DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)), (0, (3, 1)))
+
+
+@contextmanager
+def drawing(theme: Theme = LIGHT) -> Iterator[None]:
+    """Draw in the style of a theme inside a `with` block."""
+    settings = {
+        "figure.facecolor": theme.page,
+        "axes.facecolor": theme.panel,
+        "axes.edgecolor": theme.ink,
+        "axes.labelcolor": theme.ink,
+        "axes.titlecolor": theme.ink,
+        "text.color": theme.ink,
+        "xtick.color": theme.ink,
+        "ytick.color": theme.ink,
+        "grid.color": theme.faint,
+        "grid.linewidth": 0.6,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.linewidth": 0.8,
+        "axes.titlesize": 9.5,
+        "axes.titlelocation": "left",
+        "axes.titleweight": "bold",
+        "axes.labelsize": 9,
+        "xtick.labelsize": 8,
+        "ytick.labelsize": 8,
+        "legend.fontsize": 8,
+        "legend.frameon": False,
+        "lines.linewidth": 1.4,
+        "font.family": "DejaVu Sans",
+    }
+    with mpl.rc_context(settings):
+        yield
+
+
+def new_figure(
+    rows: int,
+    columns: int,
+    width: float,
+    height: float,
+    *,
+    share_x: bool = False,
+    heights: Sequence[float] | None = None,
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure of `width` x `height` inches and its axes, row by row.
+
+    Args:
+        rows, columns: of axes.
+        width, height: [inch].
+        share_x: one x axis per column.
+        heights: (rows,) relative heights; all alike when left out.
+    """
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(
+        rows, columns, squeeze=False, sharex="col" if share_x else False, height_ratios=heights
+    )
+    return figure, [list(row) for row in np.asarray(axes)]
+
+
+def write_figure(path: str | Path, figure: Figure, resolution: float = 160.0) -> Path:
+    """Write a figure; the ending of `path` (png, pdf, svg) decides the format.
+
+    Args:
+        path: the file (written whole or not at all).
+        figure: any figure of this package.
+        resolution: [dots per inch] of a PNG.
+
+    Raises:
+        ViewError: another ending.
+    """
+    kind = Path(path).suffix.lstrip(".").lower()
+    if kind not in _FORMATS:
+        raise ViewError(f"'{path}': a plot ends in {', '.join('.' + name for name in _FORMATS)}.")
+    if figure.get_layout_engine() is not None:
+        # Laid out once: another round would move parts by a hair and make equal plots unequal.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+    # A date or a random name in the file would make equal plots unequal.
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    with mpl.rc_context({"svg.hashsalt": "wbc", "svg.fonttype": "none"}):
+        return atomic_write(
+            path, lambda file: figure.savefig(file, format=kind, dpi=resolution, metadata=metadata)
+        )
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend of `axes` above the whole figure."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+
+
+def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
+    """Fill the area between a power and zero in the colour of its direction."""
+    for mode in Direction:
+        axes.fill_between(
+            time,
+            power,
+            where=directions == mode,
+            color=DIRECTION_COLOURS[mode],
+            alpha=0.75,
+            linewidth=0.0,
+            step="mid",
+        )
+
+
+def direction_patches() -> list[Patch]:
+    """Return the legend entries of the directions of power."""
+    modes = (Direction.FORWARD, Direction.BACKWARD, Direction.STUCK)
+    return [Patch(color=DIRECTION_COLOURS[m], alpha=0.75, label=DIRECTION_LABELS[m]) for m in modes]
+
+
+def mark_impacts(axes: Axes, impacts: Sequence[RecordedImpact], colour: str) -> None:
+    """Draw a thin line at every impact."""
+    for impact in impacts:
+        axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
+
+
+_SHARE = 1.0 / 150.0
+_ROUGH = 0.1
+
+
+def display_window(time: FloatArray) -> float:
+    """Return the time [s] over which a plot of this span can average without hiding anything."""
+    return float(time[-1] - time[0]) * _SHARE
+
+
+def plot_mean(
+    axes: Axes,
+    time: FloatArray,
+    values: FloatArray,
+    style: Mapping[str, Any],
+    jumps: Sequence[int] = (),
+    *,
+    samples: bool = True,
+) -> None:
+    """Draw a signal (N,), and where it is rough its mean in front of all its samples.
+
+    Args:
+        axes: to draw on.
+        time: (N,) [s].
+        values: (N,).
+        style: of the line.
+        jumps: rows that start anew; nothing is averaged across them.
+        samples: whether the samples of a rough signal are drawn; several such signals hide one
+            another.
+    """
+    rows = round(len(time) * _SHARE)
+    mean = window_mean(values, rows, jumps)
+    rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))
+    if not rough:
+        axes.plot(time, values, **style)
+        return
+    if samples:
+        axes.plot(time, values, color=style.get("color"), linewidth=0.5, alpha=0.25, zorder=1.5)
+    axes.plot(time, mean, **style)

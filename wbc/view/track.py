@@ -1,0 +1,185 @@
+"""A recording brought to the frames of a playback."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.dynamics import Workspace
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.channels import (
+    RecordedImpact,
+    configuration,
+    contact_forces,
+    find_impacts,
+    robot_weight,
+)
+from wbc.view.flow import gear_flow
+from wbc.view.ghost import Ghost
+
+_FRAME_RATE = 60.0
+_MAX_FRAMES = 3600
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTrack:
+    """One contact at the frames.
+
+    Attributes:
+        name: of the contact.
+        friction: Coulomb coefficient of its cone.
+        position: (F, 3) [m], world.
+        force: (F, 3) [N], ground on robot; the largest since the last frame, so that an impact
+            is not skipped.
+    """
+
+    name: str
+    friction: float
+    position: FloatArray
+    force: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class GearTrack:
+    """One gear at the frames; NaN where the log holds no torque.
+
+    Attributes:
+        joint: name of the joint that it drives.
+        torque: (F,) [N m] at the joint's side, N tau_phi.
+        power: (F,) [W] mesh power.
+        direction: (F,) of +1, 0, -1.
+    """
+
+    joint: str
+    torque: FloatArray
+    power: FloatArray
+    direction: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Everything that a playback shows, at its frames.
+
+    Attributes:
+        time: (F,) [s] on the log's clock.
+        poses: (F, joints, 7), world placement of every joint frame as x, y, z and quaternion
+            x, y, z, w; row 0 is the world.
+        center_of_mass: (F, 3) [m].
+        contacts: the contacts that bear force in the log.
+        gears: the driven joints.
+        impacts: instants at which a contact force jumps.
+        weight: [N] of the robot.
+    """
+
+    time: FloatArray
+    poses: FloatArray
+    center_of_mass: FloatArray
+    contacts: tuple[ContactTrack, ...]
+    gears: tuple[GearTrack, ...]
+    impacts: tuple[RecordedImpact, ...]
+    weight: float
+
+
+def make_track(robot: Robot, log: Log) -> Track:
+    """Return what a playback of `log` shows, at up to 60 frames per second (3600 in all).
+
+    Raises:
+        LogError: the log holds no position of the robot.
+    """
+    rows = frame_rows(log)
+    position = configuration(robot, log)[rows]
+    poses, center, points = _kinematics(robot, position)
+    forces = contact_forces(robot, log)
+    weight = robot_weight(robot)
+    contacts = tuple(
+        ContactTrack(
+            contact.name, contact.friction, points[:, i], _largest(forces[contact.name], rows)
+        )
+        for i, contact in enumerate(robot.contacts)
+        if np.any(forces.get(contact.name, 0.0))
+    )
+    return Track(
+        time=log.time[rows],
+        poses=poses,
+        center_of_mass=center,
+        contacts=contacts,
+        gears=_gears(robot, log, rows),
+        impacts=find_impacts(log.time, forces, weight),
+        weight=weight,
+    )
+
+
+def frame_rows(log: Log) -> FloatArray:
+    """Return the row of the log that each frame shows, (F,) int."""
+    wanted = min(len(log), _MAX_FRAMES, int(log.duration * _FRAME_RATE) + 1)
+    instants = np.linspace(log.time[0], log.time[-1], max(wanted, 2))
+    rows = np.searchsorted(log.time, instants - 0.5 * log.sample_time)
+    return np.unique(np.clip(rows, 0, len(log) - 1))
+
+
+def joint_poses(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the world placement of every joint frame along q (F, nq), as in `Track.poses`."""
+    return _kinematics(robot, position)[0]
+
+
+def _kinematics(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    space = Workspace(robot)
+    model, data = space.model, space.data
+    poses = np.empty((len(position), model.njoints, 7))
+    center = np.empty((len(position), 3))
+    points = np.empty((len(position), len(space.frames), 3))
+    for row, q in enumerate(position):
+        center[row] = pin.centerOfMass(model, data, q)
+        for joint in range(model.njoints):
+            poses[row, joint] = pin.SE3ToXYZQUAT(data.oMi[joint])
+        for i, frame in enumerate(space.frames):
+            points[row, i] = pin.updateFramePlacement(model, data, frame).translation
+    return poses, center, points
+
+
+def _gears(robot: Robot, log: Log, rows: FloatArray) -> tuple[GearTrack, ...]:
+    flow = gear_flow(robot, log)
+    torque = flow.rotor_torque * robot.transmission.gear_ratio
+    return tuple(
+        GearTrack(joint, torque[rows, i], flow.mesh_power[rows, i], flow.direction[rows, i])
+        for i, joint in enumerate(robot.transmission.joints)
+    )
+
+
+def _largest(force: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return for each frame the force of the largest size since the frame before."""
+    size = np.linalg.norm(force, axis=1)
+    starts = np.concatenate([[0], rows[:-1] + 1])
+    picks = [int(a + np.argmax(size[a : b + 1])) for a, b in zip(starts, rows, strict=True)]
+    return np.asarray(force[picks])
+
+
+@dataclass(frozen=True, eq=False)
+class GhostTrack:
+    """A second robot at the frames.
+
+    Attributes:
+        label: what the page calls it.
+        poses: (F, joints, 7) as in `Track.poses`.
+        residual: joint -> (F,) measured minus modelled torque, in noise floors.
+    """
+
+    label: str
+    poses: FloatArray
+    residual: Mapping[str, FloatArray]
+
+
+def track_ghost(robot: Robot, ghost: Ghost, time: FloatArray) -> GhostTrack:
+    """Return the ghost at frame times (F,) [s]; the nearest sample is shown."""
+    later = np.clip(np.searchsorted(ghost.time, time), 1, len(ghost.time) - 1)
+    rows = np.where(time - ghost.time[later - 1] < ghost.time[later] - time, later - 1, later)
+    residual = {
+        joint: np.interp(time, ghost.residual_time, values)
+        for joint, values in ghost.residual.items()
+    }
+    return GhostTrack(ghost.label, joint_poses(robot, ghost.position[rows]), residual)
