@@ -26,6 +26,7 @@ from sims import (
     hopping,
     impact,
     imperfect_loop,
+    log_to_mujoco,
     parallelogram,
     standing,
     stepping,
@@ -219,6 +220,15 @@ def loops() -> None:
     )
 
 
+def exported() -> None:
+    """Explain logs of a leg and move it in MuJoCo."""
+    panels = log_to_mujoco.panels(log_to_mujoco.main())
+    plots(
+        lambda theme: {"log_to_mujoco": sweep_figure(panels, theme=theme)},
+        log_to_mujoco="log_to_mujoco",
+    )
+
+
 def walked() -> None:
     """Run the studies of walking and take their films."""
     found = trot.main()
@@ -260,7 +270,18 @@ def keep(made: Path, name: str) -> None:
 
 PARTS = {
     part.__name__: part
-    for part in (metrics, designs, experiments, fleet, explained, stood, studies, loops, walked)
+    for part in (
+        metrics,
+        designs,
+        experiments,
+        fleet,
+        explained,
+        stood,
+        studies,
+        loops,
+        exported,
+        walked,
+    )
 }
 
 
