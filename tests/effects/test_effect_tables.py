@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -20,7 +20,7 @@ from wbc.effects.tables import (
     fill_joint_torques,
     left_for_hooks,
 )
-from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.robot import Effect, Memory, Motion, Parameter, Robot
 
 MANY: dict[str, tuple[float, ...]] = {
     "viscous_friction": (0.04,),
@@ -206,3 +206,68 @@ def test_what_only_changes_the_robot_is_not_left() -> None:
     robot = load_robot("planar_leg_fixed").with_effect(payload)
     assert left_for_hooks(robot) == ()
     assert not effect_table(robot).act_on_joints
+
+
+REMEMBER: dict[str, tuple[float, ...]] = {
+    "presliding": (0.05, 0.02),
+    "load_presliding": (0.8, 0.7, 0.02),
+    "thermal_drift": (0.01, 20.0),
+    "actuation_delay": (0.0031,),
+}
+
+
+@pytest.mark.parametrize("kind", REMEMBER)
+def test_one_effect_remembers_for_all_its_places(kind: str) -> None:
+    """Memory, torques and energy of 20 steps, beside effects at single places; then a log."""
+    bare = load_robot("solo12")
+    cls, joints = effect_class(kind), bare.transmission.joints
+    names = [parameter.name for parameter in cls.parameters]
+    sizes = 1.0 + 0.02 * np.arange(len(joints))
+    every = [
+        [*(size * n for n in REMEMBER[kind][:-1]), REMEMBER[kind][-1] / size] for size in sizes
+    ]
+    alone = [
+        cls.at(joint, dict(zip(names, numbers, strict=True)))
+        for joint, numbers in zip(joints, every, strict=True)
+    ]
+    robot = bare.with_effects(*alone)
+    (one,) = left_for_hooks(robot)
+    memory, memories = one.first_memory(robot), [effect.first_memory(robot) for effect in alone]
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        v, torque = random.normal(size=robot.model.nv), random.normal(size=len(joints))
+        motion = Motion(robot.pose(), v, mesh_torque=3.0 * random.normal(size=len(joints)))
+        assert memory is not None
+        seen = motion.replace(memory=Memory(memory, 1e-3))
+        views = [motion.replace(memory=Memory(own, 1e-3)) for own in memories if own is not None]
+        np.testing.assert_allclose(
+            did(robot, [one], [seen], torque), did(robot, alone, views, torque), rtol=1e-12
+        )
+        memory = one.next_memory(robot, seen, torque)
+        memories = [e.next_memory(robot, m, torque) for e, m in zip(alone, views, strict=True)]
+    time = np.arange(30) * 0.01
+    q = np.tile(robot.pose(), (30, 1))
+    q[:, robot.actuated_position] += 0.1 * np.sin(9.0 * time)[:, None] * sizes
+    log = Motion(q, random.normal(size=(30, robot.model.nv)), time=time)
+    torque = random.normal(size=(30, len(joints)))
+    np.testing.assert_allclose(
+        did(robot, [one], [log], torque), did(robot, alone, [log] * 12, torque), rtol=1e-12
+    )
+
+
+def did(
+    robot: Robot, effects: Sequence[Effect], motions: Sequence[Motion], torque: FloatArray
+) -> FloatArray:
+    """Return all that effects do with a drive's torque and a mesh, and where their energy went."""
+    joint, rotor, energy = np.zeros(motions[0].velocity.shape), np.zeros(torque.shape), np.zeros(3)
+    given, mesh = torque, 2.0 * torque
+    for effect, motion in zip(effects, motions, strict=True):
+        given = effect.drive(robot, motion, given)
+        mesh = effect.meshed(robot, motion, torque, mesh)
+        pushed, added = effect.joint_torque(robot, motion), effect.rotor_torque(robot, motion)
+        joint += 0.0 if pushed is None else pushed
+        rotor += 0.0 if added is None else added
+        kept = effect.memory_energy(robot, motion)
+        energy += 0.0 if kept is None else [kept.stored, kept.reloaded, kept.lost]
+    parts = joint, rotor, given, mesh, energy
+    return np.concatenate([np.ravel(part) for part in parts])

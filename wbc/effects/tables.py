@@ -146,8 +146,8 @@ def left_for_hooks(robot: Robot) -> tuple[Effect, ...]:
     """Return the effects of `robot` that no table holds, in order, all places of a kind as one.
 
     What only changes a number of the robot is not among them. An effect with several places has
-    arrays (k,) as parameters. A kind whose hooks do not take them, or that has a memory, stays
-    one effect per place.
+    arrays (k,) as parameters. A user's kind whose hooks do not take them, or that has a memory,
+    stays one effect per place.
     """
     acting = [e for e in robot.effects if e.acts_by - {"change"} and not _is_tabled(robot, e)]
     groups: dict[object, list[Effect]] = {}
@@ -194,11 +194,15 @@ def _kind(effect: Effect) -> tuple[object, ...]:
 
 def _may_join(effect: Effect) -> bool:
     """Whether effects like this one may become one, if their hooks take arrays."""
-    cls = type(effect)
-    if not isinstance(effect, JointEffect) or cls.first_memory is not Effect.first_memory:
+    remembers = type(effect).first_memory is not Effect.first_memory
+    if not isinstance(effect, JointEffect) or (remembers and not _is_shipped(effect)):
         return False
     plain = all(isinstance(value, (str, bool, int, float)) for value in vars(effect).values())
-    return plain and effect.parameters is cls.parameters
+    return plain and effect.parameters is type(effect).parameters
+
+
+def _is_shipped(effect: Effect) -> bool:
+    return type(effect) in EFFECTS.values()
 
 
 def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
@@ -219,8 +223,7 @@ def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
     values = {p.name: np.array([getattr(e, p.name) for e in effects]) for p in first.parameters}
     for name, value in {"where": ", ".join(joints), "rows": rows, **values}.items():
         object.__setattr__(one, name, value)
-    shipped = type(first) in EFFECTS.values()
-    return (one,) if shipped or _acts_like(robot, one, effects) else effects
+    return (one,) if _is_shipped(first) or _acts_like(robot, one, effects) else effects
 
 
 def _acts_like(robot: Robot, one: Effect, effects: Sequence[Effect]) -> bool:

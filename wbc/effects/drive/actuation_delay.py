@@ -41,49 +41,47 @@ class ActuationDelay(JointEffect):
     )
 
     def first_memory(self, robot: Robot) -> FloatArray:
-        """Return the torque on its way, rows (since how long [s], torque [N m]): none."""
-        return np.array([[self.delay, 0.0]])
+        """Return the torque on its way, rows (since how long [s], torques [N m]): none."""
+        return np.array([[np.max(self.delay), *np.zeros(np.size(self.delay))]])
 
     def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return the torque on its way (p, 2) after a step; what has arrived is forgotten."""
+        """Return the torque on its way (p, 1 + k) after a step; what has arrived is forgotten."""
         if motion.memory is None:
             return self.first_memory(robot)
-        step = motion.memory.step
-        older = motion.memory.value + np.array([step, 0.0])
-        sent = np.vstack((older, [step, torque[robot.transmission.index(self.where)]]))
-        arrived = int((sent[1:, 0] >= self.delay).sum())
+        sent = np.vstack((motion.memory.value, [0.0, *np.ravel(torque[self.gear(robot)])]))
+        sent[:, 0] += motion.memory.step
+        arrived = int((sent[1:, 0] >= np.max(self.delay)).sum())
         return sent[arrived:]
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque of `delay` earlier for this gear, (..., m)."""
         if motion.memory is not None:
-            result = np.array(torque)
-            column = robot.transmission.index(self.where)
-            result[column] = self._arriving(motion.memory, float(torque[column]))
+            result, gear = np.array(torque), self.gear(robot)
+            result[gear] = self._arriving(motion.memory, np.ravel(torque[gear])).reshape(
+                np.shape(self.delay)
+            )
             return result
-        return self._shifted(robot, motion, torque, -self.delay)
+        return self._shifted(robot, motion, torque, -1.0)
 
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque of `delay` later for this gear, (..., m)."""
-        return self._shifted(robot, motion, torque, self.delay)
+        return self._shifted(robot, motion, torque, 1.0)
 
-    def _arriving(self, memory: Memory, torque: float) -> float:
-        """Return the mean of the command (steps, the last one now) over a step `delay` earlier."""
+    def _arriving(self, memory: Memory, torque: FloatArray) -> FloatArray:
+        """Return the mean (k,) of the command (steps, the last one now) over a step, delayed."""
         starts = np.concatenate((-memory.value[:, 0], [0.0, memory.step]))
         starts[0] = -np.inf
-        held = np.append(memory.value[:, 1], torque)
-        passed = np.clip(starts, -self.delay, memory.step - self.delay)
-        return float(np.diff(passed) @ held) / memory.step
+        held = np.vstack((memory.value[:, 1:], torque))
+        passed = np.clip(starts[:, None], -np.ravel(self.delay), memory.step - np.ravel(self.delay))
+        return np.asarray(np.sum(np.diff(passed, axis=0) * held, axis=0) / memory.step)
 
-    def _shifted(
-        self, robot: Robot, motion: Motion, torque: FloatArray, shift: float
-    ) -> FloatArray:
+    def _shifted(self, robot: Robot, motion: Motion, torque: FloatArray, way: float) -> FloatArray:
         if motion.time is None or np.ndim(motion.time) != 1:
             return torque
-        column = robot.transmission.index(self.where)
         result = np.array(torque)
         own = np.zeros_like(torque) if motion.feedback_torque is None else motion.feedback_torque
-        late = torque[:, column] - own[:, column]
-        shifted = np.interp(motion.time + shift, motion.time, late)
-        result[:, column] = shifted + own[:, column]
+        for column, delay in zip(np.ravel(self.gear(robot)), np.ravel(self.delay), strict=True):
+            late = torque[:, column] - own[:, column]
+            shifted = np.interp(motion.time + way * delay, motion.time, late)
+            result[:, column] = shifted + own[:, column]
         return result

@@ -80,12 +80,12 @@ class ThermalDrift(JointEffect):
     )
 
     def first_memory(self, robot: Robot) -> FloatArray:
-        """Return how warm the motor is, as the drift's warm seconds (1,): cold."""
-        return np.zeros(1)
+        """Return how warm the motors are, as the drift's warm seconds (k,): cold."""
+        return np.zeros(np.size(self.rate))
 
     def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return the warm seconds (1,) at the end of a step."""
-        return np.array([self._warm(motion, 1.0)])
+        """Return the warm seconds (k,) at the end of a step."""
+        return np.ravel(self._warm(motion, 1.0))
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque left for this gear, (..., m)."""
@@ -97,18 +97,18 @@ class ThermalDrift(JointEffect):
 
     def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
         warm = self._warm(motion, 0.5)
-        factor = np.ones((*np.shape(warm), robot.transmission.size))
-        factor[..., robot.transmission.index(self.where)] = np.maximum(
-            1.0 - self.rate * warm, _LEAST
-        )
+        factor = np.ones((*motion.velocity.shape[:-1], robot.transmission.size))
+        factor[..., self.gear(robot)] = np.maximum(1.0 - self.rate * warm, _LEAST)
         return factor
 
     def _warm(self, motion: Motion, share: float) -> FloatArray:
         """Return w, dw/dt = 1 - w/tau, from w = 0: along a log, or `share` of a step onward."""
         if motion.memory is not None:
-            time, start = np.asarray(share * motion.memory.step), motion.memory.value[0]
+            time = np.asarray(share * motion.memory.step)
+            start = np.reshape(motion.memory.value, np.shape(self.rate))
         else:
             none = np.zeros(motion.velocity.shape[:-1])
-            time, start = none if motion.time is None else np.asarray(motion.time), 0.0
+            time = none if motion.time is None else np.asarray(motion.time)
+            time, start = time.reshape((*time.shape, *(1,) * np.ndim(self.rate))), np.zeros(())
         gone = -np.expm1(-time / self.time_constant)
         return np.asarray(start + (self.time_constant - start) * gone)

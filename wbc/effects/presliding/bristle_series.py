@@ -6,17 +6,28 @@ Loading the compiler takes a moment that most programs need not wait for.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Nothing, Number, OutRow, Row, compiled
+from wbc.compiled import Matrix, Nothing, OutMatrix, Vector, compiled
 
 
-@compiled(Nothing, Row, Number, OutRow)
-def follow_bristles(position: FloatArray, length: float, bent: FloatArray) -> None:
-    """Write z (N,) along positions (N,), from z = 0: exact where no interval holds a reversal."""
-    z = 0.0
-    for k in range(1, len(position)):
-        way = position[k] - position[k - 1]
-        end = np.sign(way)
-        z = end + (z - end) * np.exp(-abs(way) / length)
-        bent[k] = z
+def bent_along(positions: FloatArray, length: ArrayLike) -> FloatArray:
+    """Return z (N,) or (N, k) along positions (N,) or (N, k), from z = 0.
+
+    Exact where no interval holds a reversal.
+    """
+    z = np.zeros((len(positions), np.size(length)))
+    _follow(positions.reshape(z.shape), np.ravel(np.asarray(length, dtype=np.float64)), z)
+    return z.reshape(positions.shape)
+
+
+@compiled(Nothing, Matrix, Vector, OutMatrix)
+def _follow(positions: FloatArray, length: FloatArray, bent: FloatArray) -> None:
+    for i in range(positions.shape[1]):
+        z = 0.0
+        for k in range(1, len(positions)):
+            way = positions[k, i] - positions[k - 1, i]
+            end = np.sign(way)
+            z = end + (z - end) * np.exp(-abs(way) / length[i])
+            bent[k, i] = z

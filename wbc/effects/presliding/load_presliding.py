@@ -114,37 +114,34 @@ class LoadPresliding(JointEffect):
         self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray
     ) -> FloatArray:
         """Return t (..., m) [N m] with this gear's column by z along a log."""
-        if motion.time is None or motion.velocity.ndim != 2 or self.length == 0.0:
+        if motion.time is None or motion.velocity.ndim != 2 or np.all(self.length == 0.0):
             return mesh
-        gear = robot.transmission.index(self.where)
-        turned = motion.position[:, robot.actuated_position] @ self._row(robot)
-        series = np.zeros(len(turned))
-        from wbc.effects.presliding.bristle_series import follow_bristles  # it loads the compiler
+        gear = self.gear(robot)
+        turned = motion.position[:, robot.actuated_position] @ self._row(robot).T
+        from wbc.effects.presliding.bristle_series import bent_along  # it loads the compiler
 
-        follow_bristles(np.ascontiguousarray(turned), self.length, series)
+        series = bent_along(turned, self.length)
         result = np.array(mesh)
         result[:, gear] = output[:, gear] + self._loss(robot, output[:, gear], series)
         return result
 
     def first_memory(self, robot: Robot) -> FloatArray:
-        """Return z of bristles that do not bend, and the T [N m] that they carry: (2,)."""
-        return np.zeros(2)
+        """Return z of unbent bristles, and the T [N m] that they carry: (2,) or (2, k)."""
+        return np.zeros((2, *np.shape(self.length)))
 
     def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return z and T (2,) at the end of a step."""
+        """Return z and T, (2,) or (2, k), at the end of a step."""
         if motion.memory is None:
             raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
-        z, load = self._stepped(robot, motion, motion.memory)
-        return np.array([z, load])
+        return np.array(self._stepped(robot, motion, motion.memory))
 
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return what the loss takes from the rotors (m,) in a simulator's step; None elsewhere."""
         if motion.memory is None:
             return None
         z, load = self._stepped(robot, motion, motion.memory)
-        loss = self._loss(robot, np.array([load]), np.array([z]))[0]
-        gear = robot.transmission.index(self.where)
-        return self.on_rotor(robot, motion, -loss / robot.transmission.gear_ratio[gear])
+        ratio = robot.transmission.gear_ratio[self.gear(robot)]
+        return self.on_rotor(robot, motion, -self._loss(robot, load, z) / ratio)
 
     def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
         """Return what bristles stored and lost over a step [J]."""
@@ -152,47 +149,47 @@ class LoadPresliding(JointEffect):
         if memory is None:
             return None
         z, load = self._stepped(robot, motion, memory)
-        way = self._speed(robot, motion) * memory.step
-        loss = float(self._loss(robot, np.array([load]), np.array([z]))[0])
+        work = self._loss(robot, load, z) * self._speed(robot, motion) * memory.step
         mean, _ = self._coefficients(robot)
-        before, earlier = (float(x) for x in memory.value)
-        levels = mean * abs(earlier), mean * abs(load)
-        return energy_of_step((before, z), levels, self.length, loss * way)
+        before, earlier = (np.reshape(row, z.shape) for row in memory.value)
+        levels = mean * np.abs(earlier), mean * np.abs(load)
+        return energy_of_step((before, z), levels, self.length, work)
 
     @property
     def _efficiencies(self) -> TransmissionEfficiency:
         return TransmissionEfficiency(self.where, self.forward_efficiency, self.backward_efficiency)
 
-    def _coefficients(self, robot: Robot) -> tuple[float, float]:
+    def _coefficients(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
         """Return mean and difference, of all that the gear loses."""
-        gears, gear = robot.transmission, robot.transmission.index(self.where)
-        inverse = 1.0 / float(gears.forward_efficiency[gear])
-        backward = float(gears.backward_efficiency[gear])
+        gears, gear = robot.transmission, self.gear(robot)
+        inverse, backward = 1.0 / gears.forward_efficiency[gear], gears.backward_efficiency[gear]
         return 0.5 * (inverse - backward), 0.5 * (inverse + backward) - 1.0
 
     def _loss(self, robot: Robot, load: FloatArray, bent: FloatArray) -> FloatArray:
-        """Return t - T (N,) [N m] for T and z (N,)."""
+        """Return t - T (...) [N m] for T and z (...)."""
         mean, difference = self._coefficients(robot)
         return np.asarray(mean * np.abs(load) * bent + difference * load * bent**2)
 
     def _row(self, robot: Robot) -> FloatArray:
-        """Return (m,) how the gear's output turns with the driven joints."""
-        gears = robot.transmission
-        return np.asarray(gears.motor_from_joint[gears.index(self.where)])
+        """Return (m,) or (k, m) how the gear's output turns with the driven joints."""
+        return np.asarray(robot.transmission.motor_from_joint[self.gear(robot)])
 
-    def _speed(self, robot: Robot, motion: Motion) -> float:
-        return float(motion.velocity[robot.actuated] @ self._row(robot))
+    def _speed(self, robot: Robot, motion: Motion) -> FloatArray:
+        return np.asarray(self._row(robot) @ motion.velocity[robot.actuated])
 
-    def _stepped(self, robot: Robot, motion: Motion, memory: Memory) -> tuple[float, float]:
-        """Return z at the end of a simulator's step, and T [N m] during it."""
-        speed, load = self._speed(robot, motion), float(memory.value[1])
+    def _stepped(
+        self, robot: Robot, motion: Motion, memory: Memory
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return z, () or (k,), at the end of a simulator's step, and T [N m] during it."""
+        speed = self._speed(robot, motion)
+        load = np.reshape(memory.value[1], speed.shape)
         if motion.mesh_torque is not None:
-            load = float(motion.mesh_torque[robot.transmission.index(self.where)])
+            load = np.asarray(motion.mesh_torque[self.gear(robot)])
         mean, _ = self._coefficients(robot)
-        level = mean * abs(load)
-        if level == 0.0 or speed == 0.0:
-            return float(memory.value[0]), load
-        direction = np.zeros(robot.model.nv)
-        direction[robot.actuated] = self._row(robot)
-        inertia = inertia_along(robot, motion, direction)
-        return stepped(memory, speed, level, self.length, inertia), load
+
+        def inertia() -> FloatArray:
+            direction = np.zeros((*speed.shape, robot.model.nv))
+            direction[..., robot.actuated] = self._row(robot)
+            return inertia_along(robot, motion, direction)
+
+        return stepped(memory, speed, mean * np.abs(load), self.length, inertia), load

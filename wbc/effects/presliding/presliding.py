@@ -87,11 +87,11 @@ class Presliding(JointEffect):
     )
 
     def first_memory(self, robot: Robot) -> FloatArray:
-        """Return z (1,) of bristles that do not bend."""
-        return np.zeros(1)
+        """Return z, (1,) or (1, k), of bristles that do not bend."""
+        return np.zeros((1, *np.shape(self.level)))
 
     def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return z (1,) at the end of a step."""
+        """Return z, (1,) or (1, k), at the end of a step."""
         if motion.memory is None:
             raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
         return np.array([self._bent(robot, motion, motion.memory)])
@@ -99,45 +99,42 @@ class Presliding(JointEffect):
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return -level * z at the joint, (..., nv) [N m]; None where z is not known."""
         if motion.memory is not None:
-            bent = np.asarray(self._bent(robot, motion, motion.memory))
+            bent = self._bent(robot, motion, motion.memory)
             return self.on_joint(robot, motion, -self.level * bent)
         if not self._is_series(motion):
             return None
-        position = np.ascontiguousarray(self.joint_position(robot, motion))
-        series = np.zeros(len(position))
-        from wbc.effects.presliding.bristle_series import follow_bristles  # it loads the compiler
+        from wbc.effects.presliding.bristle_series import bent_along  # it loads the compiler
 
-        follow_bristles(position, self.length, series)
+        series = bent_along(self.joint_position(robot, motion), self.length)
         return self.on_joint(robot, motion, -self.level * series)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return the level (..., nv) [N m] where z is not known: the limit of a short length."""
         if motion.memory is not None or self._is_series(motion):
             return None
-        level = np.broadcast_to(np.float64(self.level), motion.velocity.shape[:-1])
-        return self.on_joint(robot, motion, level)
+        return self.on_joint(robot, motion, self.level)
 
     def _is_series(self, motion: Motion) -> bool:
-        return motion.time is not None and motion.velocity.ndim == 2 and self.length > 0.0
+        known = motion.time is not None and motion.velocity.ndim == 2
+        return known and bool(np.all(np.greater(self.length, 0.0)))
 
     def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
         """Return what bristles stored and lost over a step [J]."""
         if motion.memory is None:
             return None
-        z = self._bent(robot, motion, motion.memory)
-        way = float(self.joint_velocity(robot, motion)) * motion.memory.step
-        bent, level = (float(motion.memory.value[0]), z), (self.level, self.level)
-        return energy_of_step(bent, level, self.length, self.level * z * way)
+        z, speed = self._bent(robot, motion, motion.memory), self.joint_velocity(robot, motion)
+        bent = np.reshape(motion.memory.value[0], z.shape), z
+        work = self.level * z * speed * motion.memory.step
+        return energy_of_step(bent, (self.level, self.level), self.length, work)
 
-    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> float:
-        """Return z at the end of a simulator's step."""
-        direction = np.zeros(robot.model.nv)
-        direction[robot.velocity_index(self.where)] = 1.0
-        speed = float(self.joint_velocity(robot, motion))
-        if self.level == 0.0 or speed == 0.0:
-            return float(memory.value[0])
-        inertia = inertia_along(robot, motion, direction)
-        return stepped(memory, speed, self.level, self.length, inertia)
+    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> FloatArray:
+        """Return z, () or (k,), at the end of a simulator's step."""
+
+        def inertia() -> FloatArray:
+            return inertia_along(robot, motion, np.eye(robot.model.nv)[self.velocity_row(robot)])
+
+        speed = self.joint_velocity(robot, motion)
+        return stepped(memory, speed, np.asarray(self.level), self.length, inertia)
 
 
 def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
