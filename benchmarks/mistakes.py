@@ -28,11 +28,8 @@ from benchmarks.results import finish
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
-from wbc.measurement import Log, find_suspicions, load_logs
-from wbc.measurement.checks.finding import LogFinding
-from wbc.measurement.columns.apply import mended
-from wbc.measurement.columns.mend import together
-from wbc.measurement.suspicions.find import single_ratios
+from wbc.measurement import Log, LogFinding, find_suspicions, load_logs, mended, together
+from wbc.measurement.mistakes import single_ratios
 from wbc.robot import Robot
 from wbc.robot.coordinates import slides
 from wbc.samples import sample_logs

@@ -17,6 +17,17 @@ EXTRAS = {
 }
 """Extra -> the packages by which this library knows it."""
 
+INSTALLED_BY = {
+    "logs": "pyarrow",
+    "rosbags": "rosbags",
+    "design": "joblib pyarrow",
+    "view": "meshcat matplotlib plotly jinja2",
+    "cli": "rich shtab",
+    "cluster": "distributed",
+}
+"""Extra -> what pip installs for it. The names of the packages work beside a clone and beside a
+wheel; `wbc` itself is on no index."""
+
 
 @contextmanager
 def needs(extra: str, what: str) -> Iterator[None]:
@@ -37,5 +48,5 @@ def needs(extra: str, what: str) -> Iterator[None]:
             raise
         raise MissingPackageError(
             f"{what} needs the package {package}, which a bare installation does not have; "
-            f"install it with: pip install 'wbc[{extra}]' (in a clone: pip install '.[{extra}]')"
+            f"install it with: pip install {INSTALLED_BY[extra]}"
         ) from cause

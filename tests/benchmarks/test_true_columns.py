@@ -7,7 +7,7 @@ import pytest
 from benchmarks.corpus.draw import draw_case
 from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.trial import logs_of, robot_of
-from wbc.measurement.suspicions.find import find_suspicions
+from wbc.measurement import find_suspicions
 
 # One joint moves, under a payload; a knee pushes with another joint's speed, more than it carries;
 # a body in free fall moves its joints little. Each was refused for a mistake that nobody had made.

@@ -22,14 +22,13 @@ BAD = [
     ("compare folder LEG", "is a folder"),
     ("compare cut.parquet LEG", "cut off or damaged"),
     ("compare noise.npz LEG", "as NPZ"),
-    ("compare words.csv LEG", "invalid value 'abc'"),
+    ("compare words.csv LEG", "holds 'abc' at row"),
     ("compare ragged.csv LEG", "Expected 7 columns"),
     ("compare back.csv LEG", "time goes back"),
     ("compare hole.csv LEG", "missing ="),
     ("compare twice.csv LEG", "more than one column"),
     ("compare degrees.csv LEG", "in degrees?"),
     ("compare other.csv LEG", "no position of hip, knee"),
-    ("compare commas.csv LEG", "decimal commas"),
     ("compare motor.csv LEG", "after the reduction as hip.rotor_torque and knee.rotor_torque"),
     ("diagnose motor.csv LEG", 'side = "motor"'),
     ("compare torn.csv LEG", "samples are missing in 10 places"),
@@ -100,8 +99,6 @@ def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFacto
     write("other.csv", [lines[0].replace("hip", "shoulder").replace("knee", "elbow"), *lines[1:]])
     write("typo.toml", ["[columns]", '"hip.postion" = "x"'])
     write("wrong.toml", ["x = 1"])
-    commas = [line.replace(",", ";").replace(".", ",") for line in lines[1:]]
-    write("commas.csv", [lines[0].replace(",", ";"), *commas])
     write("torn.csv", [line for k, line in enumerate(lines) if k % 150 < 100])
     torques = {f"{joint}.rotor_torque" for joint in ("hip", "knee")}
     after = {name: 20.0 * log.column(name) for name in torques}

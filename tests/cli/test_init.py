@@ -14,7 +14,7 @@ import pytest
 from wbc import load_robot
 from wbc.cli import main
 from wbc.measurement import Log, load_log, save_log
-from wbc.measurement.guessing.ratio_guess import guess_ratios
+from wbc.measurement.guess import guess_ratios
 from wbc.samples import sample_logs
 
 ROOT = Path(__file__).resolve().parents[2]

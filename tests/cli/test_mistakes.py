@@ -24,12 +24,12 @@ from wbc.measurement import (
     find_suspicions,
     load_log,
     load_logs,
+    mended,
     read_logs,
     save_log,
+    suspicions,
+    together,
 )
-from wbc.measurement.columns.apply import mended
-from wbc.measurement.columns.mend import together
-from wbc.measurement.suspicions.find import suspicions
 from wbc.samples import sample_logs
 
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]

@@ -213,6 +213,16 @@ FIXES: list[tuple[str, str, str]] = [
         "init planar_leg_fixed clockless.csv --out new --rate 500",
     ),
     (
+        "--rate HZ, or put it in place of 100",
+        "init planar_leg_fixed floored.parquet --out new",
+        "init planar_leg_fixed floored.parquet --out new --rate 500",
+    ),
+    (
+        "stand above the first [heading]. Option --fix",
+        f"check q1.csv {LEG} --columns twice.toml",
+        f"check q1.csv {LEG} --columns columns_right.toml",
+    ),
+    (
         "--rate must be > 0.",
         "init planar_leg_fixed clockless.csv --out new --rate 0",
         "init planar_leg_fixed clockless.csv --out new --rate 500",
@@ -355,6 +365,7 @@ _MAPS = {
     "rows_right": 'rows.split = "part"',
     "time_wrong": "time = 1",
     "time_right": 'time.from = "t"',
+    "twice": '[columns]\n"hip.position" = "q1"\n[columns]\n',
 }
 _ROBOT = """
 name = "leg"
@@ -380,6 +391,9 @@ def _write_logs(log: Log) -> None:
     Path("clockless.csv").write_text(text.replace("time", "row", 1), encoding="utf-8")
     for name in ("q1", "x9"):
         Path(f"{name}.csv").write_text(text.replace("hip.position", name), encoding="utf-8")
+    floored = log.time.astype(int)
+    table = pa.table({"time": floored, **log.columns})
+    pq.write_table(table, "floored.parquet")
     Path("t.csv").write_text(re.sub("^time", "t", text), encoding="utf-8")
     half = ["a"] * (len(log) // 2) + ["b"] * (len(log) - len(log) // 2)
     pq.write_table(pa.table({"time": log.time, **log.columns, "part": half}), "runs.parquet")

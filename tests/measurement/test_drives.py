@@ -8,8 +8,7 @@ import pytest
 from wbc.effects import load_robot
 from wbc.errors import LogError, TransmissionError
 from wbc.identification import compare
-from wbc.measurement import Log, feedback_torques, rotor_torques
-from wbc.measurement.checks.robot_check import check_robot
+from wbc.measurement import Log, check_robot, feedback_torques, rotor_torques
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout

@@ -8,7 +8,7 @@ import pytest
 
 from wbc.effects import load_robot
 from wbc.identification import Diagnosis, diagnose
-from wbc.measurement.load import load_logs
+from wbc.measurement import load_logs
 
 
 def run(folder: Path, case: str, robot: str) -> Diagnosis:

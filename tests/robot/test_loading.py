@@ -184,7 +184,8 @@ GEAR = "[gears.elbow]\ngear_ratio = 5\nrotor_inertia = 0.001\n"
     [
         ("", "fixed", 1),
         ("", "free_flyer", 7),
-        ("<freejoint/>", "fixed", 7),
+        ("<freejoint/>", "", 7),
+        ("<freejoint/>", "fixed", 1),
         ("<freejoint/>", "free_flyer", 7),
     ],
 )
@@ -192,7 +193,8 @@ def test_mjcf_with_and_without_a_free_base(
     tmp_path: Path, free: str, base: str, coordinates: int
 ) -> None:
     (tmp_path / "arm.xml").write_text(MODEL.format(free=free))
-    robot = load_robot(write(tmp_path, f'model = "arm.xml"\nbase = "{base}"\n' + GEAR))
+    stated = f'base = "{base}"\n' if base else ""
+    robot = load_robot(write(tmp_path, f'model = "arm.xml"\n{stated}' + GEAR))
     assert robot.model.nv == coordinates
     assert robot.has_free_flyer == (coordinates == 7)
     assert robot.floating_size == coordinates - 1
@@ -234,3 +236,17 @@ def test_gravity_can_be_given(folder: Path) -> None:
     moon = 'gravity = { value = [0.0, 0.0, -1.62], unit = "m/s^2" }\n'
     robot = load_robot(write(folder, moon + LEG))
     np.testing.assert_array_equal(robot.model.gravity.linear, [0.0, 0.0, -1.62])
+
+
+def test_an_inertia_that_no_body_has_is_named_with_its_link_and_axis(folder: Path) -> None:
+    urdf = folder / "planar_leg.urdf"
+    text = urdf.read_text()
+    first = text[text.index("<inertia ") : text.index("/>", text.index("<inertia ")) + 2]
+    wrong = '<inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.2" ixz="0" iyz="0"/>'
+    urdf.write_text(text.replace(first, wrong, 1))
+    with pytest.raises(
+        RobotError, match=r"link '.*' is not positive definite.* axis \(0\.79, -0\.62"
+    ):
+        load_robot(write(folder, LEG))
+    urdf.write_text(text.replace(first, wrong.replace('iyy="0.2"', 'iyy="0.9"'), 1))
+    assert any("that of no body" in note for note in load_robot(write(folder, LEG)).notes)

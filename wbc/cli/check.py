@@ -12,7 +12,7 @@ from wbc.cli.outputs import require_outputs, table_console, write_json
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.measurement import LogQuality, check_logs, find_repeats
 from wbc.measurement import read_logs as read_suspicious
-from wbc.measurement.guessing.robot_guess import guessed_numbers
+from wbc.measurement.guess import guessed_numbers
 from wbc.view.rows import clock_rows, short_label
 
 

@@ -22,7 +22,7 @@ from wbc.identification.answer.diagnosis.to_do import Commands, what_to_do
 from wbc.identification.answer.provenance import provenance
 from wbc.identification.formulas import Discovery, discover
 from wbc.measurement import Log
-from wbc.measurement.guessing.robot_guess import guessed_numbers
+from wbc.measurement.guess import guessed_numbers
 from wbc.robot import Effect, Robot
 from wbc.view.rows import effect_rows, formula_rows, left_rows, ranking_rows, step_rows
 

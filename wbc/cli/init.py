@@ -11,10 +11,16 @@ from rich.console import Console
 from wbc.cli.printout import Spoken
 from wbc.effects import load_robot
 from wbc.errors import WbcError
-from wbc.measurement.columns.mend import write_map
-from wbc.measurement.guessing.column_guess import guess_map, guess_names, not_found
-from wbc.measurement.guessing.ratio_guess import guess_ratios
-from wbc.measurement.guessing.robot_guess import guessed_numbers, model_joints, write_robot
+from wbc.measurement import read_table, write_map
+from wbc.measurement.guess import (
+    guess_map,
+    guess_names,
+    guess_ratios,
+    guessed_numbers,
+    model_joints,
+    not_found,
+    write_robot,
+)
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
@@ -28,13 +34,14 @@ def run(options: argparse.Namespace, console: Console) -> int:
             raise WbcError(f"'{target}' is there already; choose another folder with --out.")
     if options.rate is not None and not options.rate > 0.0:
         raise WbcError("--rate must be > 0.")
+    known = read_table(options.columns)
     given = [Path(str(path).partition("#")[0]) for path in options.logs]
     if described:
         name, robot = options.robot, load_robot(options.robot)
-        start = guess_names(given[0], robot.single_joints, options.rate)
+        start = guess_names(given[0], robot.single_joints, options.rate, known)
     else:
         joints = model_joints(model, options.base)
-        start = guess_names(given[0], joints, options.rate)
+        start = guess_names(given[0], joints, options.rate, known)
         # Where other drives report a torque, a joint with a target alone has no drive.
         targets = () if start.driven else start.targets
         driven = start.driven or targets or tuple(j for j in joints if j not in start.unseen)
@@ -53,7 +60,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             console.print("no column looks like a torque or current: every joint gets a gear")
         held = [joint for joint in start.unseen if joint not in driven]
         title, target = model.resolve().stem, folder / "robot.toml"
-        ratios = guess_ratios(given[0], driven)
+        ratios = guess_ratios(given[0], driven, known)
         name = str(write_robot(target, model, options.base, driven, title, targets, held, ratios))
         console.print(f"wrote {name}")
         if held:
@@ -73,7 +80,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     for reason in reasons:
         console.print(f"  {reason}", soft_wrap=True)
     console.print(f"wrote {path}")
-    for finding in not_found(robot, options.logs[0], guess.table):
+    for finding in not_found(robot, options.logs, guess.table):
         console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))
     logs = shlex.join(options.logs)
     console.print(f"next: wbc check {logs} --robot {name} --columns {path}", soft_wrap=True)

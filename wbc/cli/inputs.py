@@ -10,9 +10,16 @@ from rich.console import Console
 
 from wbc.effects import load_robot
 from wbc.errors import LogError
-from wbc.measurement import Log, LogFinding, load_logs, with_machine
-from wbc.measurement.columns.map_table import merged, read_table
-from wbc.measurement.columns.mend import together, write_map
+from wbc.measurement import (
+    Log,
+    LogFinding,
+    load_logs,
+    merged,
+    read_table,
+    together,
+    with_machine,
+    write_map,
+)
 from wbc.robot import Robot
 
 Reader = Callable[..., tuple[Log, ...]]

@@ -185,7 +185,7 @@ _SITE = "--contact --pose --axes --load"
 COMMANDS: dict[str, Subcommand] = {
     "init": Subcommand(
         "a first robot.toml and column map for a model and logs",
-        "robot/model logs/plain --base --rate/log --out/folder",
+        "robot/model logs/plain --base --rate/log --columns --out/folder",
         """examples:
   wbc init my_leg.urdf run1.csv run2.csv
   wbc init planar_leg_fixed run*.csv --out leg

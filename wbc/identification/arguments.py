@@ -8,10 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import IdentificationError
-from wbc.measurement import Log, SuspiciousLogError
-from wbc.measurement.checks.robot_check import unknown_base, unknown_joints
-from wbc.measurement.columns.degrees import in_degrees
-from wbc.measurement.columns.mend import say_so
+from wbc.measurement import (
+    Log,
+    SuspiciousLogError,
+    in_degrees,
+    say_so,
+    unknown_base,
+    unknown_joints,
+)
 from wbc.robot import Robot
 
 _BEYOND = 3.0  # times the limit of a joint
@@ -94,5 +98,5 @@ def _require_reachable(robot: Robot, log: Log) -> None:
                 f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
                 f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the joint turns on, "
                 f"widen its limits in the URDF. If the log holds degrees, "
-                + say_so(in_degrees(log, [name]))
+                + say_so(in_degrees(log.columns, [name]))
             )

@@ -8,10 +8,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from wbc.arrays import FloatArray, remade
+from wbc.arrays import FloatArray, frozen, remade
 from wbc.errors import LogError, unknown_name
+from wbc.measurement.map_lines import say_so
 from wbc.measurement.schema import (
     FORCE_QUANTITIES,
     JOINT_QUANTITIES,
@@ -21,15 +22,45 @@ from wbc.measurement.schema import (
     likely_meant,
     owners,
 )
-from wbc.measurement.series import checked_series, checked_time
-from wbc.measurement.source import LogSource
-from wbc.measurement.unread import unread_columns
 
 if TYPE_CHECKING:
-    from wbc.measurement.machine import Machine
+    from wbc.measurement.torque import Machine
 
 
 _NAMED = 8  # quantities, and joints of each, in a representation
+
+
+@dataclass(frozen=True)
+class LogSource:
+    """Provenance of a log: enough to find it again and to know what was done on the way in.
+
+    Attributes:
+        path: the file, empty for a log made in memory.
+        sha256: digest of the whole file, empty for a log made in memory.
+        part: which log of the file, when it holds several.
+        mapping: path of the column map that was used, empty for none.
+        decimation: every how many rows one was kept (after the anti-alias filter); 1 is all.
+        ignored: columns of the file that were not read because no name of the schema fits them.
+        notes: what else was changed while reading (rows dropped, columns left out).
+        unusable: channels that were left out because they hold NaN -> where, and the way out.
+        trusted: whether the user vouches for the columns, so that suspicions only warn.
+    """
+
+    path: str = ""
+    sha256: str = ""
+    part: str = ""
+    mapping: str = ""
+    decimation: int = 1
+    ignored: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    unusable: Mapping[str, str] = field(default_factory=dict)
+    trusted: bool = False
+
+    @property
+    def label(self) -> str:
+        """How messages call the log: its path, and the part of the file if there are several."""
+        path = self.path or "log in memory"
+        return f"{path}#{self.part}" if self.part else path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,12 +107,12 @@ class Log:
                 length, a value that is no finite number, or a name that is not in the schema.
         """
         label = self.source.label
-        time = checked_time(self.time, label)
+        time = _checked_time(self.time, label)
         columns: dict[str, FloatArray] = {}
         for name, values in self.columns.items():
             if name == TIME or not is_column(name):
                 raise LogError(f"{label}: " + _not_a_column(name))
-            columns[name] = checked_series(values, name, time.size, label)
+            columns[name] = _checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
 
@@ -176,6 +207,8 @@ class Log:
             if name in self.source.unusable:
                 raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
             message = f"{self.source.label}: " + unknown_name("column", name, self.names)
+            from wbc.measurement.names import unread_columns  # knows robots' names, not logs
+
             raise LogError(f"{message} {unread_columns(self.source.ignored, [name])}".rstrip())
         return self.columns[held]
 
@@ -240,3 +273,70 @@ def _not_a_column(name: str) -> str:
         f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z or active; base.<quantity> "
         "(time is separate)."
     )
+
+
+def _checked_time(values: ArrayLike, label: str) -> FloatArray:
+    """Return time stamps (N,) [s] after checking that they increase strictly.
+
+    Raises:
+        LogError: fewer than two rows, no finite number, or a stamp not after the one before.
+    """
+    time = _checked_series(values, "time", None, label)
+    if time.size < 2:
+        raise LogError(f"{label}: {time.size} rows; a log needs at least two.")
+    steps = np.diff(time)
+    bad = np.flatnonzero(steps <= 0.0)
+    if bad.size:
+        row = int(bad[0]) + 1
+        back = steps < 0.0
+        kind = "goes back" if back[row - 1] else "repeats"
+        keep = say_so({"time": {"repeated": "first"}}, "keep the first of such rows")
+        way = "Sort the rows." if back.any() else f"Drop them; of a file, {keep}"
+        raise LogError(
+            f"{label}: time {kind} at row {row} ({time[row - 1]:.9g} s, then {time[row]:.9g} s; "
+            f"{bad.size} such rows). {way}"
+        )
+    return time
+
+
+def _checked_series(values: ArrayLike, name: str, rows: int | None, label: str) -> FloatArray:
+    """Return a read-only float channel (N,) after checking length and finiteness.
+
+    An array that nobody can write to is kept as it is, any other is copied.
+
+    Raises:
+        LogError: text or objects instead of numbers, another length, NaN or infinity.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise LogError(f"{label}: column '{name}' holds {array.dtype} instead of numbers.")
+    if array.ndim != 1:
+        raise LogError(f"{label}: column '{name}' has shape {array.shape}, expected one axis.")
+    if rows is not None and array.size != rows:
+        raise LogError(f"{label}: column '{name}' has {array.size} rows, time has {rows}.")
+    series = array if _unwritable(array) else frozen(array)
+    # A sum is finite unless an entry is not (or it overflows): no mask array for the usual case.
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = float(np.sum(series))
+    if not np.isfinite(total):
+        bad = np.flatnonzero(~np.isfinite(series))
+        if bad.size:
+            row = int(bad[0])
+            drop = say_so({"columns": {name: {"missing": "drop_rows"}}}, "drop these rows")
+            raise LogError(
+                f"{label}: column '{name}' holds {series[row]} at row {row} ({bad.size} such rows "
+                f"of {series.size}). Repair them; of a file, {drop}"
+            )
+    return series
+
+
+def _unwritable(array: NDArray[Any]) -> bool:
+    """Whether an array and everything it is a view of are read-only float64."""
+    if array.dtype != np.float64:
+        return False
+    owner: object = array
+    while isinstance(owner, np.ndarray):
+        if owner.flags.writeable:
+            return False
+        owner = owner.base
+    return owner is None

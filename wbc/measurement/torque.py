@@ -1,28 +1,29 @@
-"""The rotor torque of a log, whichever way the drive reports it or is told to make it."""
+"""Torques and positions of a log, as recorded or as drives make them; the machine of one log."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
+from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.dynamics import inertial_parameters
 from wbc.errors import LogError
-from wbc.measurement.drives import (
-    DriveLaw,
-    duty_law,
-    known_number,
-    made_torque,
-    target_law,
-)
 from wbc.measurement.log import Log
-from wbc.measurement.unread import unread_columns
+from wbc.measurement.names import unread_columns
+from wbc.robot import Robot, state_gear
 from wbc.transmission import Transmission
 
 REPORTED = ("rotor_torque", "motor_torque", "current")
 """Quantities that a drive reports its torque by."""
 
 _QUANTITIES = (*REPORTED, "duty", "target_position")
+_STATES = 4  # drawn at random; one that does not show a dependence has measure zero
+_SAME = 1e-9  # of the torque, what rounding makes
 
 
 def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
@@ -30,7 +31,7 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
 
     From `rotor_torque`; or `motor_torque` / N; or `current` times the torque constant; or, where
     none of them was recorded, what a winding makes of the recorded duty, or a drive of its target
-    (`wbc.measurement.drives`).
+    (`wbc.measurement.torque`).
 
     Raises:
         LogError: a joint has none of these, a current and no torque constant, or a target and no
@@ -146,3 +147,307 @@ def torque_quantity(log: Log, joint: str, transmission: Transmission) -> str:
         f"{joint}.target_position and the gains of its drive. "
         f"There are: {', '.join(log.names)}. {hint}".rstrip()
     )
+
+
+def joint_position(log: Log, joint: str) -> FloatArray:
+    """Return the position (N,) of a joint [rad, m], or the integral of its velocity from zero.
+
+    Raises:
+        LogError: the log holds neither, or a position that cannot be used.
+    """
+    if joint not in _of_velocity_alone(log, (joint,)):
+        return log.column(f"{joint}.position")
+    return np.asarray(cumulative_trapezoid(log.column(f"{joint}.velocity"), log.time, initial=0.0))
+
+
+def without_position(robot: Robot, log: Log) -> tuple[str, ...]:
+    """Return the joints whose velocity a log holds and whose position it lacks."""
+    return _of_velocity_alone(log, robot.single_joints)
+
+
+def _of_velocity_alone(log: Log, joints: Sequence[str]) -> tuple[str, ...]:
+    return tuple(
+        joint
+        for joint in joints
+        if not log.recorded(f"{joint}.position") and log.has(f"{joint}.velocity")
+    )
+
+
+def placeless_joints(robot: Robot, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return those of `joints` whose position changes neither what the links need nor a contact.
+
+    Such are the shaft of a motor on a test bench and a flywheel: nothing hangs on them that gravity
+    could turn, and their inertia is the same at every angle.
+    """
+    return tuple(joint for joint in joints if not _place_matters(robot, joint))
+
+
+def _place_matters(robot: Robot, joint: str) -> bool:
+    model, data = robot.model, robot.model.createData()
+    random, row = np.random.default_rng(0), robot.velocity_index(joint)
+    feet = [(model.getFrameId(contact.frame), contact.offset) for contact in robot.contacts]
+
+    def felt(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        torque = pin.rnea(model, data, q, v, a).copy()
+        pin.framesForwardKinematics(model, data, q)
+        return np.concatenate([torque, *(data.oMf[frame].act(point) for frame, point in feet)])
+
+    for _ in range(_STATES):
+        turn, v, a = random.standard_normal((3, model.nv))
+        q = pin.integrate(model, robot.neutral(), turn)
+        further = np.zeros(model.nv)
+        further[row] = 1.0
+        here, there = felt(q, v, a), felt(pin.integrate(model, q, further), v, a)
+        if np.abs(there - here).max() > _SAME * max(1.0, float(np.abs(here).max())):
+            return True
+    return False
+
+
+_OF_THE_DRIVE = (
+    "position_gain",
+    "velocity_gain",
+    "duty_gain",
+    "supply_voltage",
+    "torque_limit",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """The drives and loads of one log.
+
+    Attributes:
+        transmission: of the robot, with this log's numbers of the drives.
+        inertia: (10 n_links,) what its links have more than the robot's, in pinocchio's dynamic
+            parameters: a payload.
+    """
+
+    transmission: Transmission
+    inertia: FloatArray
+
+    def of(self, robot: Robot) -> Robot:
+        """Return the robot with these drives and loads."""
+        links = loaded(robot.model, self.inertia).inertias
+        drives = {name: getattr(self.transmission, name) for name in _OF_THE_DRIVE}
+        return robot.with_inertias(dict(enumerate(list(links)[1:], start=1))).with_transmission(
+            robot.transmission.replace(**drives)
+        )
+
+
+def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
+    """Return a copy of a model whose links have more, (10 n_links,) or None for nothing."""
+    result = model.copy()
+    if inertia is not None:
+        for k, more in enumerate(inertia.reshape(-1, 10), start=1):
+            total = model.inertias[k].toDynamicParameters() + more
+            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
+    return result
+
+
+def with_machine(log: Log, robot: Robot, own: Robot) -> Log:
+    """Return a log of `own`, a machine that differs from `robot` in its drives or its loads.
+
+    Raises:
+        LogError: it differs in something else, which all logs have to share.
+    """
+    theirs, ours = own.transmission, robot.transmission
+    different = [
+        field.name
+        for field in fields(Transmission)
+        if field.name not in _OF_THE_DRIVE
+        and not _same(getattr(theirs, field.name), getattr(ours, field.name))
+    ]
+    placements = [
+        (one.jointPlacements, one.names, one.gravity.linear) for one in (own.model, robot.model)
+    ]
+    same_joints = list(placements[0][1]) == list(placements[1][1])
+    if not same_joints or not all(
+        a.isApprox(b) for a, b in zip(placements[0][0], placements[1][0], strict=True)
+    ):
+        different.append("joints")
+    elif not np.array_equal(placements[0][2], placements[1][2]):
+        different.append("gravity")
+    known = {(e.name, e.where, tuple(e.values.items())) for e in robot.effects}
+    different += [
+        f"{e.name} at {e.where}"
+        for e in own.effects
+        if "change" not in e.acts_by and (e.name, e.where, tuple(e.values.items())) not in known
+    ]
+    if different:
+        raise LogError(
+            f"{log.source.label}: its robot '{own.name}' differs from '{robot.name}' in "
+            f"{', '.join(different)}. The robots of logs that are judged together may differ in "
+            "gains, supply voltage and torque limit of the drives and in the inertia of the links."
+        )
+    inertia = inertial_parameters(own) - inertial_parameters(robot)
+    return log.with_machine(Machine(theirs, frozen(inertia)))
+
+
+def _same(one: object, other: object) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return one == other
+
+
+class DriveTorque(NamedTuple):
+    """Torque on a rotor (N,) [N m], and what of it the drive makes of the measured motion."""
+
+    torque: FloatArray
+    feedback: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class DriveLaw:
+    """What a drive makes of any motion, row by row of a log (N,): the torque on the rotor is
+
+        clip(clip(wanted - stiffness psi, bound) - damping dpsi, limit)
+
+    with the position psi and velocity dpsi of the motor's output [rad].
+
+    Attributes:
+        wanted: torque at psi = dpsi = 0 without bounds [N m].
+        stiffness: [N m/rad].
+        damping: [N m s/rad].
+        bound: of the part that follows the position [N m]; a duty is within -1 and 1.
+        limit: of the torque on the rotor [N m].
+    """
+
+    wanted: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    bound: FloatArray
+    limit: float
+
+    def torque(self, position: FloatArray, velocity: FloatArray) -> DriveTorque:
+        """Return what the drive makes of positions and velocities (N,) of the motor's output."""
+        pulled = self.wanted - self.stiffness * position
+        kept = np.clip(pulled, -self.bound, self.bound)
+        brake = -self.damping * velocity
+        own = np.where(pulled == kept, -self.stiffness * position, 0.0)
+        return DriveTorque(np.clip(kept + brake, -self.limit, self.limit), own + brake)
+
+    def at(self, row: int, position: float, velocity: float) -> float:
+        """Return the torque [N m] that the drive makes of one motion at one row."""
+        bound = self.bound[row]
+        kept = min(max(self.wanted[row] - self.stiffness[row] * position, -bound), bound)
+        torque = kept - self.damping[row] * velocity
+        return float(min(max(torque, -self.limit), self.limit))
+
+
+def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
+    """Return the law by which a drive makes torque of its target.
+
+    At the motor's output, with psi = D^-1 q and e = psi_target - psi, a drive that commands torque
+    gives N tau = kp e + kd (dpsi_target - dpsi). One that commands a duty g e gives the torque of
+    `duty_law`. Both keep the torque limit. A target velocity that was not recorded is zero.
+
+    Raises:
+        LogError: the gear states no gains, or a target of its joints is missing.
+    """
+    joint = transmission.joints[row]
+    gain = float(transmission.duty_gain[row])
+    if np.isfinite(gain):
+        wanted = gain * _at_motor(log, transmission, row, "target_position")
+        return _winding_law(log, transmission, row, wanted, gain)
+    kp, kd = float(transmission.position_gain[row]), float(transmission.velocity_gain[row])
+    if not np.isfinite(kp):
+        raise LogError(
+            f"{log.source.label}: there is a target of '{joint}' and no torque, and the robot "
+            "states no gains of its position drive (of one that sets the voltage: duty_gain "
+            f"instead of kp and kd); {state_gear(joint, 'kp', 'kd')}"
+        )
+    wanted = kp * _at_motor(log, transmission, row, "target_position")
+    if kd > 0.0:
+        wanted += kd * _at_motor(log, transmission, row, "target_velocity")
+    share = _powered(log, joint) / float(transmission.gear_ratio[row])
+    return DriveLaw(
+        wanted * share,
+        kp * share,
+        kd * share,
+        np.full(len(log), np.inf),
+        float(transmission.torque_limit[row]),
+    )
+
+
+def duty_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
+    """Return the torque on a rotor under a recorded duty u as a law: kt (u V - kt dphi) / R.
+
+    V is the recorded supply voltage, or else that of robot.toml; the winding is open, and gives no
+    torque, while `<joint>.enabled` is 0.
+
+    Raises:
+        LogError: torque constant, resistance or supply voltage of the gear is not known.
+    """
+    duty = log.column(f"{transmission.joints[row]}.duty")
+    return _winding_law(log, transmission, row, duty, 0.0)
+
+
+def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -> DriveTorque:
+    """Return what a drive makes of the measured motion by its law.
+
+    A velocity that was not recorded is the derivative of the position.
+
+    Raises:
+        LogError: a position or velocity that the law needs is missing.
+    """
+    nothing = np.zeros(len(log))
+    follows, brakes = law.stiffness.any(), law.damping.any()
+    position = _at_motor(log, transmission, row, "position") if follows else nothing
+    velocity = _at_motor(log, transmission, row, "velocity") if brakes else nothing
+    return law.torque(position, velocity)
+
+
+def _winding_law(
+    log: Log, transmission: Transmission, row: int, wanted: FloatArray, gain: float
+) -> DriveLaw:
+    """Return the law of a winding under the duty clip(wanted - gain psi, 1)."""
+    joint = transmission.joints[row]
+    ratio, limit = float(transmission.gear_ratio[row]), float(transmission.torque_limit[row])
+    constant = known_number(transmission, row, "torque_constant")
+    resistance = known_number(transmission, row, "resistance")
+    if log.has(f"{joint}.voltage"):
+        supply = log.column(f"{joint}.voltage")
+    else:
+        supply = np.full(len(log), known_number(transmission, row, "supply_voltage"))
+    on = _powered(log, joint) * constant / resistance
+    full = on * supply
+    bound = np.abs(full) if gain else np.full(len(log), np.inf)
+    return DriveLaw(full * wanted, full * gain, on * constant * ratio, bound, limit)
+
+
+def known_number(transmission: Transmission, row: int, name: str) -> float:
+    """Return a number of a gear that its robot.toml may leave out.
+
+    Raises:
+        LogError: it did.
+    """
+    value = float(getattr(transmission, name)[row])
+    joint = transmission.joints[row]
+    if not np.isfinite(value):
+        raise LogError(
+            f"the torque of '{joint}' needs {name}, which the robot does not state; "
+            + state_gear(joint, name)
+        )
+    return value
+
+
+def _powered(log: Log, joint: str) -> FloatArray:
+    """Return (N,) 1 while the drive is powered, 0 while its winding is open."""
+    if not log.has(f"{joint}.enabled"):
+        return np.ones(len(log))
+    return np.asarray(log.column(f"{joint}.enabled") > 0.5, dtype=np.float64)
+
+
+def _at_motor(log: Log, transmission: Transmission, row: int, quantity: str) -> FloatArray:
+    """Return a quantity of the joints (N,) as the output of one motor has it, D^-1 q."""
+    total = np.zeros(len(log))
+    for share, joint in zip(transmission.motor_from_joint[row], transmission.joints, strict=True):
+        if share == 0.0:
+            continue
+        if log.has(f"{joint}.{quantity}"):
+            total += share * log.column(f"{joint}.{quantity}")
+        elif quantity == "velocity":
+            total += share * np.gradient(log.column(f"{joint}.position"), log.time)
+        elif quantity != "target_velocity":
+            log.column(f"{joint}.{quantity}")  # raises: it is missing
+    return total

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import RobotError
-from wbc.measurement.machine import Machine
+from wbc.measurement import Machine
 from wbc.robot import Effect, Motion, Robot, state_gear
 from wbc.robot.dc_drive import DcDrive, next_rise, winding_current
 from wbc.sim.servo_run import ServoRun

@@ -8,8 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
-from wbc.measurement import Log
-from wbc.measurement.machine import Machine
+from wbc.measurement import Log, Machine
 
 
 @dataclass(frozen=True, eq=False)

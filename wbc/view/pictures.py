@@ -173,7 +173,7 @@ def find_ffmpeg() -> str:
     except (ImportError, RuntimeError):
         raise ViewError(
             "an MP4 needs ffmpeg, and none is on the PATH. On Debian: apt-get install ffmpeg; "
-            "without root: pip install 'wbc[video]'. A .gif needs nothing more."
+            "without root: pip install imageio-ffmpeg. A .gif needs nothing more."
         ) from None
 
 

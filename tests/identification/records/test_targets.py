@@ -18,8 +18,7 @@ from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.screening.candidate_columns import evidence
 from wbc.identification.records.preparation import prepare
-from wbc.measurement import Log, rotor_torques, save_log
-from wbc.measurement.checks.robot_check import check_robot
+from wbc.measurement import Log, check_robot, rotor_torques, save_log
 from wbc.robot import Evidence, Motion, Robot, robots_directory
 
 GAINS = {"position_gain": np.array([120.0, 60.0]), "velocity_gain": np.array([7.0, 3.0])}

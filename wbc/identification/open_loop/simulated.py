@@ -13,8 +13,7 @@ from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
-from wbc.measurement.drives import DriveLaw
-from wbc.measurement.torque import drive_law
+from wbc.measurement.torque import DriveLaw, drive_law
 from wbc.robot import Motion, Robot
 
 if TYPE_CHECKING:

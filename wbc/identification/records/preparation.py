@@ -24,9 +24,7 @@ from wbc.identification.records.noise.synthetic_noise import synthetic_noise
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.identification.records.standing import not_judged_at_rest, rubbing
-from wbc.measurement import Log
-from wbc.measurement.machine import loaded
-from wbc.measurement.motion.zero_phase import derivative, differentiate, low_pass
+from wbc.measurement import Log, derivative, differentiate, loaded, low_pass
 from wbc.robot import Motion, Robot
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read

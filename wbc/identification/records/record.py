@@ -22,8 +22,7 @@ from wbc.identification.records.contacts.contact_balance import ContactBalance
 from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.links import LinkResponse
-from wbc.measurement.machine import loaded
-from wbc.measurement.motion.zero_phase import low_pass
+from wbc.measurement import loaded, low_pass
 from wbc.robot import ContactForces, Motion, Robot
 
 _Kept = TypeVar("_Kept")

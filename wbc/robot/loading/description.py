@@ -120,7 +120,7 @@ def build_robot(description: RobotDescription) -> Robot:
         raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
     model, notes = read_model(
         find_model(str(table["model"]), path.parent),
-        base=str(table.get("base", "fixed")),
+        base=str(table.get("base", "")),
         lock=[str(name) for name in lock],
     )
     if "gravity" in table:

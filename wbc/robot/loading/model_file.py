@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import RobotError, unknown_name
+from wbc.robot.loading.inertias import check_inertias
 from wbc.robot.loading.left_out import left_out
 
 _BASES = ("fixed", "free_flyer")
@@ -21,16 +22,21 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
 
     Args:
         path: a `.urdf` or MJCF `.xml` file.
-        base: "fixed" (the file's root is the world) or "free_flyer" (a free-flyer is put first).
+        base: "fixed" (the file's root is the world; a free joint of it is removed) or "free_flyer"
+            (a free-flyer is put first); empty to take the base as the file has it.
         lock: joints to weld at their neutral position.
 
     Raises:
-        RobotError: an unreadable file, an unknown base or joint.
+        RobotError: an unreadable file, an unknown base or joint, or an impossible inertia.
     """
-    if base not in _BASES:
+    if base and base not in _BASES:
         raise RobotError(f"{path}: " + unknown_name("base", base, _BASES))
     model = _parse(path, base)
-    notes = _set_aside(model, path)
+    notes = (*_set_aside(model, path), *check_inertias(path))
+    if base == "fixed" and _floats(model):
+        # A file whose robot is free describes one that is held, too: without the free joint.
+        notes = (*notes, f"{path.name}: its free joint was removed, since the base is fixed.")
+        model = pin.buildReducedModel(model, [1], pin.neutral(model))
     if lock:
         known = list(model.names)[1:]
         for joint in lock:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import welch
 
 from wbc.arrays import FloatArray
-from wbc.measurement.motion.local_noise import WINDOW_SAMPLES, unsmooth
+from wbc.measurement import WINDOW_SAMPLES, unsmooth
 
 _ROUNDING = 1e-9  # of the range of a channel, below which a difference is one of rounding
 _SLOWEST = 10.0  # [Hz]: steps crossed more rarely are still taken for noise of this bandwidth

@@ -7,7 +7,7 @@ from scipy.signal import welch
 
 from wbc.arrays import FloatArray
 from wbc.identification.records.record import Record
-from wbc.measurement.motion.zero_phase import low_pass
+from wbc.measurement import low_pass
 
 _LEAST = 1.7  # of the residual's band: a filter there hardly touches the band
 _MORE = 1.4  # times the power of the noise, which loads that are believed have

@@ -9,7 +9,7 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
-from wbc.measurement.motion.zero_phase import derivative, low_pass
+from wbc.measurement import derivative, low_pass
 
 
 def _disturbed(

@@ -1,0 +1,267 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import LogError
+from wbc.measurement import (
+    load_log,
+    load_logs,
+    parse_column_map,
+    read_column_map,
+    read_table,
+)
+
+
+def _write(tmp_path: Path, text: str, rows: str) -> tuple[Path, Path]:
+    (tmp_path / "map.toml").write_text(text)
+    (tmp_path / "log.csv").write_text(rows)
+    return tmp_path / "log.csv", tmp_path / "map.toml"
+
+
+def test_names_units_signs_offsets_and_sides_become_ours(tmp_path: Path) -> None:
+    text = """
+    [time]
+    from = "t_ms"
+    unit = "ms"
+    offset = 1.0
+    [columns]
+    [columns."hip.position"]
+    from = "theta"
+    unit = "deg"
+    side = "rotor"
+    gear_ratio = 20
+    sign = -1
+    offset = 0.5
+    [columns."hip.velocity"]
+    from = "n"
+    unit = "rpm"
+    side = "rotor"
+    gear_ratio = 20
+    [columns.hip]
+    current = { from = "i", unit = "mA" }
+    rotor_torque = { from = "tau", side = "motor", gear_ratio = 20 }
+    rotor_position = { from = "theta", unit = "deg" }
+    """
+    log = load_log(*_write(tmp_path, text, "t_ms,theta,n,i,tau\n0,0,60,500,40\n2,720,60,500,40\n"))
+    np.testing.assert_allclose(log.time, [1.0, 1.002])
+    np.testing.assert_allclose(log.column("hip.position"), [0.5, 0.5 - 4 * np.pi / 20])
+    np.testing.assert_allclose(log.column("hip.velocity"), 2 * np.pi / 20)
+    np.testing.assert_allclose(log.column("hip.current"), 0.5)
+    np.testing.assert_allclose(log.column("hip.rotor_torque"), 2.0)
+    np.testing.assert_allclose(log.column("hip.rotor_position"), [0.0, 4 * np.pi])
+    assert log.source.mapping.endswith("map.toml")
+
+
+def test_unquoted_names_and_the_robots_gear_ratio_work_too(tmp_path: Path) -> None:
+    text = '[columns]\nhip.motor_torque = { from = "u", side = "rotor" }\nhip.position = "q"\n'
+    log_file, map_file = _write(tmp_path, text, "time,u,q\n0,1,0\n0.1,2,0\n")
+    log = load_log(log_file, map_file, gear_ratios={"hip": -6.0})
+    np.testing.assert_array_equal(log.column("hip.motor_torque"), [-6.0, -12.0])
+    with pytest.raises(LogError, match=r"map\.toml: columns\.hip\.motor_torque.*gear_ratio"):
+        load_log(log_file, map_file)
+
+
+def test_a_coupled_wrist_is_a_weighted_sum_of_rotors(tmp_path: Path) -> None:
+    text = (
+        '[columns]\n"j6.position" = { from = ["m6", "m5"], weights = [1, -1], side = "rotor", '
+        "gear_ratio = [32, 45] }\n"
+    )
+    log = load_log(*_write(tmp_path, text, "time,m5,m6\n0,45,64\n0.1,90,64\n"))
+    np.testing.assert_allclose(log.column("j6.position"), [1.0, 0.0])
+
+
+def test_one_file_is_split_into_logs_and_rows_are_chosen(tmp_path: Path) -> None:
+    text = """
+    [rows]
+    split = "run"
+    where = { robot = "leg*", run = "?" }
+    between = [0.05, 1.0]
+    [columns]
+    "hip.position" = "q"
+    """
+    rows = ["run,robot,time,q"]
+    for run, robot in (("b", "leg1"), ("a", "leg2"), ("c", "arm"), ("long", "leg1")):
+        rows += [f"{run},{robot},{k * 0.1:.1f},{k}" for k in range(4)]
+    files = _write(tmp_path, text, "\n".join(rows) + "\n")
+    logs = load_logs([files[0]], files[1])
+    assert [log.source.part for log in logs] == ["b", "a"]
+    np.testing.assert_array_equal(logs[0].column("hip.position"), [1.0, 2.0, 3.0])
+    assert load_log(f"{files[0]}#a", files[1]).source.part == "a"
+    with pytest.raises(LogError, match=r"holds 2 logs.*There are: b, a"):
+        load_log(*files)
+    with pytest.raises(LogError, match=r"no log 'z'.*There are: b, a"):
+        load_log(f"{files[0]}#z", files[1])
+    files[1].write_text(text.replace('"leg*"', '"hand"'))
+    with pytest.raises(LogError, match=r"holds: robot = leg1, run = b; robot = leg2, run = a; "):
+        load_log(*files)
+
+
+def test_interleaved_logs_are_taken_apart(tmp_path: Path) -> None:
+    text = '[rows]\nsplit = "run"\n[columns]\n"hip.position" = "q"\n'
+    rows = "run,time,q\n" + "".join(f"{k % 2},{0.1 * (k // 2)},{k}\n" for k in range(8))
+    logs = load_logs([_write(tmp_path, text, rows)[0]], tmp_path / "map.toml")
+    np.testing.assert_array_equal(logs[0].column("hip.position"), [0, 2, 4, 6])
+    np.testing.assert_array_equal(logs[1].column("hip.position"), [1, 3, 5, 7])
+
+
+def test_repeated_stamps_missing_cells_and_files_without_a_clock(tmp_path: Path) -> None:
+    text = """
+    [time]
+    repeated = "first"
+    [columns]
+    "hip.position" = { from = "q", missing = "drop_rows" }
+    "hip.current" = { from = "i", missing = "omit" }
+    "hip.voltage" = { from = "u", optional = true }
+    """
+    rows = "time,q,i\n0.0,1,\n0.1,2,\n0.1,3,\n0.2,,\n0.3,5,\n"
+    log = load_log(*_write(tmp_path, text, rows))
+    np.testing.assert_array_equal(log.time, [0.0, 0.1, 0.3])
+    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0, 5.0])
+    assert log.names == ("hip.position",)
+    assert any("hip.current left out" in note for note in log.source.notes)
+    assert any("2 of 5 rows dropped" in note for note in log.source.notes)
+    text = '[time]\nrate = 50.0\n[columns]\n"hip.position" = "q"\n'
+    np.testing.assert_allclose(
+        load_log(*_write(tmp_path, text, "q\n1\n2\n3\n")).time, [0.0, 0.02, 0.04]
+    )
+
+
+def test_unsigned_encoders_are_unwrapped(tmp_path: Path) -> None:
+    time = np.arange(500) * 0.01
+    counts = np.round(4096 * (0.4 + 1.3 * np.sin(time)))
+    np.savez(tmp_path / "log.npz", time=time, enc=counts % 4096)
+    text = '[columns]\n"a.position" = { from = "enc", scale = 0.5, unwrap = 4096 }\n'
+    (tmp_path / "map.toml").write_text(text)
+    log = load_log(tmp_path / "log.npz", tmp_path / "map.toml")
+    np.testing.assert_array_equal(log.column("a.position"), 0.5 * counts)
+
+
+RULE = '[columns]\n"hip.position" = '
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[columns", ["cannot read the column map"]),
+        ('columns = "q"', ["columns: a table is expected"]),
+        ("[time]\nalign_velocity = 1", ["time.align_velocity: true or false"]),
+        ("trusted = 1", ["trusted: true or false"]),
+        ("[colums]\na = 1", ["Unknown section 'colums'", "Did you mean 'columns'"]),
+        (RULE + '{ from = "q", unt = "deg" }', ["columns.hip.position", "Did you mean 'unit'"]),
+        (
+            RULE + '{ from = "q", unit = "degs" }',
+            [".position.unit", "Did you mean 'deg'"],
+        ),
+        (RULE + '{ from = "q", unit = "N m" }', ["measures [N m]", "needs [rad or m]"]),
+        (RULE + '{ from = "q", scale = "x" }', ["columns.hip.position.scale", "'x'"]),
+        (RULE + '{ from = "q", scale = 0 }', ["must not be 0"]),
+        (RULE + '{ from = "q", side = "left", gear_ratio = 2 }', ["Unknown side 'left'", "rotor"]),
+        (RULE + '{ from = "q", side = "rotor", gear_ratio = 0 }', ["0 is no gear"]),
+        (RULE + '{ from = "q", gear_ratio = 20 }', ["gear_ratio without side"]),
+        (RULE + '{ from = ["a", "b"], weights = [1] }', ["1 numbers for 2 foreign columns"]),
+        (RULE + '{ from = "q", missing = "zero" }', ["Unknown choice 'zero'", "drop_rows"]),
+        (RULE + "3", ["columns.hip.position: give the foreign name"]),
+        ('[columns]\n"hip.positon" = "q"', ["Did you mean 'hip.position'"]),
+        ('[columns]\n"hip.current" = { from = "q", side = "rotor", gear_ratio = 2 }', ["no side"]),
+        (RULE + '"q"\n[time]\nfrm = "t"', ["time", "Did you mean 'from'"]),
+        (RULE + '"q"\n[time]\nunit = "m"', ["time.unit", "[m]"]),
+        (RULE + '"q"\n[time]\nrate = -1', ["rate above 0"]),
+        (RULE + '"q"\n[rows]\nbetween = [2, 1]', ["rows.between"]),
+        (RULE + '"angle"', ["Unknown column of", "'angle'", "There are: time, q"]),
+        (RULE + '"q"\n[rows]\nsplit = "run"', ["rows", "'run'", "There are: time, q"]),
+    ],
+)
+def test_errors_name_the_map_and_the_key(text: str, words: list[str], tmp_path: Path) -> None:
+    files = _write(tmp_path, text, "time,q\n0,1\n0.1,2\n")
+    with pytest.raises(LogError) as caught:
+        load_log(*files)
+    for word in ["map.toml", *words]:
+        assert word in str(caught.value)
+
+
+def test_a_missing_map_is_an_error_and_a_map_can_be_made_in_code(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot read the column map"):
+        read_column_map(tmp_path / "none.toml")
+    made = parse_column_map({"columns": {"hip": {"position": "q", "velocity": {"from": "w"}}}})
+    assert made.targets == ("hip.position", "hip.velocity")
+
+
+NATIVE = "time,hip.position,hip.velocity,hip.rotor_torque\n"
+
+
+def test_a_map_is_a_patch_and_valid_names_pass_through(tmp_path: Path) -> None:
+    rows = NATIVE + "0,1,2,3\n100,2,4,5\n"
+    log = load_log(*_write(tmp_path, 'time.unit = "ms"', rows))
+    assert log.names == ("hip.position", "hip.velocity", "hip.rotor_torque")
+    np.testing.assert_allclose(log.time, [0.0, 0.1])
+    rows = rows.replace("100,", "0.1,")
+    log = load_log(*_write(tmp_path, 'columns."hip.velocity" = { sign = -1 }', rows))
+    np.testing.assert_array_equal(log.column("hip.velocity"), [-2.0, -4.0])
+    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0])
+
+
+def test_a_column_used_under_another_name_does_not_pass_through_too(tmp_path: Path) -> None:
+    text = '[columns]\n"hip.motor_torque" = "hip.rotor_torque"\n"hip.velocity" = false\n'
+    log = load_log(*_write(tmp_path, text, NATIVE + "0,1,2,3\n0.1,2,4,5\n"))
+    assert log.names == ("hip.position", "hip.motor_torque")
+    assert log.source.ignored == ()
+
+
+def test_align_velocity_is_an_option_of_the_map(tmp_path: Path) -> None:
+    time = np.arange(2000) * 0.002
+
+    def speed(t: np.ndarray) -> np.ndarray:
+        return 5.0 * np.cos(5.0 * t) + 3.3 * np.cos(11.0 * t)
+
+    position = np.sin(5.0 * time) + 0.3 * np.sin(11.0 * time)
+    table = np.column_stack([time, position, speed(time - 0.003)])
+    lines = "\n".join(",".join(map(repr, map(float, row))) for row in table)
+    files = _write(
+        tmp_path, "time.align_velocity = true", f"time,hip.position,hip.velocity\n{lines}\n"
+    )
+    log = load_log(*files)
+    assert np.abs(table[:, 2] - speed(time)).max() > 0.1
+    np.testing.assert_allclose(log.column("hip.velocity"), speed(log.time), atol=0.01)
+
+
+def test_a_flag_that_comes_back_begins_another_log(tmp_path: Path) -> None:
+    flag = np.repeat([0, 1, 0, 1], 30)
+    rows = "time,phase,hip.position\n" + "".join(
+        f"{0.01 * k:.2f},{f},{k}\n" for k, f in enumerate(flag)
+    )
+    files = _write(tmp_path, '[rows]\nsplit = "phase"', rows)
+    logs = load_logs([files[0]], files[1])
+    assert [log.source.part for log in logs] == ["0/1", "1/1", "0/2", "1/2"]
+    for k, log in enumerate(logs):
+        np.testing.assert_array_equal(log.column("hip.position"), np.arange(30 * k, 30 * k + 30))
+    assert load_log(f"{files[0]}#0/2", files[1]).time[0] == pytest.approx(0.6)
+
+
+def test_holes_are_refused_only_in_columns_that_are_needed(tmp_path: Path) -> None:
+    rows = "time,hip.position,hip.temperature\n0,1,20\n0.1,2,nan\n0.2,3,20\n"
+    log = load_log(_write(tmp_path, "", rows)[0])
+    assert log.names == ("hip.position",)
+    with pytest.raises(LogError, match=r"'hip.temperature' holds nan at row 1 \(1 such rows of 3"):
+        log.column("hip.temperature")
+    text = 'columns."hip.temperature" = { missing = "error" }'
+    with pytest.raises(LogError, match="holds nan at row 1"):
+        load_log(*_write(tmp_path, text, rows))
+
+
+def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:
+    for name in ("goal_position", "target_position"):
+        log = load_log(_write(tmp_path, "", f"time,a.{name}\n0,1\n0.1,2\n")[0])
+        assert log.has("a.goal_position", "a.target_position")
+        np.testing.assert_array_equal(log.column("a.target_position"), [1.0, 2.0])
+        np.testing.assert_array_equal(log.column("a.goal_position"), [1.0, 2.0])
+        assert log.with_quantity("target_position") == ("a",)
+
+
+def test_what_a_map_says_twice_is_refused_where_toml_refuses_it(tmp_path: Path) -> None:
+    for text in ('[time]\nunit = "ms"\n[time]\nunit = "us"\n', "[time]\nunit = \n[time]\n"):
+        (tmp_path / "map.toml").write_text(text)
+        with pytest.raises(LogError, match=r"cannot read the column map .*map\.toml'.*line"):
+            read_table(tmp_path / "map.toml")

@@ -1,0 +1,267 @@
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from wbc.errors import LogError
+from wbc.measurement import Log, load_log, load_logs, save_log
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
+SUFFIXES = [".csv", ".parquet", ".npz"]
+
+
+@st.composite
+def logs(draw: st.DrawFn) -> Log:
+    rows = draw(st.integers(2, 30))
+    steps = draw(arrays(np.float64, rows, elements=st.floats(1e-4, 0.01)))
+    names = draw(
+        st.lists(
+            st.from_regex(r"[a-z_][a-z0-9_. ,]{0,8}[a-z]", fullmatch=True), min_size=1, unique=True
+        )
+    )
+    columns = {
+        f"{name}.current": draw(arrays(np.float64, rows, elements=FINITE)) for name in names[:4]
+    }
+    return Log(np.cumsum(steps), columns)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@settings(max_examples=40, deadline=None)
+@given(log=logs())
+def test_what_is_written_is_read_back_bit_by_bit(suffix: str, log: Log) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        read = load_log(save_log(log, Path(folder) / f"log{suffix}"))
+    np.testing.assert_array_equal(read.time, log.time)
+    assert read.names == log.names
+    for name in log.names:
+        np.testing.assert_array_equal(read.column(name), log.column(name))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_only_the_columns_asked_for_are_read(suffix: str, swing: Log, tmp_path: Path) -> None:
+    path = save_log(swing, tmp_path / f"log{suffix}")
+    read = load_log(path, only=["knee.velocity"])
+    assert read.names == ("knee.velocity",)
+    assert len(read.source.sha256) == 64
+    with pytest.raises(LogError, match=r"Did you mean 'knee\.velocity'"):
+        load_log(path, only=["knee.velocty"])
+
+
+def test_a_failed_write_leaves_the_old_file(swing: Log, tmp_path: Path) -> None:
+    path = save_log(swing, tmp_path / "log.csv")
+    before = path.read_bytes()
+    with pytest.raises(LogError, match=r"\.csv, \.parquet, \.npz"):
+        save_log(swing, tmp_path / "log.mat")
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_long_log_is_decimated_without_aliasing(suffix: str, tmp_path: Path) -> None:
+    time = np.arange(150_001) * 1e-3
+    slow, fast = np.sin(2 * np.pi * 3.0 * time), np.sin(2 * np.pi * 97.0 * time)
+    columns = {"hip.position": 2.0 + slow, "knee.position": fast, "hip.current": 3.0 * time}
+    path = save_log(Log(time, columns), tmp_path / f"long{suffix}")
+    read = load_log(path, max_rows=20_000)
+    assert read.source.decimation == 8
+    assert len(read) == 18_751
+    inner = slice(10, -10)
+    expected = 2.0 + np.sin(2 * np.pi * 3.0 * read.time)
+    np.testing.assert_allclose(read.column("hip.position")[inner], expected[inner], atol=2e-3)
+    # 97 Hz lies above the new Nyquist frequency of 62.5 Hz: plain picking would fold it to 28 Hz.
+    assert np.abs(read.column("knee.position")[inner]).max() < 0.01
+    np.testing.assert_allclose(read.column("hip.current"), 3.0 * read.time, atol=1e-9)
+
+
+GOOD = "time,hip.position\n0.0,1.0\n0.1,2.0\n0.2,3.0\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.csv", b"", ["is empty"]),
+        ("a.csv", b"time,hip.position\n", ["is empty", "no rows"]),
+        ("a.csv", b"time,hip.position\n0.0,1.0\n0.1\n0.2,1\n", ["Expected 2 columns, got 1"]),
+        (
+            "a.csv",
+            b"time,hip.position\n0.0,1.0\n0.1,abc\n",
+            ["holds 'abc' at row 1"],
+        ),
+        ("a.csv", b"time;hip.position\n0;1,2,3\n", ["holds '1,2,3' at row 0"]),
+        ("a.csv", b"time,hip.position\n0,0,1,5\n0,1,1,5\n", ["decimal commas between commas?"]),
+        ("a.csv", b"time,hip.position\n0.0,1.0\n0.1,\n", ["'hip.position' holds nan at row 1"]),
+        ("a.csv", b"time,hip.position\n0.0,1.0\n0.1,inf\n", ["'hip.position' holds inf at row 1"]),
+        ("a.csv", b"time,hip.position\n0.0,1\n0.1,1\n0.05,2\n", ["goes back at row 2"]),
+        ("a.csv", b"time,hip.position\n0.0,1\n0.1,1\n0.1,2\n", ["repeats at row 2", "repeated"]),
+        (
+            "a.csv",
+            b"t,hip.position\n0.0,1.0\n",
+            ["'time'", "are: t, hip.position", "time.from"],
+        ),
+        ("a.csv", b"time,hip.positon\n0.0,1.0\n", ["'hip.positon' looks like 'hip.position'"]),
+        ("a.csv", b"time,q1,q2\n0.0,1.0,2.0\n", ["wbc init", "time, q1, q2"]),
+        (
+            "a.csv",
+            b"time,a.current,a.current\n0,1,2\n",
+            ["more than one column called 'a.current'"],
+        ),
+        ("a.csv", b"\xff\x00\x01", ["cannot read", "as CSV"]),
+        ("a.parquet", b"PAR1 and then nothing", ["cannot read", "Parquet", "damaged"]),
+        ("a.npz", b"PK and then nothing", ["cannot read", "NPZ"]),
+        ("a.xlsx", b"anything", ["'.xlsx' is not read", ".parquet"]),
+    ],
+)
+def test_bad_files_say_what_is_wrong(
+    name: str, content: bytes, words: list[str], tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(LogError) as caught:
+        load_log(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+def test_a_missing_file_and_a_plain_folder_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no log at"):
+        load_log(tmp_path / "none.csv")
+    with pytest.raises(LogError, match="no rosbag2 recording"):
+        load_log(tmp_path)
+
+
+def test_a_parquet_cut_off_in_the_middle_is_an_error(swing: Log, tmp_path: Path) -> None:
+    path = save_log(swing, tmp_path / "log.parquet")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(LogError, match="damaged"):
+        load_log(path)
+    damaged = bytearray(whole)
+    damaged[200:2000] = bytes(1800)
+    path.write_bytes(bytes(damaged))
+    with pytest.raises(LogError, match=r"log\.parquet"):
+        load_log(path)
+
+
+def test_ragged_text_and_pickled_arrays_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.npz"
+    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.arange(4.0)})
+    with pytest.raises(LogError, match=r"differ in length: time 3, hip\.position 4"):
+        load_log(path)
+    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.array([{}, {}, {}])})
+    with pytest.raises(LogError, match="Python objects"):
+        load_log(path)
+    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.array(["a", "b", "c"])})
+    with pytest.raises(LogError, match="instead of numbers"):
+        load_log(path)
+    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.zeros((3, 2))})
+    with pytest.raises(LogError, match="shape"):
+        load_log(path)
+    table = pa.table({"time": [0.0, 1.0], "hip.position": ["a", "b"]})
+    pq.write_table(table, tmp_path / "log.parquet")
+    with pytest.raises(LogError, match="holds 'a' at row 0 instead of numbers"):
+        load_log(tmp_path / "log.parquet")
+
+
+def test_other_columns_are_passed_over_and_remembered(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,hip.position,mood\n0.0,1.0,good\n0.1,2.0,bad\n")
+    log = load_log(path)
+    assert log.names == ("hip.position",)
+    assert log.source.ignored == ("mood",)
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_the_delimiter_of_a_csv_is_seen_and_a_byte_order_mark_passed_over(
+    mark: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(GOOD.replace(",", mark), encoding="utf-8-sig")
+    np.testing.assert_array_equal(load_log(path).column("hip.position"), [1.0, 2.0, 3.0])
+
+
+def test_a_hash_picks_a_log_only_where_a_map_splits_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(GOOD)
+    with pytest.raises(LogError, match=r"nothing splits the file. Leave .#part. out"):
+        load_logs([f"{path}#part"])
+    odd = tmp_path / "log#1.csv"
+    odd.write_text(GOOD)
+    assert len(load_log(odd)) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time;hip.position\n0;1,25\n0,5;-2,5e-1\n", "decimal commas"),
+        ("time hip.position\n0   1.25\n 0.5 -0.25\n", "blanks stand between"),
+        ("time\thip.position\n0\t1.25\n0.5\t-0.25\n0.6\n", "the last row was cut off"),
+        ("# t in s\n# time hip.position\n0 1.25\n0.5 -0.25\n", "2 comment lines"),
+        ("time,hip.position,\n0,1.25,\n# a lap\n0.5,-0.25,\n", ""),
+        ("time,hip.position,note\n0,1.25,f\u00fcr\n0.5,-0.25,\n", "read as Latin-1"),
+        ("time, hip.position\n2024-03-01T12:00:00Z, 1.25\n2024-03-01T12:00:00.5Z, -0.25\n", ""),
+        ("time,hip.position\n2024-03-01 12:00:00,1.25\n2024-03-01 12:00:00.5,-0.25\n", ""),
+        ("time;hip.position\n01.03.2024 12:00:00,0;1,25\n01.03.2024 12:00:00,5;-0,25\n", ""),
+    ],
+)
+def test_what_stands_between_and_above_the_numbers_is_found(
+    text: str, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    for encoding in ("latin-1",) if "Latin" in said else ("utf-8", "utf-8-sig", "utf-16"):
+        path.write_text(text, encoding=encoding)
+        log = load_log(path)
+        np.testing.assert_allclose(log.column("hip.position"), [1.25, -0.25])
+        np.testing.assert_allclose(log.time, [0.0, 0.5])
+        assert said in " ".join(log.source.notes)
+
+
+def test_a_file_larger_than_memory_is_read_in_part_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time = np.arange(5000) * 0.01
+    path = save_log(Log(time, {"hip.position": np.sin(time)}), tmp_path / "log.csv")
+    monkeypatch.setattr("wbc.measurement.text_file._memory", lambda: path.stat().st_size)
+    log = load_log(path)
+    assert 600 < len(log) < 1100
+    np.testing.assert_allclose(log.column("hip.position"), np.sin(log.time), atol=1e-9)
+    assert any("larger than memory: one row of 6 was read" in note for note in log.source.notes)
+
+
+def test_two_runs_in_one_file_are_two_logs(tmp_path: Path) -> None:
+    time = np.arange(100) * 0.01
+    lines = [f"{t:.2f},{k}" for k in (1, 2) for t in time]
+    path = tmp_path / "log.csv"
+    path.write_text("time,hip.position\n" + "\n".join(lines) + "\n")
+    first, second = load_logs([path])
+    assert (first.source.part, second.source.part) == ("run1", "run2")
+    np.testing.assert_array_equal(second.column("hip.position"), 2.0)
+    assert len(load_log(f"{path}#run1")) == 100
+    lines[30], lines[31] = lines[31], lines[30]
+    path.write_text("time,hip.position\n" + "\n".join(lines[:100]) + "\n")
+    with pytest.raises(LogError, match="time goes back at row 31"):
+        load_log(path)
+
+
+def test_rows_that_share_a_stamp_are_spread_or_the_first_kept_as_the_map_says(
+    tmp_path: Path,
+) -> None:
+    time = np.repeat(np.arange(30) * 0.01, 10)
+    path = tmp_path / "log.csv"
+    rows = [f"{t:.2f},{k}" for k, t in enumerate(time)]
+    path.write_text("time,hip.position\n" + "\n".join(rows) + "\n")
+    with pytest.raises(LogError, match=r'spread rows(?s:.*)time.repeated = "spread"'):
+        load_log(path)
+    (tmp_path / "map.toml").write_text('time.repeated = "spread"')
+    log = load_log(path, tmp_path / "map.toml")
+    np.testing.assert_allclose(log.time, np.arange(300) * 0.001, atol=1e-12)
+    path.write_text("time,hip.position\n" + "\n".join(f"{t:.2f},{t}" for t in time) + "\n")
+    with pytest.raises(LogError, match=r'keep the first(?s:.*)time.repeated = "first"'):
+        load_log(path)

@@ -1,0 +1,343 @@
+"""Every column map that a message prints is copied out of the message, and works."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from wbc.effects import load_robot
+from wbc.errors import IdentificationError, LogError
+from wbc.identification import compare
+from wbc.measurement import Log, check_log, load_logs, read_logs
+from wbc.measurement import map_lines as mend
+from wbc.measurement import mistakes as suspicions
+from wbc.measurement.guess import guess_names
+
+ROOT = Path(__file__).resolve().parents[2]
+BAGS = ("wbc/measurement/bags.py", "_topic")
+RATIOS = {"hip": 20.0, "knee": 20.0}
+Columns = dict[str, np.ndarray]
+
+
+def printed_maps(message: str) -> list[str]:
+    """Return the maps in a message: the indented lines below each mention of one."""
+    return re.findall(r"\(--columns MAP\.toml\):\n((?: {4}.*(?:\n|$))+)", message)
+
+
+def write(columns: Columns, path: Path) -> Path:
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    return path
+
+
+def scaled(factor: float, *names: str) -> Callable[[Columns], Columns]:
+    return lambda columns: {**columns, **{name: factor * columns[name] for name in names}}
+
+
+def renamed(old: str, new: str) -> Callable[[Columns], Columns]:
+    return lambda columns: {name.replace(old, new): v for name, v in columns.items()}
+
+
+def repeated(columns: Columns) -> Columns:
+    time = columns["time"].copy()
+    time[100] = time[99]
+    return {**columns, "time": time}
+
+
+def holed(columns: Columns) -> Columns:
+    position = columns["hip.position"].copy()
+    position[100] = np.nan
+    return {**columns, "hip.position": position}
+
+
+def wrapped(columns: Columns) -> Columns:
+    return {**columns, "knee.position": np.mod(4.0 * columns["knee.position"], 2.0 * np.pi)}
+
+
+def stale(columns: Columns) -> Columns:
+    """Every fiftieth row is one of zeros, from a second publisher."""
+    at = np.isin(np.arange(len(columns["time"])), np.arange(25, len(columns["time"]), 50))
+    return {n: v if n == "time" else np.where(at, 0.0, v + 1.0) for n, v in columns.items()}
+
+
+def unsigned(columns: Columns) -> Columns:
+    return {n: np.abs(v) if "torque" in n else v for n, v in columns.items()}
+
+
+def late(columns: Columns) -> Columns:
+    time = columns["time"]
+    speed = 2.0 * np.cos(4.0 * (time - 0.006)) + 3.3 * np.cos(11.0 * (time - 0.006))
+    position = 0.5 * np.sin(4.0 * time) + 0.3 * np.sin(11.0 * time)
+    return {**columns, "hip.position": position, "hip.velocity": speed}
+
+
+def in_degrees(columns: Columns) -> Columns:
+    return {**columns, **{n: np.degrees(columns[n]) for n in ("hip.position", "hip.velocity")}}
+
+
+def in_degrees_beside_noise(columns: Columns) -> Columns:
+    """Drives that report noise alone: the torque does not tell degrees."""
+    noise = np.random.default_rng(0).normal(0.0, 0.3, (2, len(columns["time"])))
+    torques = dict(zip(("hip.rotor_torque", "knee.rotor_torque"), noise, strict=True))
+    return {**in_degrees(columns), **torques}
+
+
+def told(action: Callable[[], Any]) -> str:
+    with pytest.raises((LogError, IdentificationError)) as caught:
+        action()
+    return str(caught.value)
+
+
+def reading(path: Path) -> str:
+    """Return what reading says, or what asking for the hip's position says."""
+    return told(lambda: read_logs([path])[0].column("hip.position"))
+
+
+def from_arrays(path: Path) -> str:
+    table = np.genfromtxt(path, delimiter=",", names=True, deletechars="")
+    return told(lambda: Log(table["time"], {n: table[n] for n in table.dtype.names[1:]}))
+
+
+def finding(kind: str, *, turning: bool = False) -> Callable[[Path], str]:
+    def said(path: Path) -> str:
+        robot = load_robot("planar_leg_fixed")
+        ends = np.inf if turning else 3.0
+        robot.model.lowerPositionLimit[:], robot.model.upperPositionLimit[:] = -ends, ends
+        (log,) = read_logs([path])
+        found = check_log(log.select([n for n in log.names if "torque" not in n]), robot)
+        return found.of_kind(kind)[0].way_out
+
+    return said
+
+
+def note(path: Path) -> str:
+    return "\n".join(read_logs([path])[0].source.notes)
+
+
+def unknown_joints(path: Path) -> str:
+    return told(lambda: compare(load_robot("planar_leg_fixed"), read_logs([path])))
+
+
+def without_torque(path: Path) -> str:
+    """Return what the check says, and the same lines from a comparison."""
+    robot, logs = load_robot("planar_leg_fixed"), read_logs([path])
+    (found,) = check_log(logs[0], robot).of_kind("no_torque")
+    assert printed_maps(told(lambda: compare(robot, logs))) == printed_maps(found.way_out)
+    return found.way_out
+
+
+def trusting(path: Path) -> str:
+    logs = read_logs([path], gear_ratios=RATIOS)
+    return told(lambda: suspicions.suspicions(load_robot("planar_leg_fixed"), logs))
+
+
+def plausible(path: Path) -> str:
+    return told(lambda: load_logs([path]))
+
+
+def guessing(path: Path) -> str:
+    return told(lambda: guess_names(path, ["hip", "knee"]))
+
+
+TORQUES = ("hip.motor_torque", "knee.motor_torque")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A mistake, where its message comes from, and what stands for words that a person fills in."""
+
+    change: Callable[[Columns], Columns]
+    said: Callable[[Path], str]
+    filled: tuple[tuple[str, str], ...] = ()
+
+
+CASES = {
+    "a time stamp twice": Case(repeated, reading),
+    "a hole": Case(holed, reading),
+    "a misspelt column": Case(renamed("hip.position", "hip.positon"), reading),
+    "a misspelt clock": Case(renamed("time", "tme"), reading),
+    "no clock": Case(renamed("time", "stamp"), reading, (("CLOCK", "stamp"), ("100", "500"))),
+    "a time stamp twice in arrays": Case(repeated, from_arrays),
+    "a hole in arrays": Case(holed, from_arrays),
+    "jumps of a turn": Case(wrapped, finding("wrap")),
+    "rows of zeros": Case(stale, trusting),
+    "magnitudes": Case(unsigned, trusting),
+    "a clock without digits": Case(
+        lambda c: {**c, "time": np.floor(c["time"])}, reading, (("100", "500"),)
+    ),
+    "a late velocity": Case(late, finding("clock_lag")),
+    "beyond the limits": Case(in_degrees, finding("range")),
+    "many turns": Case(in_degrees, finding("range", turning=True)),
+    "far beyond the limits": Case(in_degrees_beside_noise, unknown_joints),
+    "milliseconds": Case(scaled(1e3, "time"), finding("time_unit")),
+    "milliseconds without velocity": Case(
+        lambda c: {n: 1e3 * v if n == "time" else v for n, v in c.items() if "vel" not in n},
+        finding("time_unit"),
+    ),
+    "a velocity's sign": Case(scaled(-1.0, "hip.velocity"), finding("velocity_sign")),
+    "a velocity's side": Case(scaled(20.0, "hip.velocity"), finding("gear_side")),
+    "velocities in deg/s": Case(scaled(180.0 / np.pi, "hip.velocity", "knee.velocity"), plausible),
+    "other names": Case(renamed("hip.", "axis_1."), unknown_joints),
+    "a torque that was not read": Case(renamed("knee.motor_torque", "tau_knee"), without_torque),
+    "torques that were not read": Case(
+        lambda c: renamed("hip.motor_torque", "tau1")(renamed("knee.motor_torque", "tau2")(c)),
+        without_torque,
+    ),
+    "a torque with a name that says nothing": Case(
+        renamed("knee.motor_torque", "x3"), without_torque, (("COLUMN", "x3"),)
+    ),
+    "a position that was not read": Case(renamed("knee.position", "knee_angle"), unknown_joints),
+    "a channel that was not read": Case(renamed("hip.position", "pos_hip"), reading),
+    "an effort": Case(renamed("motor_torque", "effort"), note),
+    "torque signs": Case(scaled(-1.0, *TORQUES), trusting),
+    "no position": Case(
+        lambda c: {n.replace("position", "x").replace("velocity", "y"): v for n, v in c.items()},
+        guessing,
+        (("COLUMN", "hip.x"),),
+    ),
+}
+
+
+@pytest.fixture
+def right(swing: Log) -> Columns:
+    """The swing with the torque that the leg needs for it, so that wrong torques show."""
+    from wbc.dynamics import link_torque, rotor_torque
+    from wbc.robot import Motion
+
+    robot = load_robot("planar_leg_fixed").lossless()
+    q = np.stack([swing.column(f"{joint}.position") for joint in RATIOS], axis=1)
+    v = np.stack([swing.column(f"{joint}.velocity") for joint in RATIOS], axis=1)
+    motion = Motion(q, v, np.gradient(v, swing.time, axis=0), swing.time)
+    torque = 20.0 * rotor_torque(robot, motion, link_torque(robot, motion))[0]
+    columns = {name: swing.columns[name] for name in swing.names if "torque" not in name}
+    return {"time": swing.time, **columns, **dict(zip(TORQUES, torque.T, strict=True))}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_printed_map_mends_what_it_was_printed_for(
+    name: str, right: Columns, tmp_path: Path
+) -> None:
+    case = CASES[name]
+    path = write(case.change(right), tmp_path / "run.csv")
+    maps = printed_maps(case.said(path))
+    assert maps, case.said(path)
+    for k, text in enumerate(maps):
+        fix = tmp_path / f"map{k}.toml"
+        for word, given in case.filled:
+            text = text.replace(word, given)
+        fix.write_text(text)
+        (log,) = read_logs([path], fix, gear_ratios=RATIOS)
+        _assert_mended(name, log, right, text)
+
+
+def _assert_mended(name: str, log: Log, right: Columns, text: str) -> None:
+    if name == "rows of zeros" and text.strip() != "trusted = true":
+        assert len(log) == 1960
+        moved = np.interp(log.time, right["time"], right["hip.position"]) + 1.0
+        np.testing.assert_allclose(log.column("hip.position"), moved)
+        return
+    if text.strip() == "trusted = true":
+        assert suspicions.suspicions(load_robot("planar_leg_fixed"), [log])  # warns, raises not
+        return
+    kept = np.isin(np.round(right["time"], 9), np.round(log.time, 9))
+    assert np.count_nonzero(kept) > 1990
+    assert log.has("hip.position")
+    assert log.has("knee.position") or name == "no position"
+    if name == "a late velocity":
+        slope = np.gradient(log.column("hip.position"), log.time)[5:-5]
+        seen = log.column("hip.velocity")[5:-5] if log.has("hip.velocity") else slope
+        assert np.abs(slope - seen).max() < 0.02 * np.abs(slope).max()
+        return
+    if name == "an effort":
+        (given,) = [one for one in log.names if "motor_torque" not in one and one not in right]
+        effort = right[f"{given.partition('.')[0]}.motor_torque"]
+        np.testing.assert_allclose(log.column(given), effort, rtol=1e-9, atol=1e-9)
+        log = log.select([one for one in log.names if one != given])
+    if name == "far beyond the limits":
+        log = log.select([one for one in log.names if "torque" not in one])  # made noise
+    for column, values in log.columns.items():
+        whole = {"knee.position": 4.0}.get(column, 1.0) if name == "jumps of a turn" else 1.0
+        np.testing.assert_allclose(values, whole * right[column][kept], rtol=1e-9, atol=1e-9)
+
+
+def headless(folder: Path) -> tuple[Path, str]:
+    path = folder / "run.csv"
+    path.write_text("0,0.5,1\n0.1,0.6,1\n0.2,0.7,1\n")
+    return path, told(lambda: read_logs([path]))
+
+
+def two_logs(folder: Path) -> tuple[Path, str]:
+    path = folder / "runs.parquet"
+    table = {"time": [0.0, 0.1, 0.0, 0.1], "hip.position": [1.0, 2.0, 3.0, 4.0]}
+    pq.write_table(pa.table({**table, "run": ["a", "a", "b", "b"]}), path)
+    return path, told(lambda: read_logs([f"{path}#b"]))
+
+
+def two_topics(folder: Path) -> tuple[Path, str]:
+    pytest.importorskip("rosbags", reason="the optional extra is not installed")
+    from tests.measurement.test_bag_table import record
+
+    path = record(folder / "run", "MCAP", ("/left", "/right"))
+    return path, told(lambda: read_logs([path]))
+
+
+FILES = {"headless": headless, "two logs": two_logs, "two topics": two_topics}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_printed_map_makes_a_file_readable(name: str, tmp_path: Path) -> None:
+    path, message = FILES[name](tmp_path)
+    (text,) = printed_maps(message)
+    text = text.replace("column_2", "hip.position").replace("column_3", "knee.position")
+    (tmp_path / "map.toml").write_text(text)
+    part = "#b" if name == "two logs" else ""
+    (log,) = read_logs([f"{path}{part}"], tmp_path / "map.toml")
+    first = {"headless": 0.5, "two logs": 3.0, "two topics": 0.0}[name]
+    assert log.column("hip.position")[0] == first
+
+
+def test_every_place_that_prints_a_map_is_tried_here(
+    right: Columns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = set()
+    for path in (ROOT / "wbc").rglob("*.py"):
+        for function in ast.walk(ast.parse(path.read_text())):
+            if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+                called = [c.func for c in ast.walk(function) if isinstance(c, ast.Call)]
+                if any(isinstance(f, ast.Name) and f.id == "say_so" for f in called):
+                    places.add((path.relative_to(ROOT).as_posix(), function.name))
+    tried = set()
+
+    def noted(*arguments: Any) -> str:
+        code = sys._getframe(1).f_code
+        tried.add((Path(code.co_filename).relative_to(ROOT).as_posix(), code.co_name))
+        return said(*arguments)
+
+    said = mend.say_so
+    for module in [m for name, m in sys.modules.items() if name.startswith("wbc")]:
+        if getattr(module, "say_so", None) is said:
+            monkeypatch.setattr(module, "say_so", noted)
+    for k, case in enumerate(CASES.values()):
+        case.said(write(case.change(right), tmp_path / f"run{k}.csv"))
+    without_bags = find_spec("rosbags") is None
+    for name in [name for name in FILES if name != "two topics" or not without_bags]:
+        (tmp_path / name).mkdir()
+        FILES[name](tmp_path / name)
+    assert places - tried == ({BAGS} if without_bags else set())
+
+
+def test_maps_are_printed_in_one_way() -> None:
+    """So that nothing that `printed_maps` does not see is offered as a map to copy."""
+    said = [p.name for p in (ROOT / "wbc").rglob("*.py") if "MAP.toml)" in p.read_text()]
+    assert sorted(said) == ["map_lines.py", "robot_checks.py"]

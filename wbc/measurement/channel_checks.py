@@ -1,0 +1,305 @@
+"""Findings about single channels: saturation, resolution, dead and held sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid, trapezoid
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.measurement.filters import residual_noise
+from wbc.measurement.findings import LogFinding
+from wbc.measurement.log import Log
+from wbc.measurement.schema import split_column
+
+_SATURATED_SHARE = 0.005
+_COARSE_SHARE = 0.1
+_FULL_DUTY = 0.995
+_ACTUATION = ("rotor_torque", "motor_torque", "current", "duty")
+_MOTION = ("position", "velocity", "rotor_position")
+_MEASURED = (*_MOTION, *_ACTUATION, "joint_torque")
+_SECONDS = 0.1
+_SAMPLES = 5
+_END_SHARE = 0.2
+_MOVES = 5.0  # times the noise, as for the suspicions about columns
+_ROUNDING = 1e-6  # of the range: smaller steps come from printed digits
+_WALK = 1.0 / 15.0  # mean square of a random walk over its length, its best line taken out
+
+
+def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
+    """Return findings about every measured channel of the joints.
+
+    Args:
+        log: the log.
+        resting: joints that stand still, whose motion is not judged.
+    """
+    findings: list[LogFinding] = []
+    for name, values in log.columns.items():
+        parts = split_column(name)
+        if parts is None or parts[1] not in _MEASURED:
+            continue
+        if parts[0] in resting and parts[1] in _MOTION:
+            continue
+        if values[0] == values[-1] and np.ptp(values) == 0.0:
+            findings.append(_constant(name, float(values[0]), parts[1]))
+            continue
+        if parts[1] in _ACTUATION:
+            findings += _saturation(log, parts[0], name)
+        findings += _coarse(name, values)
+    return findings
+
+
+def _constant(name: str, value: float, quantity: str) -> LogFinding:
+    if quantity == "position":
+        text = f"{value:g} throughout, while the velocity changes."
+        return LogFinding("warning", "constant_joint", name, text, "The channel is not connected.")
+    severity = "info" if quantity in _ACTUATION and value == 0.0 else "warning"
+    text = "zero throughout." if value == 0.0 else f"{value:g} throughout."
+    way_out = "Fine for an unpowered joint; otherwise the channel is not connected."
+    return LogFinding(severity, "constant_channel", name, text, way_out)
+
+
+def _saturation(log: Log, joint: str, name: str) -> list[LogFinding]:
+    values = log.column(name)
+    name_of_position = f"{joint}.position"
+    # A duty of one is the limit by definition, whether the joint moves or not.
+    full = name.endswith(".duty") and float(np.abs(values).max()) >= _FULL_DUTY
+    known = log.has(name_of_position) and not full
+    position = log.column(name_of_position) if known else None
+    low, high, share, runs = plateau(values, position)
+    if share < _SATURATED_SHARE or (runs < 3 and not full):
+        return []
+    return [
+        LogFinding(
+            "warning",
+            "saturation",
+            name,
+            f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g}).",
+            "The drive or its sensor is at its limit: what it really did there is unknown. Leave "
+            "those times out, or excite less.",
+        )
+    ]
+
+
+def _coarse(name: str, values: FloatArray) -> list[LogFinding]:
+    step = resolution(values)
+    spread = float(np.std(values))
+    if step <= _COARSE_SHARE * spread:
+        return []
+    return [
+        LogFinding(
+            "warning",
+            "coarse",
+            name,
+            f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's spread.",
+            "Excite more, or read the value with more bits.",
+        )
+    ]
+
+
+def resting_joints(log: Log) -> frozenset[str]:
+    """Return the joints that neither their position nor their velocity shows to move.
+
+    A position flickers by its noise and by the count of its encoder; the integral of a velocity
+    strays by a constant offset and by the random walk of its noise.
+    """
+    return frozenset(
+        joint
+        for joint in log.with_quantity("position")
+        if not _position_moves(log.time, log.column(f"{joint}.position"))
+        and not (
+            log.has(f"{joint}.velocity")
+            and _velocity_moves(
+                log.time, log.column(f"{joint}.velocity"), log.column(f"{joint}.position")
+            )
+        )
+    )
+
+
+def check_rest(log: Log, resting: Collection[str]) -> list[LogFinding]:
+    """Return a finding for each joint that stands still, in place of those about its channels."""
+    findings = []
+    for joint in log.with_quantity("position"):
+        if joint not in resting:
+            continue
+        position = log.column(f"{joint}.position")
+        where = (
+            f"the joint never moves (position {position[0]:g} throughout)."
+            if np.ptp(position) == 0.0
+            else f"the joint stands still (within {np.ptp(position):.2g} of {position.mean():.4g})."
+        )
+        findings.append(
+            LogFinding(
+                "warning",
+                "constant_joint",
+                f"{joint}.position",
+                where,
+                "This log tells nothing of the joint but a static torque: move it in another log, "
+                "or lock it in the robot.",
+            )
+        )
+    return findings
+
+
+def _position_moves(time: FloatArray, position: FloatArray) -> bool:
+    return bool(np.std(position) > _MOVES * _uncertainty(time, position))
+
+
+def _velocity_moves(time: FloatArray, velocity: FloatArray, position: FloatArray) -> bool:
+    if np.ptp(velocity) == 0.0:
+        return False
+    integral = cumulative_trapezoid(velocity, time, initial=0.0)
+    line = np.polynomial.Polynomial.fit(time, integral, 1)
+    strays = float(np.std(integral - line(time)))
+    step = float(np.median(np.diff(time)))
+    walk = residual_noise(time, velocity) * step * np.sqrt(_WALK * time.size)
+    return bool(strays > _MOVES * np.hypot(walk, _uncertainty(time, position)))
+
+
+def _uncertainty(time: FloatArray, position: FloatArray) -> float:
+    """Return the standard deviation of a position's noise and of its rounding to counts."""
+    steps = np.abs(np.diff(position))
+    steps = steps[steps > _ROUNDING * max(float(np.ptp(position)), 1e-300)]
+    count = float(steps.min(initial=np.inf))
+    rounding = count / np.sqrt(12.0) if np.isfinite(count) else 0.0
+    return float(np.hypot(residual_noise(time, position), rounding))
+
+
+def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
+    """Return findings about positions and velocities that are held for a while.
+
+    A value that is held and then jumps by what the other sensor saw meanwhile was lost; a joint
+    that rests, or a coarse sensor, does not jump. At the end of a log there is no jump to see:
+    there the other sensor must show a fifth of the whole motion.
+
+    Args:
+        log: the log.
+        resting: joints that stand still throughout; nothing of theirs is lost.
+    """
+    findings: list[LogFinding] = []
+    for joint in log.with_quantity("position"):
+        if joint in resting or not log.has(f"{joint}.velocity"):
+            continue
+        position, velocity = log.column(f"{joint}.position"), log.column(f"{joint}.velocity")
+        if np.ptp(position) == 0.0 or np.ptp(velocity) == 0.0:
+            continue
+        for name, values in ((f"{joint}.position", position), (f"{joint}.velocity", velocity)):
+            start, length = longest_true_run(np.diff(values) == 0.0)
+            seconds = float(log.time[start + length] - log.time[start])
+            if length < _SAMPLES or seconds < _SECONDS:
+                continue
+            # The later half alone: a velocity that lags behind dies out in the first.
+            rows = slice(start + length // 2, start + length + 1)
+            seen = abs(float(trapezoid(velocity[rows], log.time[rows])))
+            if values is velocity:
+                seen = abs(float(position[rows][-1] - position[rows][0])) - seen
+                held = abs(seen) > 0.0 and _released(values, rows.stop, 0.1 * np.ptp(velocity))
+            else:
+                held = seen > 0.0 and _released(values, rows.stop, seen)
+                held = held and seen > 2.0 * _usual_step(position)
+            lost = abs(seen) > _END_SHARE * np.ptp(position)
+            if held if rows.stop < len(log) else lost:
+                findings.append(_stuck(name, float(log.time[start]), seconds))
+    return findings
+
+
+def _released(values: FloatArray, row: int, least: float) -> bool:
+    """Whether a channel jumps by `least` at `row`, far beyond its usual steps."""
+    if row >= values.size:
+        return False
+    return bool(abs(values[row] - values[row - 1]) > max(least, 5.0 * _usual_step(values)))
+
+
+def _usual_step(values: FloatArray) -> float:
+    steps = np.abs(np.diff(values))
+    return float(np.median(steps[steps > 0.0]))
+
+
+def _stuck(name: str, start: float, seconds: float) -> LogFinding:
+    return LogFinding(
+        "error",
+        "stuck",
+        name,
+        f"one value for {seconds:.3f} s from {start:.3f} s on, while the joint moves.",
+        "The sensor or its link dropped out: leave that time out (log.between).",
+    )
+
+
+_SAMPLE_ROWS = 200_000
+
+
+def longest_true_run(mask: BoolArray) -> tuple[int, int]:
+    """Return (start, length) of the longest run of True; length 0 if there is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    if not edges.size:
+        return 0, 0
+    lengths = edges[1::2] - edges[::2]
+    best = int(np.argmax(lengths))
+    return int(edges[2 * best]), int(lengths[best])
+
+
+def resolution(values: FloatArray) -> float:
+    """Return the step of a quantised channel, 0 where none shows.
+
+    The step is the smallest distance of two values that occur, if nearly all distances of
+    neighbouring values are multiples of it and values repeat as a grid makes them.
+    """
+    levels = np.unique(values[:_SAMPLE_ROWS])
+    rows = min(values.size, _SAMPLE_ROWS)
+    if levels.size < 3 or levels.size > 0.7 * rows:
+        return 0.0
+    span = float(levels[-1] - levels[0])
+    distances = np.diff(levels)
+    # Rounding in the file (single precision, printed digits) splits one level into several.
+    distances = distances[distances > 1e-6 * span]
+    if distances.size < 2:
+        return 0.0
+    step = float(np.quantile(distances, 0.05))
+    multiples = distances / step
+    on_grid = np.abs(multiples - np.round(multiples)) < 0.1
+    if np.mean(on_grid & (multiples < 20.5)) < 0.8:
+        return 0.0
+    return float(np.median(distances[on_grid] / np.round(multiples[on_grid])))
+
+
+def plateau(
+    values: FloatArray, position: FloatArray | None = None
+) -> tuple[float, float, float, int]:
+    """Return (lowest, highest, share, runs): how much of a channel is cut off at its extremes.
+
+    Only runs of at least three equal samples at an extreme count (a peak touches it once), and only
+    those during which the joint moves (a drive that holds a pose repeats its value too).
+
+    Args:
+        values: (N,) the channel.
+        position: (N,) of the joint, None if it is not known.
+    """
+    low, high = float(values.min()), float(values.max())
+    share, runs = 0.0, 0
+    for extreme in {low, high} - {0.0}:
+        mask = np.concatenate([[False], values == extreme, [False]])
+        edges = np.flatnonzero(np.diff(mask.astype(np.int8)))
+        starts, ends = edges[::2], edges[1::2]
+        counted = ends - starts >= 3
+        if position is not None and counted.any():
+            long = np.flatnonzero(counted)
+            counted[long] = _travel(position, starts[long], ends[long]) > _least_travel(position)
+        share += float(np.sum((ends - starts)[counted])) / values.size
+        runs += int(np.count_nonzero(counted))
+    return low, high, share, runs
+
+
+def _travel(position: FloatArray, starts: IntArray, ends: IntArray) -> FloatArray:
+    """Return the range of a position within runs of three rows or more (the first left out)."""
+    bounds = np.stack([starts + 1, ends], axis=1).ravel()
+    if bounds[-1] == position.size:
+        bounds = bounds[:-1]
+    highest = np.maximum.reduceat(position, bounds)[::2]
+    lowest = np.minimum.reduceat(position, bounds)[::2]
+    return np.asarray(highest - lowest)
+
+
+def _least_travel(position: FloatArray) -> float:
+    """Return what a joint at rest may seem to travel: its resolution, a thousandth of its range."""
+    return float(max(2.0 * resolution(position), 1e-3 * np.ptp(position)))

@@ -1,1 +1,0 @@
-"""What a log is good for, found before anything is computed from it."""

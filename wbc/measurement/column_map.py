@@ -1,0 +1,450 @@
+"""The column map: a TOML file that tells how a foreign file becomes a log.
+
+A map is a patch. Columns of the file that already have the name of a channel pass through, except
+those that an entry uses under another name; an entry says what is different.
+
+    trusted = true                    # the columns hold what they say: suspicions only warn
+
+    [rows]
+    split = "log"                     # a column whose values tell the logs of one file apart
+    where = { log = "A.0/*" }         # keep only rows whose columns match these patterns
+    between = [0.0, 10.0]             # [s], after unit and offset of the time
+    topic = "/joint_states"           # of a bag with several
+    header = ["time", "hip.position"] # names of the columns of a CSV file without a header line
+
+    [time]
+    from = "time_ms"                  # or rate = 1000.0 [Hz] for a file without a clock
+    unit = "ms"
+    offset = 0.0                      # [s]
+    repeated = "spread"               # rows with one time stamp lie evenly before the next one;
+                                      # "first" keeps the first of them; default error
+    align_velocity = true             # take the delay of the velocities out
+
+    [columns]
+    "hip.position" = "q1"             # SI and joint side already
+    "hip.velocity" = { from = "w1", unit = "rpm", side = "rotor", gear_ratio = 20, sign = -1 }
+    "knee.velocity" = { sign = -1 }   # of the column of that name
+    "knee.acceleration" = false       # left out
+
+Keys of a column: `from` (one name or several with `weights`; default the entry's own name), `unit`,
+`scale`, `sign`, `side` and `gear_ratio`, `offset` (added last, in the unit of the log), `unwrap`
+(period of the jumps, in the foreign unit), `sign_bit` (of counts whose sign is a bit: 15), `lag`
+(by how much the column is late [s]), `empty` (a number that stands for no measurement), `missing`
+(when_needed, error, omit, drop_rows), `optional`.
+
+The same without headings, one line for each entry, is how `wbc init` and `--fix` write maps:
+`time.unit = "ms"`, `columns."hip.velocity" = { sign = -1 }`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import translate
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.errors import LogError, unknown_name
+from wbc.measurement.map_lines import RULE_KEYS, column_entries, read_table
+from wbc.measurement.schema import (
+    TIME,
+    column_units,
+    likely_meant,
+    split_column,
+    unit_factor,
+)
+
+ROW_KEYS = ("split", "where", "between", "topic", "header")
+TIME_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
+_REPEATED = ("error", "first", "spread")
+_MISSING = ("when_needed", "error", "omit", "drop_rows")
+_SECTIONS = ("rows", "time", "columns", "trusted")
+_SIDES = ("rotor", "motor", "joint")
+_OUTPUT_MOTION = (
+    "position",
+    "velocity",
+    "acceleration",
+    "target_position",
+    "target_velocity",
+    "goal_position",
+)
+_ROTOR_MOTION = ("rotor_position", "rotor_velocity")
+
+
+@dataclass(frozen=True)
+class ColumnRule:
+    """value = sum_k factor_k source_k + offset, in the unit of the log.
+
+    Attributes:
+        target: name of the channel in the log.
+        sources: columns of the foreign file.
+        factors: one per source: unit, scale, sign, weight and gear in one number.
+        offset: added at the end, in the unit of the log.
+        unwrap: period of the sources' jumps, in their own unit; 0 for none. Of the positions that
+            differ by whole periods those nearest to zero are taken.
+        sign_bit: number of the bit that is the sign of the sources' counts; 0 for none.
+        lag: by how much the channel is late [s].
+        empty: number of the sources that stands for no measurement; None for none.
+        missing: what to do with NaN: leave the channel out and refuse it `when_needed`, refuse the
+            file (`error`), `omit` the channel if it is NaN throughout, or `drop_rows`.
+        optional: whether the file may lack the sources (the channel is then left out).
+        implied: whether the map named no source, so that the file's own column of the target's
+            name is meant.
+    """
+
+    target: str
+    sources: tuple[str, ...]
+    factors: tuple[float, ...]
+    offset: float = 0.0
+    unwrap: float = 0.0
+    sign_bit: int = 0
+    lag: float = 0.0
+    empty: float | None = None
+    missing: str = "when_needed"
+    optional: bool = False
+    implied: bool = False
+
+    def value(self, sources: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the channel, (N,), from the foreign columns, each (N,)."""
+        total = np.zeros_like(sources[self.sources[0]])
+        for factor, source in zip(self.factors, self.sources, strict=True):
+            total = total + factor * self._counted(sources[source])
+        return np.asarray(total + self.offset)
+
+    def _counted(self, values: FloatArray) -> FloatArray:
+        """Return a source without its empty cells (NaN), its bit of sign and its jumps."""
+        if self.empty is not None:
+            values = np.where(values == self.empty, np.nan, values)
+        if self.sign_bit:
+            limit = float(1 << self.sign_bit)
+            values = np.where(values >= limit, limit - values, values)
+        if self.unwrap > 0.0:
+            known = np.isfinite(values)
+            values = values.copy()
+            values[known] = np.unwrap(values[known], period=self.unwrap)
+            # Whole periods are free: the motion lies about zero, wherever the first row fell.
+            middle = 0.5 * (np.nanmin(values) + np.nanmax(values)) if known.any() else 0.0
+            values -= self.unwrap * np.round(middle / self.unwrap)
+        return values
+
+
+def identity_rule(name: str) -> ColumnRule:
+    """Return the rule of a column that already has its name and unit."""
+    return ColumnRule(name, (name,), (1.0,))
+
+
+def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float]) -> ColumnRule:
+    """Return the rule that a map's entry states.
+
+    Args:
+        target: name of the channel, the key of the entry.
+        entry: the foreign name alone, or a table with the keys of this module; without `from` the
+            file's column of the target's own name is meant.
+        place: map file and key, for messages.
+        ratios: gear ratio N of joints, where an entry does not give its own.
+
+    Raises:
+        LogError: a key, name, unit, side or number that does not fit.
+    """
+    units = column_units(target)
+    parts = split_column(target)
+    if units is None or parts is None:
+        meant = likely_meant(target)
+        hint = f" Did you mean '{meant}'?" if meant else ""
+        if target.partition(".")[0] in _SECTIONS:
+            hint = " Lines of other sections stand above the first [heading]."
+        raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
+    table: Mapping[str, Any] = {"from": entry} if isinstance(entry, str) else entry
+    for key in table:
+        if key not in RULE_KEYS:
+            raise LogError(f"{place}: " + unknown_name("key", key, RULE_KEYS))
+    sources = _names(table.get("from", target), f"{place}.from")
+    factor = _number(table, "scale", 1.0, place) * _number(table, "sign", 1.0, place)
+    if factor == 0.0:
+        raise LogError(f"{place}: scale and sign must not be 0.")
+    if "unit" in table:
+        factor *= unit_factor(str(table["unit"]), units, f"{place}.unit")
+    weights = _per_source(table, "weights", 1.0, len(sources), place)
+    sides = np.ones(len(sources))
+    if "side" in table:
+        given = ratios.get(parts[0])
+        gears = _per_source(table, "gear_ratio", given, len(sources), place)
+        sides = np.array([_side_factor(str(table["side"]), parts[1], N, place) for N in gears])
+    elif "gear_ratio" in table:
+        raise LogError(f"{place}: gear_ratio without side; add side = rotor, motor or joint.")
+    missing = str(table.get("missing", "when_needed"))
+    if missing not in _MISSING:
+        raise LogError(f"{place}.missing: " + unknown_name("choice", missing, _MISSING))
+    return ColumnRule(
+        target=target,
+        sources=sources,
+        factors=tuple(float(f) for f in factor * np.asarray(weights) * sides),
+        offset=_number(table, "offset", 0.0, place),
+        unwrap=_number(table, "unwrap", 0.0, place),
+        sign_bit=int(_number(table, "sign_bit", 0.0, place)),
+        lag=_number(table, "lag", 0.0, place),
+        empty=_number(table, "empty", 0.0, place) if "empty" in table else None,
+        missing=missing,
+        optional=bool(table.get("optional", False)),
+        implied="from" not in table,
+    )
+
+
+def _names(value: Any, place: str) -> tuple[str, ...]:
+    names = (value,) if isinstance(value, str) else value
+    if not isinstance(names, list | tuple) or not names:
+        raise LogError(f"{place}: the name of a foreign column is needed, or a list of names.")
+    return tuple(str(name) for name in names)
+
+
+def _number(table: Mapping[str, Any], key: str, default: float, place: str) -> float:
+    value = table.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise LogError(f"{place}.{key}: {value!r} is not a finite number.")
+    return float(value)
+
+
+def _per_source(
+    table: Mapping[str, Any], key: str, default: float | None, count: int, place: str
+) -> list[float]:
+    value = table.get(key, default)
+    if value is None:
+        raise LogError(
+            f"{place}: side needs the gear ratio; add gear_ratio = N, or load with the robot whose "
+            "gears are meant."
+        )
+    values = value if isinstance(value, list) else [value] * count
+    if len(values) != count:
+        raise LogError(f"{place}.{key}: {len(values)} numbers for {count} foreign columns.")
+    numbers = [_number({key: v}, key, 0.0, place) for v in values]
+    if key == "gear_ratio" and 0.0 in numbers:
+        raise LogError(f"{place}.gear_ratio: a ratio of 0 is no gear.")
+    return numbers
+
+
+def _side_factor(side: str, quantity: str, gear_ratio: float, place: str) -> float:
+    """Return by what to multiply a value on `side` to get `quantity` of a log.
+
+    psi = phi / N and motor torque = N rotor torque. `motor` and `joint` are one side here: where a
+    topology D mixes motors into joints, name the columns of all of them with `weights`.
+
+    Args:
+        side: `rotor` (before the reduction), `motor` or `joint` (after it).
+        quantity: quantity of the target column.
+        gear_ratio: N, not zero.
+        place: map file and key, for messages.
+
+    Raises:
+        LogError: an unknown side, or a quantity for which a side means nothing.
+    """
+    if side not in _SIDES:
+        raise LogError(f"{place}.side: " + unknown_name("side", side, _SIDES))
+    before = side == "rotor"
+    if quantity in _OUTPUT_MOTION:
+        return 1.0 / gear_ratio if before else 1.0
+    if quantity in _ROTOR_MOTION:
+        return 1.0 if before else gear_ratio
+    if quantity == "rotor_torque":
+        return 1.0 if before else 1.0 / gear_ratio
+    if quantity == "motor_torque":
+        return gear_ratio if before else 1.0
+    raise LogError(
+        f"{place}.side: a {quantity} has no side of the gear; leave the key out (use scale for a "
+        "plain factor)."
+    )
+
+
+@dataclass(frozen=True)
+class TimeRule:
+    """time = factor source + offset [s], or row number / rate + offset.
+
+    Attributes:
+        source: column of the time stamps, empty when `rate` counts rows instead.
+        factor: seconds per unit of the source.
+        rate: rows per second of a file without a clock; 0 for none.
+        offset: added at the end [s].
+        repeated: what to do with several rows of one time stamp: `error`, keep the `first`, or
+            `spread` them evenly over the time until the next stamp.
+        align_velocity: whether the delay of the velocities is taken out (see `align_velocity`).
+    """
+
+    source: str = TIME
+    factor: float = 1.0
+    rate: float = 0.0
+    offset: float = 0.0
+    repeated: str = "error"
+    align_velocity: bool = False
+
+
+def parse_time(table: Any, place: str) -> TimeRule:
+    """Return the time rule that the section [time] of a map states.
+
+    Raises:
+        LogError: a key, unit or number that does not fit.
+    """
+    if not isinstance(table, Mapping):
+        raise LogError(f'{place}: a table is expected, such as time.from = "t".')
+    for key in table:
+        if key not in TIME_KEYS:
+            raise LogError(f"{place}: " + unknown_name("key", key, TIME_KEYS))
+    for key in ("rate", "offset"):
+        value = table.get(key, 0.0)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise LogError(f"{place}.{key}: {value!r} is not a number.")
+    if "rate" in table and ("from" in table or table["rate"] <= 0):
+        raise LogError(f"{place}: give either from, or a rate above 0 [Hz].")
+    repeated = str(table.get("repeated", "error"))
+    if repeated not in _REPEATED:
+        raise LogError(f"{place}.repeated: " + unknown_name("choice", repeated, _REPEATED))
+    align = table.get("align_velocity", False)
+    if not isinstance(align, bool):
+        raise LogError(f"{place}.align_velocity: true or false expected, got {align!r}.")
+    return TimeRule(
+        source="" if "rate" in table else str(table.get("from", TIME)),
+        factor=unit_factor(str(table.get("unit", "s")), ("s",), f"{place}.unit"),
+        rate=float(table.get("rate", 0.0)),
+        offset=float(table.get("offset", 0.0)),
+        repeated=repeated,
+        align_velocity=align,
+    )
+
+
+@dataclass(frozen=True)
+class RowChoice:
+    """Selection and partition of the rows of one file.
+
+    Attributes:
+        split: column whose values tell the logs of one file apart, empty if it holds one log; a
+            value that comes back later begins a log of its own.
+        where: column -> shell pattern (`*`, `?`) that its values must match.
+        between: first and last time [s] of a log, on its own clock.
+        topic: JointState topic of a bag, empty for the only one.
+        header: names of the columns of a CSV file that has no header line.
+    """
+
+    split: str = ""
+    where: Mapping[str, str] = field(default_factory=dict)
+    between: tuple[float, float] = (-inf, inf)
+    topic: str = ""
+    header: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The columns, read as text, that decide about a row."""
+        return tuple(dict.fromkeys([*([self.split] if self.split else []), *self.where]))
+
+    def keeps(self, keys: Mapping[str, Any], rows: int) -> BoolArray:
+        """Return which of some rows match `where`, (rows,) bool; `keys` holds text columns."""
+        kept = np.ones(rows, dtype=bool)
+        for column, pattern in self.where.items():
+            matches = re.compile(translate(pattern)).match
+            values, inverse = np.unique(keys[column], return_inverse=True)
+            kept &= np.array([matches(str(value)) is not None for value in values])[inverse]
+        return kept
+
+
+def parse_rows(table: Any, place: str) -> RowChoice:
+    """Return the choice that the section [rows] of a map states.
+
+    Raises:
+        LogError: a key or value that does not fit.
+    """
+    if not isinstance(table, Mapping):
+        raise LogError(f'{place}: a table is expected, such as rows.split = "log".')
+    for key in table:
+        if key not in ROW_KEYS:
+            raise LogError(f"{place}: " + unknown_name("key", key, ROW_KEYS))
+    where = table.get("where", {})
+    if not isinstance(where, Mapping):
+        raise LogError(f"{place}.where: a table of column = pattern is expected.")
+    between = table.get("between", [-inf, inf])
+    numbers = isinstance(between, list) and all(isinstance(b, int | float) for b in between)
+    if not numbers or len(between) != 2 or not between[0] < between[1]:
+        raise LogError(f"{place}.between: [first, last] in seconds is expected, got {between!r}.")
+    header = table.get("header", [])
+    if not isinstance(header, list) or not all(isinstance(name, str) for name in header):
+        raise LogError(f"{place}.header: a list of column names is expected, got {header!r}.")
+    return RowChoice(
+        split=str(table.get("split", "")),
+        where={str(column): str(pattern) for column, pattern in where.items()},
+        between=(float(between[0]), float(between[1])),
+        topic=str(table.get("topic", "")),
+        header=tuple(header),
+    )
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """A parsed column map.
+
+    Attributes:
+        rules: one per channel of the log.
+        time: how the time stamps are found.
+        rows: which rows make a log, and where one log of a file ends and the next begins.
+        path: the map file, empty for a map made in code.
+        left_out: columns of the file that are not read.
+        trusted: whether the user vouches for the columns, so that suspicions only warn.
+    """
+
+    rules: tuple[ColumnRule, ...]
+    time: TimeRule = field(default_factory=TimeRule)
+    rows: RowChoice = field(default_factory=RowChoice)
+    path: str = ""
+    left_out: tuple[str, ...] = ()
+    trusted: bool = False
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the channels that the map gives."""
+        return tuple(rule.target for rule in self.rules)
+
+
+def read_column_map(path: str | Path, gear_ratios: Mapping[str, float] | None = None) -> ColumnMap:
+    """Read a column map.
+
+    Args:
+        path: the TOML file.
+        gear_ratios: N of joints, for entries that name a side of the gear and no ratio.
+
+    Raises:
+        LogError: no such file, no TOML, or an entry that does not fit; the message names the map
+            file and the key.
+    """
+    return parse_column_map(read_table(path), str(Path(path)), gear_ratios)
+
+
+def parse_column_map(
+    table: Mapping[str, Any], path: str = "", gear_ratios: Mapping[str, float] | None = None
+) -> ColumnMap:
+    """Return the map that a parsed TOML table states (see `read_column_map`)."""
+    label = path or "column map"
+    for key in table:
+        if key not in _SECTIONS:
+            raise LogError(f"{label}: " + unknown_name("section", key, _SECTIONS))
+    columns = table.get("columns", {})
+    if not isinstance(columns, Mapping):
+        raise LogError(
+            f'{label}: columns: a table is expected, such as columns."hip.position" = "q1".'
+        )
+    trusted = table.get("trusted", False)
+    if not isinstance(trusted, bool):
+        raise LogError(f"{label}: trusted: true or false expected, got {trusted!r}.")
+    entries = list(column_entries(table, label).items())
+    rules = [
+        parse_rule(name, entry, f"{label}: columns.{name}", gear_ratios or {})
+        for name, entry in entries
+        if entry is not False
+    ]
+    return ColumnMap(
+        rules=tuple(rules),
+        time=parse_time(table.get("time", {}), f"{label}: time"),
+        rows=parse_rows(table.get("rows", {}), f"{label}: rows"),
+        path=path,
+        left_out=tuple(name for name, entry in entries if entry is False),
+        trusted=trusted,
+    )

@@ -1,1 +1,0 @@
-"""From foreign columns to the channels of a log: maps, units, sides of the gear, rows."""

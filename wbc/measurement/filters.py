@@ -1,0 +1,348 @@
+"""The one filter without phase shift, derivatives, noise, jumps, and velocity against position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from math import factorial
+
+import numpy as np
+import pinocchio as pin
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import sparse
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfilt_zi
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.errors import LogError
+from wbc.measurement.log import Log
+
+WINDOW_SAMPLES = 11
+"""Samples that a local polynomial sees."""
+_NOISE_DEGREE = 4
+_MAD_OF_GAUSSIAN = 0.674489750196
+_MOST_ROWS = 50_000
+_ROWS_AT_ONCE = 16_384
+
+
+def low_pass(values: FloatArray, cutoff: float, rate: float, order: int = 2) -> FloatArray:
+    """Return `values` (N, ...) low-passed forward and backward (no phase shift).
+
+    The same call on torque, velocity and position keeps them in step, which an identification
+    needs more than a faithful amplitude.
+
+    Args:
+        values: samples along the first axis.
+        cutoff: [Hz] of each of the two passes of a Butterworth filter.
+        rate: [Hz] sampling rate; a cutoff at or above half of it leaves the values unchanged.
+        order: of each pass.
+    """
+    if cutoff >= 0.5 * rate or len(values) < 4 or not values.size:
+        return values
+    padding = min(len(values) - 1, int(3.0 * rate / cutoff))
+    before = 2.0 * values[0] - values[padding:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -padding - 2 : -1]
+    from wbc.measurement.filter_loop import filter_both_ways  # loads the compiler
+
+    longer = np.concatenate([before, values, after]).reshape(-1, values[0].size)
+    filter_both_ways(*_sections(cutoff / (0.5 * rate), order), longer)
+    return longer[padding : padding + len(values)].reshape(values.shape)
+
+
+@lru_cache(maxsize=64)
+def _sections(relative: float, order: int) -> tuple[FloatArray, FloatArray]:
+    """Return a Butterworth filter's sections and their state under a steady input of one."""
+    sections = butter(order, relative, output="sos")
+    return np.asarray(sections), np.asarray(sosfilt_zi(sections))
+
+
+def derivative(values: FloatArray, rate: float) -> FloatArray:
+    """Return the time derivative of `values` (N, ...) by fourth-order central differences.
+
+    Second-order ones shrink a 5 Hz acceleration sampled at 500 Hz by a thousandth, which shows in
+    an inertia; the first and last two samples are of second order.
+
+    Args:
+        values: samples along the first axis.
+        rate: [Hz].
+    """
+    result = np.gradient(values, 1.0 / rate, axis=0)
+    if len(values) > 4:
+        inner = 8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])
+        result[2:-2] = inner * (rate / 12.0)
+    return np.asarray(result)
+
+
+def differentiate(positions: FloatArray, rate: float, model: pin.Model) -> FloatArray:
+    """Return the velocity (N, nv) of configurations (N, nq) by central differences.
+
+    Args:
+        positions: pinocchio's configurations, already smoothed.
+        rate: [Hz].
+        model: gives the difference on joints whose configuration is no vector (free-flyer).
+    """
+    if model.nq == model.nv:
+        return derivative(positions, rate)
+    steps = np.array([pin.difference(model, a, b) for a, b in pairwise(positions)])
+    inner = 0.5 * (steps[:-1] + steps[1:])
+    return np.concatenate([steps[:1], inner, steps[-1:]]) * rate
+
+
+def local_polynomial_operator(
+    time: FloatArray, width: float, degree: int = 3, derivative: int = 0
+) -> sparse.csr_array:
+    """Return the banded operator A (N, N) with (A y)(t_i) = d^k y/dt^k of a local fit.
+
+    At every time stamp a polynomial is fitted to the samples around it by weighted least squares
+    (tricube weights) on the true, possibly jittered stamps; A acts on any number of channels at
+    once (A @ Y with Y (N, n)). At the ends the window turns one-sided. The classic uniform case is
+    Savitzky & Golay, Analytical Chemistry 36 (1964); the weights are Cleveland's, JASA 74 (1979).
+
+    Args:
+        time: (N,) [s], increasing.
+        width: full width of the window [s].
+        degree: of the polynomial.
+        derivative: k, at most the degree.
+
+    Raises:
+        LogError: a window that holds too few samples for the degree, or more than there are.
+    """
+    if not 0 <= derivative <= degree:
+        raise LogError(f"derivative {derivative} does not exist for a polynomial of {degree}.")
+    size = round(width / float(np.median(np.diff(time)))) | 1
+    if size < degree + 2 or size > time.size:
+        shortest = (degree + 2) * float(np.median(np.diff(time)))
+        raise LogError(
+            f"a window of {width:g} s holds {size} of {time.size} samples; a polynomial of degree "
+            f"{degree} needs at least {shortest:.3g} s and at most {time[-1] - time[0]:.3g} s."
+        )
+    first = np.clip(np.arange(time.size) - size // 2, 0, time.size - size)
+    windows = sliding_window_view(time, size)
+    weights = np.empty((time.size, size))
+    for start in range(0, time.size, _ROWS_AT_ONCE):
+        rows = slice(start, start + _ROWS_AT_ONCE)
+        offsets = windows[first[rows]] - time[rows, None]
+        weights[rows] = _weights(offsets, degree, derivative)
+    columns = first[:, None] + np.arange(size)
+    pointers = np.arange(0, time.size * size + 1, size)
+    shape = (time.size, time.size)
+    return sparse.csr_array((weights.ravel(), columns.ravel(), pointers), shape=shape)
+
+
+def _weights(offsets: FloatArray, degree: int, derivative: int) -> FloatArray:
+    """Return for each window (rows of `offsets`) the weights of its samples, same shape."""
+    reach = np.abs(offsets).max(axis=1, keepdims=True)
+    scaled = offsets / reach
+    kernel = (1.0 - (0.999 * np.abs(scaled)) ** 3) ** 3
+    powers = scaled[:, :, None] ** np.arange(degree + 1)
+    weighted = powers * kernel[:, :, None]
+    normal = np.einsum("rsp,rsq->rpq", weighted, powers)
+    unit = np.zeros((1, degree + 1, 1))
+    unit[0, derivative, 0] = factorial(derivative)
+    combination = np.linalg.solve(normal, np.broadcast_to(unit, (*normal.shape[:2], 1)))
+    values = np.einsum("rsp,rp->rs", weighted, combination[:, :, 0])
+    return np.asarray(values / reach**derivative)
+
+
+def residual_noise(time: FloatArray, values: FloatArray) -> float:
+    """Return the standard deviation of what a local polynomial leaves of a channel.
+
+    A lower bound: noise that is slow against 11 samples, or that a filter of the drive has taken
+    out, does not show. Robust against single steps (median absolute deviation), corrected for the
+    degrees of freedom that the polynomial takes up.
+
+    Args:
+        time: (N,) [s].
+        values: (N,).
+    """
+    if time.size < 2 * WINDOW_SAMPLES:
+        return 0.0
+    inner = unsmooth(time[:_MOST_ROWS], values[:_MOST_ROWS])[WINDOW_SAMPLES:-WINDOW_SAMPLES]
+    robust = float(np.median(np.abs(inner)) / _MAD_OF_GAUSSIAN)
+    # A coarse sensor stands still most of the time: half of the residuals vanish, not its noise.
+    return robust if robust > 0.0 else float(np.std(inner))
+
+
+def unsmooth(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return what a local polynomial leaves of each sample, as large as the noise in it.
+
+    Args:
+        time: (N,) [s], at least two windows.
+        values: (N, ...).
+
+    Returns:
+        Same shape as the values, corrected for the degrees of freedom of the polynomial.
+    """
+    width = WINDOW_SAMPLES * float(np.median(np.diff(time)))
+    smooth = local_polynomial_operator(time, width, _NOISE_DEGREE)
+    own = np.sqrt(np.maximum(1.0 - smooth.diagonal(), 0.05))
+    return np.asarray(((values - smooth @ values).T / own).T)
+
+
+_BLOCKS = 8
+_BLOCK_ROWS = 40
+_FILTER_SAMPLES = 2.0
+_LONGEST_DELAY = 0.2
+_WINDOW_SAMPLES = 11
+_DEGREE = 3
+
+
+@dataclass(frozen=True)
+class VelocityFit:
+    """velocity(t) = scale dq/dt(t - delay), or the same through a first-order low-pass.
+
+    Attributes:
+        scale: 1 for a velocity that is the derivative of the position.
+        delay: of the velocity behind the position [s], negative if it leads; the time constant of
+            a low-pass is its delay at low frequency.
+        delay_error: standard error of the delay [s], from the scatter between blocks of the log.
+        correlation: between the position and the integral of the velocity, delay and trends taken
+            out; its sign is that of the scale.
+        filtered: whether a first-order low-pass explains the velocity better than a pure delay.
+        moves: whether anything moves, so that the rest means something.
+    """
+
+    scale: float
+    delay: float
+    delay_error: float
+    correlation: float
+    filtered: bool
+    moves: bool
+
+
+def fit_velocity(time: FloatArray, position: FloatArray, velocity: FloatArray) -> VelocityFit:
+    """Fit scale and delay by regression of the position on the integral of the velocity.
+
+    A low-pass T dv/dt + v = k dq/dt gives q = (1/k) (int v dt + T v) + constant without error, a
+    delay d = T the same for a delay that is short against the motion. Regressing q on
+    (int v, v, t, 1) gives both numbers without differentiating noise, on jittered stamps, finer
+    than a sample; the term in t takes up an offset of the velocity. Which of the two it is, the
+    residuals tell; below two samples they are the same.
+
+    Args:
+        time: (N,) [s].
+        position: (N,), continuous (wraps removed).
+        velocity: (N,).
+    """
+    integral = cumulative_trapezoid(velocity, time, initial=0.0)
+    whole = _regress(time, position, velocity, integral)
+    if whole is None:
+        return VelocityFit(1.0, 0.0, np.inf, 0.0, filtered=False, moves=False)
+    inverse, lag, correlation, residual = whole
+    size = max(_BLOCK_ROWS, time.size // _BLOCKS)
+    pieces = [slice(k, k + size) for k in range(0, time.size - size + 1, size)]
+    delays = [
+        part[1]
+        for rows in pieces
+        if (part := _regress(time[rows], position[rows], velocity[rows], integral[rows]))
+        and part[2] > 0.9
+    ]
+    spread = np.inf
+    if len(delays) >= 3:
+        lag = float(np.median(delays))
+        spread = float(1.4826 * np.median(np.abs(np.array(delays) - lag)) / np.sqrt(len(delays)))
+    filtered = False
+    if lag > _FILTER_SAMPLES * float(np.median(np.diff(time))):
+        shifted = np.interp(time + lag, time, integral)
+        inside = time + lag <= time[-1]
+        filtered = residual < 0.5 * _misfit(time[inside], position[inside], shifted[inside])
+    return VelocityFit(1.0 / inverse, lag, spread, correlation, filtered, moves=True)
+
+
+def _detrended(time: FloatArray, signals: FloatArray) -> FloatArray:
+    """Return signals (N, n) without their best straight lines."""
+    basis, _ = np.linalg.qr(np.stack([np.ones_like(time), time - time.mean()], axis=1))
+    return np.asarray(signals - basis @ (basis.T @ signals))
+
+
+def _misfit(time: FloatArray, position: FloatArray, shifted: FloatArray) -> float:
+    """Return the rms residual of a position against one signal, straight lines removed."""
+    if time.size < _BLOCK_ROWS:
+        return 0.0
+    q, s = _detrended(time, np.stack([position, shifted], axis=1)).T
+    return float(np.sqrt(np.mean((q - s * (s @ q) / (s @ s)) ** 2)))
+
+
+def _regress(
+    time: FloatArray, position: FloatArray, velocity: FloatArray, integral: FloatArray
+) -> tuple[float, float, float, float] | None:
+    """Return (1/k, delay, correlation, rms residual), None where nothing moves."""
+    q, s, v = _detrended(time, np.stack([position, integral, velocity], axis=1)).T
+    if min(float(np.mean(x**2)) for x in (q, s, v)) <= 1e-24:
+        return None
+    gram = np.array([[s @ s, s @ v], [s @ v, v @ v]])
+    if np.linalg.det(gram) <= 1e-10 * gram[0, 0] * gram[1, 1]:
+        return None
+    a, b = np.linalg.solve(gram, np.array([s @ q, v @ q]))
+    rest = q - a * s - b * v
+    correlation = np.sign(a) * np.sqrt(max(0.0, 1.0 - (rest @ rest) / (q @ q)))
+    if abs(b) > _LONGEST_DELAY * (time[-1] - time[0]) * abs(a):
+        # No delay, but a channel that resembles the position itself.
+        return 1.0, 0.0, float((s @ q) / np.sqrt((s @ s) * (q @ q))), 0.0
+    return float(a), float(b / a), float(correlation), float(np.sqrt(np.mean(rest**2)))
+
+
+def velocity_fits(log: Log) -> dict[str, VelocityFit]:
+    """Return the relation of velocity to position of every joint that has both and moves."""
+    fits: dict[str, VelocityFit] = {}
+    for joint in log.with_quantity("position"):
+        if not log.has(f"{joint}.velocity"):
+            continue
+        position = log.column(f"{joint}.position")
+        if jumps(position)[0].size:
+            continue
+        fit = fit_velocity(log.time, position, log.column(f"{joint}.velocity"))
+        if fit.moves:
+            fits[joint] = fit
+    return fits
+
+
+def align_velocity(log: Log) -> Log:
+    """Return a log whose velocities are on the clock of the positions.
+
+    A pure delay d is shifted out, v(t + d); a first-order low-pass with the time constant T is
+    undone, v + T dv/dt (local polynomials over 11 samples, so that noise above their band is not
+    raised). Which of the two it is, and how long, is what `check_log` finds; joints whose velocity
+    does not follow their position stay as they are.
+
+    Returns:
+        The rows for which every shifted velocity exists; the ends of the log are lost.
+
+    Raises:
+        LogError: a delay as long as the log.
+    """
+    fits = {j: fit for j, fit in velocity_fits(log).items() if fit.correlation > 0.9}
+    shifts = [fit.delay for fit in fits.values() if not fit.filtered]
+    early, late = min([0.0, *shifts]), max([0.0, *shifts])
+    if late - early >= 0.5 * log.duration:
+        raise LogError(
+            f"{log.source.label}: a delay of {max(late, -early):g} s is as long as the log."
+        )
+    first, last = np.searchsorted(log.time, [log.time[0] - early, log.time[-1] - late + 1e-12])
+    kept = log[int(first) : int(last)]
+    return kept.with_columns(
+        {f"{joint}.velocity": _aligned(log, joint, fit, kept.time) for joint, fit in fits.items()}
+    )
+
+
+def _aligned(log: Log, joint: str, fit: VelocityFit, time: FloatArray) -> FloatArray:
+    velocity = log.column(f"{joint}.velocity")
+    if not fit.filtered:
+        return np.asarray(CubicSpline(log.time, velocity)(time + fit.delay))
+    width = _WINDOW_SAMPLES * log.sample_time
+    slope = local_polynomial_operator(log.time, width, _DEGREE, 1) @ velocity
+    return np.asarray(np.interp(time, log.time, velocity + fit.delay * slope))
+
+
+def jumps(values: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return (rows, sizes) of steps far beyond every usual step of a channel.
+
+    A jump is a step of at least 20 times the 99th percentile and a quarter of the range.
+    """
+    steps = np.diff(values)
+    size = np.abs(steps)
+    usual = float(np.quantile(size, 0.99))
+    rows = np.flatnonzero((size > 20.0 * usual) & (size > 0.25 * np.ptp(values)))
+    return rows, np.asarray(steps[rows])

@@ -1,1 +1,0 @@
-"""Files of columns: opening, reading in pieces, writing."""

@@ -1,0 +1,473 @@
+"""First guesses about files that nobody has described: a column map, and a robot description."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.errors import LogError, RobotError
+from wbc.files import write_text
+from wbc.measurement.clocks import advancing, repeated_mend, restarts
+from wbc.measurement.column_map import parse_column_map
+from wbc.measurement.findings import LogFinding
+from wbc.measurement.log import Log
+from wbc.measurement.map_lines import Mend, merged, say_so
+from wbc.measurement.mistakes import LIKELY, find_suspicions, single_ratios
+from wbc.measurement.names import NameGuess, guess_name, joints_of
+from wbc.measurement.read import clock_of, read_logs, split_path
+from wbc.measurement.robot_checks import check_robot, match_joints
+from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
+from wbc.measurement.tables import Table, open_table
+from wbc.measurement.torque import REPORTED
+from wbc.robot import Robot
+from wbc.robot.loading.model_file import read_model
+
+_LOGS = 4  # of a file that are looked at: a guess needs no more
+_ROUNDS = 6  # of corrections, one upon another
+_PLACES = ("position", "velocity")  # by which a file tells whose its columns are
+_OF_MOTION = (
+    "wrap",
+    "stale",
+    "missing",
+    "time_unit",
+    "velocity_unit",
+    "velocity_sign",
+    "gear_side",
+    "degrees",
+)
+_EXPLAINED = 0.99
+"""Share of the motor's motion that the joint's must explain: play, flexible gears and noise leave
+little, and at this share the ratio is off by no more than a hundredth."""
+_DIRECT = 0.1
+"""How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
+it tells no ratio."""
+
+
+@dataclass(frozen=True)
+class MapGuess:
+    """A guessed column map.
+
+    Attributes:
+        table: the map.
+        reasons: why its lines say what they say.
+        driven: joints of the robot with a column of torque or current.
+        targets: joints with a column of target positions and none of torque.
+        unseen: joints without a column of positions; of velocities where no joint has positions.
+    """
+
+    table: Mapping[str, Any]
+    reasons: tuple[str, ...]
+    driven: tuple[str, ...]
+    targets: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RatioGuess:
+    """A gear ratio from the rows of a log.
+
+    Attributes:
+        value: turns of the motor per turn of the joint, without sign.
+        source: the columns that tell it.
+    """
+
+    value: float
+    source: str
+
+
+def guess_names(
+    path: str | Path,
+    joints: Sequence[str],
+    rate: float | None = None,
+    start: Mapping[str, Any] | None = None,
+) -> MapGuess:
+    """Return what the names of a file's columns suggest for the joints of a robot.
+
+    Args:
+        path: a log; others like it are taken for the same.
+        joints: of the robot, with one degree of freedom, from the base to the tips.
+        rate: rows per second [Hz] of logs without a clock; None where they have one.
+        start: a column map that the user gives; what it says is taken as it is.
+
+    Raises:
+        LogError: a file that cannot be read, without anything like a position or velocity, or whose
+            clock lost its digits.
+    """
+    given = dict(start or {})
+    table = _table(path, given)
+    # What the motor does comes last: where the joint's own motion is there, too, it counts.
+    guesses = sorted(map(guess_name, table.names), key=lambda g: g.rotor and g.quantity in _PLACES)
+    # A motor on a test bench is often recorded by its speed alone.
+    place = next((q for q in _PLACES if any(g.quantity == q for g in guesses)), "")
+    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == place))
+    if not place and not given.get("columns"):
+        raise LogError(
+            f"{path}: no column looks like the position or velocity of a joint. There are: "
+            f"{', '.join(table.names)}. Put the name of one in place of COLUMN, and "
+            + say_so({"columns": {f"{name}.position": {"from": "COLUMN"} for name in joints[:1]}})
+        )
+    named = joints_of(owners, joints)
+    reasons = [
+        f"{theirs or 'the columns'}: joint {ours}, {why}" for theirs, (ours, why) in named.items()
+    ]
+    columns: dict[str, Any] = {}
+    for guess in guesses:
+        if guess.owner not in named or guess.quantity in ("", TIME):
+            continue
+        target = f"{named[guess.owner][0]}.{guess.quantity}"
+        if target in columns or target == guess.name or not table.holds_numbers(guess.name):
+            continue
+        columns[target] = {"from": guess.name, **({"unit": guess.unit} if guess.unit else {})}
+    mapped: dict[str, Any] = {"columns": columns} if columns else {}
+    if rate is not None:
+        mapped["time"] = {"rate": rate}
+    elif "time" not in given:
+        mapped |= _clock(guesses, table)
+    mapped = merged(mapped, given)
+    if rate is None:
+        mapped = merged(mapped, _parts(table, mapped))
+    held = {
+        ours: {OLD_NAMES.get(g.quantity, g.quantity) for g in guesses if g.owner == theirs}
+        for theirs, (ours, _) in named.items()
+    }
+    for name in mapped.get("columns", {}):
+        joint, _, quantity = name.rpartition(".")
+        held.setdefault(joint, set()).add(quantity)
+    driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
+    targets = tuple(
+        joint
+        for joint, quantities in held.items()
+        if joint not in driven and "target_position" in quantities
+    )
+    unseen = tuple(joint for joint in joints if (place or "position") not in held.get(joint, ()))
+    return MapGuess(mapped, tuple(reasons), driven, targets, unseen)
+
+
+def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
+    """Return a guess corrected by what the rows say against the robot.
+
+    Joints by motion and torque, units by derivative, sides by ratio, signs by gravity.
+
+    Args:
+        robot: whose logs they are, as far as it is known.
+        paths: the logs.
+        start: from the names.
+    """
+    table, reasons = dict(start.table), list(start.reasons)
+    unsure = any("by its place" in reason for reason in reasons) and len(start.driven) > 1
+    for _ in range(_ROUNDS):
+        logs = _read(paths, table, robot)
+        doubts = [
+            finding
+            for own in find_suspicions(logs, robot)
+            for finding in own
+            if finding.likeliest and finding.probability >= LIKELY and not _denied(finding, table)
+        ]
+        # What contradicts itself within a log comes before what the torques say.
+        doubts = [f for f in doubts if f.kind in _OF_MOTION] or doubts
+        moved: dict[str, Any] = {}
+        if unsure and not any(f.kind in _OF_MOTION for f in doubts):
+            moved = _matched(robot, logs[0], start.driven)
+        if moved:
+            table = merged(table, {"columns": moved})
+            reasons.append("the order of the joints was changed: so the torques follow the motion")
+        elif doubts:
+            said: dict[str, LogFinding] = {}
+            for finding in doubts:
+                said.setdefault(repr(finding.likeliest), finding)
+            for finding in said.values():
+                table = merged(table, finding.likeliest)
+                reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
+        else:
+            break
+        unsure = unsure and not moved
+    return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)))
+
+
+def not_found(
+    robot: Robot, paths: Sequence[str | Path], table: Mapping[str, Any]
+) -> list[LogFinding]:
+    """Return what logs lack that the diagnosis of a robot needs, and columns that are refused.
+
+    Args:
+        robot: whose logs they are.
+        paths: the logs.
+        table: the map that reads them.
+    """
+    logs = _read(paths, table, robot)
+    refused = [f for own in find_suspicions(logs, robot) for f in own if f.severity == "error"]
+    lacks = check_robot(logs[0], robot)
+    return list({finding.text: finding for finding in [*lacks, *refused]}.values())
+
+
+def guess_ratios(
+    path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
+) -> Mapping[str, RatioGuess]:
+    """Return the gear ratios of those joints whose motion a log holds on both sides of the gear.
+
+    Names say which column is the motor's (`knee_motor_vel` beside `knee_vel`). Nothing is said
+    where only one of the two names its unit: then the ratio may be a matter of units.
+
+    Args:
+        path: a log.
+        joints: of the robot, with one degree of freedom.
+        start: a column map that the user gives.
+    """
+    table = _table(path, start or {})
+    guesses = [g for g in map(guess_name, table.names) if g.quantity in _PLACES]
+    own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
+    named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
+    found: dict[str, RatioGuess] = {}
+    for quantity in reversed(_PLACES):
+        for rotor in guesses:
+            joint = own.get((rotor.owner, quantity))
+            name, _ = named.get(rotor.owner, ("", ""))
+            if not rotor.rotor or rotor.quantity != quantity or joint is None or not name:
+                continue
+            if (value := _ratio(table, rotor, joint)) and name not in found:
+                found[name] = RatioGuess(value, f"'{rotor.name}' over '{joint.name}' in the log")
+    return found
+
+
+def _table(path: str | Path, start: Mapping[str, Any]) -> Table:
+    rows = start.get("rows", {})
+    return open_table(split_path(path)[0], rows.get("topic", ""), rows.get("header", ()))
+
+
+def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
+    """Return how many times one column follows the other; 0 where the rows do not tell."""
+    if bool(rotor.unit) != bool(joint.unit):
+        return 0.0
+    x, y = (_in_log_units(table, column) for column in (joint, rotor))
+    known = np.isfinite(x) & np.isfinite(y)
+    if known.sum() < 3 or np.ptp(x[known]) == 0.0:
+        return 0.0
+    x, y = (values[known] - np.mean(values[known]) for values in (x, y))
+    slope = float(x @ y / (x @ x))
+    if not slope or float(np.sum((y - slope * x) ** 2)) > (1.0 - _EXPLAINED) * float(y @ y):
+        return 0.0
+    # Read from the motor, whose encoder turns N times further: its noise counts the least.
+    ratio = abs(float(y @ y) / float(x @ y))
+    return float(f"{ratio:.4g}") if abs(ratio - 1.0) > _DIRECT else 0.0
+
+
+def _in_log_units(table: Table, column: NameGuess) -> FloatArray:
+    worth = LOG_UNITS[column.unit][1] if column.unit else 1.0
+    return np.asarray(table.numbers(column.name) * worth)
+
+
+def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
+    """Whether the names say what a finding doubts: angles in rad."""
+    entries = [
+        table.get("columns", {}).get(name, {}) for name in finding.likeliest.get("columns", {})
+    ]
+    return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
+
+
+def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -> list[Log]:
+    rules = parse_column_map(table, "", single_ratios(robot))
+    return list(read_logs(paths[:_LOGS], rules))[:_LOGS]
+
+
+def _matched(robot: Robot, log: Log, joints: Sequence[str]) -> dict[str, Any]:
+    """Return the columns that must be exchanged, if the rows tell it."""
+    order, sure = match_joints(robot, log, joints, joints)
+    if not sure:
+        return {}
+    return {
+        f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
+        for ours, theirs in order.items()
+        if ours != theirs
+        for name in log.columns
+        if name.startswith(f"{theirs}.")
+    }
+
+
+def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
+    times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
+    if not times:
+        raise LogError(
+            f"{table.path}: no column looks like a clock. There are: {', '.join(table.names)}. "
+            "Give the rows per second: --rate HZ."
+        )
+    first = times[0]
+    clock: dict[str, Any] = {} if first.name == TIME else {"from": first.name}
+    if first.unit and first.unit != "s":
+        clock["unit"] = first.unit
+    return {"time": clock} if clock else {}
+
+
+def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
+    """Return what a map says of a clock that starts again, or whose stamps repeat.
+
+    Raises:
+        LogError: the clock lost its digits.
+    """
+    rules = parse_column_map({"time": mapped.get("time", {})})
+    time = clock_of(table, rules.time)
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size:
+        for name in table.names if restarts(time).size else ():
+            keys = table.texts(name)
+            if not guess_name(name).quantity and np.all(keys[back] != keys[back + 1]):
+                return {"rows": {"split": name}}
+        return {}
+    columns = {
+        entry["from"]: table.numbers(entry["from"])
+        for entry in mapped.get("columns", {}).values()
+        if isinstance(entry, dict) and isinstance(entry.get("from"), str)
+    }
+    if not columns:
+        columns = {n: table.numbers(n) for n in table.names if guess_name(n).quantity in _PLACES}
+    if np.all(np.diff(time) > 0.0):
+        return {}
+    advancing(time, columns, "spread", np.arange(time.size), str(table.path))  # raises if lost
+    return repeated_mend(time, columns)
+
+
+_KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
+_GUESS = "guess: not in the model file; look it up"
+
+
+def guessed_numbers(path: str | Path) -> list[str]:
+    """Return the numbers of a robot description that are still guesses, `gears.knee.gear_ratio`.
+
+    Empty for a robot that is no file.
+    """
+    if not Path(path).is_file():
+        return []
+    with Path(path).open("rb") as file:
+        gears = tomllib.load(file).get("gears", {})
+    return [
+        f"gears.{joint}.{key}"
+        for joint, numbers in gears.items()
+        for key, number in numbers.items()
+        if isinstance(number, dict) and str(number.get("source", "")).startswith(_GUESS)
+    ]
+
+
+def driven_joints(model: pin.Model) -> tuple[str, ...]:
+    """Return the joints of a model that a gear can drive: those with one degree of freedom."""
+    joints = [model.joints[model.getJointId(name)] for name in list(model.names)[1:]]
+    names = list(model.names)[1:]
+    return tuple(n for n, j in zip(names, joints, strict=True) if j.nv == 1 and j.nq == 1)
+
+
+def model_joints(path: Path, base: str) -> tuple[str, ...]:
+    """Return the joints of a model file that a gear can drive.
+
+    Raises:
+        RobotError: a file that cannot be read, or without such a joint.
+    """
+    model, _ = read_model(path, base, [])
+    joints = driven_joints(model)
+    if not joints:
+        raise RobotError(f"'{path}' has no joint with one degree of freedom for a gear to drive.")
+    return joints
+
+
+def write_robot(
+    target: str | Path,
+    model: Path,
+    base: str,
+    driven: Sequence[str],
+    name: str,
+    targets: Sequence[str] = (),
+    held: Sequence[str] = (),
+    ratios: Mapping[str, RatioGuess] = MappingProxyType({}),
+) -> Path:
+    """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
+
+    Args:
+        target: the file.
+        model: URDF or MJCF.
+        base: fixed or free_flyer.
+        driven: joints that get a gear.
+        name: of the robot.
+        targets: joints of those whose drive follows a target that the logs hold, without a torque.
+        held: joints that are welded at zero.
+        ratios: gear ratios that the logs tell.
+    """
+    stated = {**_reductions(model), **_armatures(model)}
+    lines = [
+        "# Written by `wbc init`. Numbers whose source is 'guess' are to be looked up.",
+        f'name = "{name}"',
+        f'model = "{model.resolve().as_posix()}"',
+        f'base = "{base}"',
+    ]
+    if held:
+        names = ", ".join(f'"{joint}"' for joint in held)
+        lines.append(f"lock = [{names}]  # guess: no column with their position, so held at zero")
+    for joint in driven:
+        ratio, inertia = stated.get(joint, (None, None))
+        lines += [
+            "",
+            f'[gears."{joint}"]',
+            _number("gear_ratio", ratio, *_of_rows(ratios.get(joint))),
+            _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
+        ]
+        if joint in targets:
+            why = "it scales every torque: the gains of the drive make the torque of the target"
+            lines += [
+                _number("kp", None, _KP, "N m/rad", why),
+                _number("kd", None, _KD, "N m s/rad", "as kp"),
+            ]
+    return write_text(Path(target), "\n".join(lines) + "\n")
+
+
+def _of_rows(told: RatioGuess | None) -> tuple[float, str, str]:
+    """Return a guessed gear ratio, its unit and where it comes from."""
+    if told is None:
+        return 1.0, "1", "torque is then taken behind the gear"
+    return told.value, "1", f"from the rows: {told.source}"
+
+
+def _number(key: str, value: float | None, guess: float, unit: str, why: str) -> str:
+    known = value is not None
+    source = "the model file" if known else f"{_GUESS}; {why}"
+    return (
+        f'{key} = {{ value = {value if known else guess}, unit = "{unit}", source = "{source}" }}'
+    )
+
+
+def _reductions(path: Path) -> Mapping[str, tuple[float, float | None]]:
+    """Return joint -> (gear ratio, no inertia) of the <transmission> elements of a URDF."""
+    found: dict[str, tuple[float, float | None]] = {}
+    for element in _root(path).iter("transmission"):
+        joint = element.find("joint")
+        ratio = element.find(".//mechanicalReduction")
+        if joint is None or ratio is None or not ratio.text:
+            continue
+        try:
+            value = float(ratio.text)
+        except ValueError:
+            continue
+        if value != 0.0:
+            found[str(joint.get("name"))] = (value, None)
+    return found
+
+
+def _armatures(path: Path) -> Mapping[str, tuple[float, float]]:
+    """Return joint -> (1, armature) of the joints of an MJCF file that state one themselves."""
+    found: dict[str, tuple[float, float]] = {}
+    for joint in _root(path).iter("joint"):
+        name, armature = joint.get("name"), joint.get("armature")
+        if name and armature:
+            found[name] = (1.0, float(armature))
+    return found
+
+
+def _root(path: Path) -> ElementTree.Element:
+    try:
+        return ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as cause:
+        raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause

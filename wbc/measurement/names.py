@@ -1,0 +1,230 @@
+"""What the name of a foreign column suggests: quantity, unit, and whose it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from wbc.measurement.map_lines import Mend, say_so
+from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, split_column
+
+_KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)} - {"1"}
+_NAMED = [unit for unit, (kind, _) in LOG_UNITS.items() if kind in _KINDS]
+_UNITS = {
+    **{unit.lower().replace("/", " ").replace("^", " "): unit for unit in _NAMED},
+    **{unit.lower().replace(" ", ""): unit for unit in _NAMED if "/" not in unit},
+    **{"turns": "turn", "sec": "s", "seconds": "s", "c": "deg C"},
+}
+"""Words of a name in lower case -> the unit that they name."""
+
+_QUANTITIES = {
+    "time": ("time", "t", "stamp", "timestamp", "clock"),
+    "position": ("q", "pos", "position", "theta", "phi", "angle", "ang"),
+    "velocity": ("v", "dq", "qd", "vel", "velocity", "w", "omega", "speed", "qdot"),
+    "motor_torque": ("tau", "torque", "trq", "effort", "force", "moment"),
+    "current": ("i", "cur", "current", "amp", "amps"),
+    "temperature": ("temp", "temperature"),
+}
+_OF_KINDS = {
+    "rad": "position",
+    "rad/s": "velocity",
+    "m/s": "velocity",
+    "N m": "motor_torque",
+    "A": "current",
+}
+"""What a unit measures -> the quantity that a name without one means."""
+_VECTORS = {("observation", "state"): "position", ("action",): "target_position"}  # LeRobot's
+_TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
+_FILL = {"meas", "measured", "act", "actual", "reported", "joint", "motor", "rotor", "state", "est"}
+
+
+@dataclass(frozen=True)
+class NameGuess:
+    """What a name suggests.
+
+    Attributes:
+        name: of the foreign column.
+        quantity: of the schema, `time`, or empty where nothing is suggested.
+        unit: as a column map names it; empty where none is suggested.
+        owner: what is left of the name: a joint, by name or number.
+        rotor: whether the name speaks of the motor or rotor.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    owner: str
+    rotor: bool = False
+
+
+def guess_name(name: str) -> NameGuess:
+    """Return what a name suggests; a name of the schema says what it is."""
+    native = split_column(name)
+    if native is not None:
+        return NameGuess(name, native[1], "", native[0])
+    unit, left = _unit(name)
+    quantity, rest = _quantity(left)
+    if not quantity and unit:
+        quantity = _OF_KINDS.get(LOG_UNITS[unit][0], "")
+    if unit and not _fits(quantity, unit):
+        unit = ""  # a word that only looks like one: the v of hip_v
+        quantity, rest = _quantity(_words(name))
+    if quantity and _TARGETS & set(rest):
+        quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
+    owner = "_".join(t for t in rest if t not in _FILL | _TARGETS)
+    return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
+
+
+def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return owner -> (joint, why): by name, by number along the chain, or by place in the file.
+
+    Owners that differ in a number alone are a series. It is read by the numbers of the joints where
+    every member meets just one joint so; else it counts along the chain: `q_0` to `q_5` of an arm
+    whose joints are numbered at the wrist alone are its six joints from the base.
+
+    Args:
+        owners: in the order of the file.
+        joints: of the robot, from the base to the tips.
+    """
+    words = {owner: set(owner.lower().split("_")) - {""} for owner in owners}
+    series = _series(owners)
+    fitting = {
+        owner: [
+            joint
+            for joint in joints
+            if joint == owner or (own and own <= set("_".join(_words(joint)).split("_")))
+        ]
+        for owner, own in words.items()
+    }
+    met = [tuple(fitting[owner]) for owner in series]
+    counted = bool(series) and not (all(len(m) == 1 for m in met) and len(set(met)) == len(met))
+    named: dict[str, tuple[str, str]] = {}
+    for owner in owners:
+        if owner in series and counted:
+            continue
+        free = [j for j in fitting[owner] if j not in [joint for joint, _ in named.values()]]
+        if len(free) == 1:
+            named[owner] = (free[0], "by its name")
+    for chosen, why in (
+        (series if counted else [], "by its number along the chain"),
+        (list(owners), "by its place in the file"),
+    ):
+        left = [j for j in joints if j not in [joint for joint, _ in named.values()]]
+        for owner in chosen:
+            if owner not in named and left:
+                named[owner] = (left.pop(0), why)
+        if chosen and series and counted:
+            break  # what is left beside a series that was counted is no joint
+    return named
+
+
+def _series(owners: Sequence[str]) -> list[str]:
+    """Return the owners that differ in a number alone and count without a hole, in their order."""
+    groups: dict[str, dict[int, str]] = {}
+    for owner in owners:
+        numbers = re.findall(r"\d+", owner)
+        if len(numbers) == 1:
+            groups.setdefault(re.sub(r"\d+", "#", owner), {})[int(numbers[0])] = owner
+    longest = max(groups.values(), key=len, default={})
+    ends = sorted(longest)
+    whole = len(ends) > 1 and ends[0] in (0, 1) and ends == list(range(ends[0], ends[-1] + 1))
+    return [longest[number] for number in ends] if whole else []
+
+
+def unread_map(ignored: Sequence[str], missing: Sequence[str]) -> Mend:
+    """Return the map that reads missing channels from columns whose names look like them.
+
+    Args:
+        ignored: columns of the file that were not read.
+        missing: channels; several quantities of one joint are ways to say the same.
+
+    Returns:
+        A map with at most one column for every joint; an empty one where no name looks like it.
+    """
+    wanted = [parts for parts in map(split_column, missing) if parts is not None]
+    quantities = {quantity for _, quantity in wanted}
+    fitting = [guess for guess in map(guess_name, ignored) if guess.quantity in quantities]
+    fitting.sort(key=lambda guess: guess.rotor)  # of two columns, that of the joint itself
+    owners = list(dict.fromkeys(guess.owner for guess in fitting))
+    joints = list(dict.fromkeys(joint for joint, _ in wanted))
+    named = joints_of(owners, joints)
+    if len(owners) != len(joints):
+        named = {owner: one for owner, one in named.items() if one[1] == "by its name"}
+    columns: dict[str, dict[str, str]] = {}
+    for guess in fitting:
+        joint, _ = named.get(guess.owner, ("", ""))
+        held = {parts[0] for parts in map(split_column, columns) if parts is not None}
+        if (joint, guess.quantity) not in wanted or joint in held:
+            continue
+        unit = {"unit": guess.unit} if guess.unit else {}
+        columns[f"{joint}.{guess.quantity}"] = {"from": guess.name, **unit}
+    return {"columns": columns} if columns else {}
+
+
+def unread_columns(ignored: Sequence[str], missing: Sequence[str]) -> str:
+    """Return what to do if a column that was not read is a channel that is missing.
+
+    Args:
+        ignored: columns of the file that were not read.
+        missing: as for `unread_map`; one stands for all where no name looks like any.
+
+    Returns:
+        A sentence with the lines of a map, empty where every column was read.
+    """
+    if not ignored or not missing:
+        return ""
+    mend = unread_map(ignored, missing)
+    if mend:
+        names = [entry["from"] for entry in mend["columns"].values()]
+        found = list(mend["columns"])
+        missed = f"{', '.join(found)} {'is' if len(found) == 1 else 'are'}"
+        return f"{_unread(names)}, and {missed} missing. If they are the same, {say_so(mend)}"
+    blank: Mend = {"columns": {missing[0]: {"from": "COLUMN"}}}
+    return (
+        f"{_unread(ignored)}, for want of a known name. If {missing[0]} is there, put the name of "
+        f"its column in place of COLUMN, and {say_so(blank)}"
+    )
+
+
+def _unread(names: Sequence[str]) -> str:
+    quoted = ", ".join(f"'{name}'" for name in names)
+    return f"Column {quoted} was not read" if len(names) == 1 else f"Columns {quoted} were not read"
+
+
+def _fits(quantity: str, unit: str) -> bool:
+    kinds = ("s",) if quantity == "time" else JOINT_QUANTITIES.get(quantity, ())
+    return LOG_UNITS[unit][0] in kinds
+
+
+def _words(name: str) -> list[str]:
+    """Return the words and numbers of a name in lower case; `hipVel` is two words."""
+    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    return [word.lower() for word in re.findall(r"[A-Za-z]+|[0-9]+", spaced)]
+
+
+def _unit(name: str) -> tuple[str, list[str]]:
+    """Return (unit, the other words); a unit stands at the end.
+
+    The capital of `mNm` or `mA` begins no word.
+    """
+    for found in (list(re.finditer(r"[A-Za-z]+|[0-9]+", name)), None):
+        words = [match[0].lower() for match in found] if found else _words(name)
+        for count in (3, 2, 1):
+            said = " ".join(words[-count:])
+            if len(words) > count and said in _UNITS:
+                left = _words(name[: found[-count].start()]) if found else words[:-count]
+                return _UNITS[said], left
+    return "", _words(name)
+
+
+def _quantity(tokens: list[str]) -> tuple[str, list[str]]:
+    for quantity, words in _QUANTITIES.items():
+        for k, token in enumerate(tokens):
+            single = re.sub(r"(?<=..)(ie)?s$", lambda end: "y" if end[1] else "", token)
+            if token in words or single in words:
+                return quantity, tokens[:k] + tokens[k + 1 :]
+    for vector, quantity in _VECTORS.items():
+        if set(vector) <= set(tokens):
+            return quantity, [token for token in tokens if token not in vector]
+    return "", tokens

@@ -1,0 +1,489 @@
+"""Reading logs from files: the table of a file becomes the channels of one log or several."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TypedDict, Unpack
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import firwin, upfirdn
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.errors import LogError, unknown_name
+from wbc.measurement.clocks import GAP_STEPS, advancing, restarts
+from wbc.measurement.column_map import (
+    ColumnMap,
+    ColumnRule,
+    TimeRule,
+    identity_rule,
+    parse_column_map,
+    read_column_map,
+)
+from wbc.measurement.filters import align_velocity
+from wbc.measurement.log import Log, LogSource
+from wbc.measurement.map_lines import Mend, say_so
+from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, known_as, likely_meant
+from wbc.measurement.tables import Table, digest, open_table
+
+MAX_ROWS = 2_000_000
+"""Longest log kept row by row (2e6 rows of 20 channels take 340 MB); a longer one is decimated."""
+
+_EFFORT = ".effort"
+_CLOCK: Mend = {"time": {"from": "CLOCK"}}
+_RATE: Mend = {"time": {"rate": 100}}
+_SHOWN = 8  # combinations of values that a message lists
+_HALF_LENGTH, _PASS_BAND = 8, 0.8  # of the filter before rows are left out: new samples, Nyquist
+
+
+class Choices(TypedDict, total=False):
+    """What of files is read, and how; the meaning stands at `load_logs`."""
+
+    gear_ratios: Mapping[str, float] | None
+    only: Sequence[str] | None
+    max_rows: int
+
+
+def load_log(
+    path: str | Path, columns: str | Path | ColumnMap | None = None, **choices: Unpack[Choices]
+) -> Log:
+    """Read the one log of a file; the arguments are those of `load_logs`.
+
+    Raises:
+        LogError: also when the file holds several logs; the message lists them.
+    """
+    logs = load_logs([path], columns, **choices)
+    if len(logs) != 1:
+        parts = ", ".join(log.source.part for log in logs)
+        raise LogError(
+            f"'{path}' holds {len(logs)} logs; choose one as '{path}#NAME', or read them all with "
+            f"load_logs. There are: {parts}."
+        )
+    return logs[0]
+
+
+def load_logs(
+    paths: Iterable[str | Path],
+    columns: str | Path | ColumnMap | None = None,
+    **choices: Unpack[Choices],
+) -> tuple[Log, ...]:
+    """Read logs from text (CSV and its kin), Parquet, NPZ, MCAP and rosbag2 files.
+
+    Args:
+        paths: files. `FILE#PATTERN` picks logs by name (`*` and `?` allowed) from a file that holds
+            several: a column map splits it, or its clock starts again (`#run1`, `#run2`).
+        columns: column map for foreign names and units, or its path; None for a file that has our
+            names (`effort` is read as motor_torque).
+        choices: `gear_ratios`: N of joints, for a map that names a side of the gear but no ratio.
+            `only`: channels wanted. `max_rows` (default `MAX_ROWS`): a longer log is low-passed and
+            decimated by the integer factor that brings it below; `log.source.decimation` and the
+            ingest check say so.
+
+    Returns:
+        The logs in order of files, and of first appearance within a file.
+
+    Raises:
+        LogError: a file, map or log that cannot be used; the message says which and why.
+    """
+    from wbc.measurement.mistakes import require_plausible_units
+
+    logs = read_logs(paths, columns, **choices)
+    for log in logs:
+        require_plausible_units(log)
+    return logs
+
+
+def read_logs(
+    paths: Iterable[str | Path],
+    columns: str | Path | ColumnMap | None = None,
+    *,
+    gear_ratios: Mapping[str, float] | None = None,
+    only: Sequence[str] | None = None,
+    max_rows: int = MAX_ROWS,
+) -> tuple[Log, ...]:
+    """Read logs as `load_logs` does, also those whose columns contradict each other.
+
+    Raises:
+        LogError: a file, map or log that cannot be read; the message says which and why.
+    """
+    if max_rows < 2:
+        raise LogError(f"max_rows is {max_rows}; a log needs at least two rows.")
+    if isinstance(columns, str | Path):
+        columns = read_column_map(columns, gear_ratios)
+    logs: list[Log] = []
+    for path in paths:
+        logs += _load(path, columns or ColumnMap(()), only, max_rows)
+    return tuple(logs)
+
+
+def split_path(path: str | Path) -> tuple[Path, str]:
+    """Return (file, pattern of log names) of `FILE#PATTERN`."""
+    file, mark, pattern = str(path).rpartition("#")
+    if not mark or Path(path).exists():
+        return Path(path), ""
+    return Path(file), pattern
+
+
+def mended(log: Log, mend: Mend, gear_ratios: Mapping[str, float] | None = None) -> Log:
+    """Return a log changed as a column map says whose sources are its own columns.
+
+    Args:
+        log: as it was read.
+        mend: a parsed column map, without [rows].
+        gear_ratios: N of joints, for entries that name a side of the gear and no ratio.
+
+    Raises:
+        LogError: an entry that does not fit, or a column that the log does not have.
+    """
+    rules = parse_column_map(mend, "", gear_ratios)
+    used = {source for rule in rules.rules for source in rule.sources} | set(rules.left_out)
+    gone = used | {rule.target for rule in rules.rules}
+    columns = {name: values for name, values in log.columns.items() if name not in gone}
+    for rule in rules.rules:
+        columns[rule.target] = rule.value({name: log.column(name) for name in rule.sources})
+    clock = rules.time
+    time = log.time if clock.source != TIME else clock.factor * log.time + clock.offset
+    dropped = [columns[rule.target] for rule in rules.rules if rule.missing == "drop_rows"]
+    if dropped:
+        kept = np.all(np.isfinite(dropped), axis=0)
+        columns = {name: values[kept] for name, values in columns.items()}
+        time = time[kept]
+    return _shifted(replace(log, time=time, columns=columns), rules)
+
+
+def clock_of(table: Table, rule: TimeRule) -> FloatArray:
+    """Return the time stamps (N,) [s] that a map finds in a table."""
+    if rule.rate > 0.0:
+        return np.arange(table.rows) / rule.rate + rule.offset
+    return rule.factor * table.numbers(rule.source) + rule.offset
+
+
+def _load(
+    path: str | Path, columns: ColumnMap, only: Sequence[str] | None, max_rows: int
+) -> list[Log]:
+    file, pattern = split_path(path)
+    table = open_table(file, columns.rows.topic, columns.rows.header)
+    rules, ignored, notes = _patched(columns, table)
+    rules = _in_units_of_file(_restricted(rules, only, str(file)), table)
+    source = LogSource(
+        str(file),
+        digest(file),
+        mapping=rules.path,
+        ignored=ignored,
+        notes=(*table.notes, *notes),
+        trusted=rules.trusted,
+    )
+    time = clock_of(table, rules.time)
+    return [
+        _log(table, rules, rows, time[rows], replace(source, part=part), max_rows)
+        for part, rows in _parts(table, rules, time, pattern).items()
+    ]
+
+
+def _log(
+    table: Table, rules: ColumnMap, rows: IntArray, time: FloatArray, source: LogSource, most: int
+) -> Log:
+    """Return the log of some rows of a table.
+
+    Raises:
+        LogError: nothing is left, or what is left is no log (see `Log`).
+    """
+    count, label = rows.size, source.label
+    values = {
+        rule.target: rule.value({name: table.numbers(name)[rows] for name in rule.sources})
+        for rule in rules.rules
+    }
+    first, last = rules.rows.between
+    kept = (time >= first) & (time <= last)
+    for rule in rules.rules:
+        if rule.missing == "drop_rows":
+            kept &= ~np.isnan(values[rule.target])
+    if not kept.any():
+        raise LogError(f"{label}: no rows ({count} read, {count} dropped).")
+    block = {name: column[kept] for name, column in values.items()}
+    time, apart = advancing(time[kept], block, rules.time.repeated, rows[kept], label)
+    block = {name: column[apart] for name, column in block.items()}
+    factor = -(-time.size // most)
+    notes, columns = list(source.notes), {}
+    unusable: dict[str, str] = {}
+    for rule in rules.rules:
+        column = _decimated(block[rule.target], factor)
+        if rule.missing == "omit" and np.isnan(column).all():
+            notes.append(f"{rule.target} left out: {', '.join(rule.sources)} is empty.")
+        elif rule.missing == "when_needed" and not np.isfinite(column).all():
+            unusable[rule.target] = _holes(rule.target, column)
+        else:
+            columns[rule.target] = column
+    if unusable and not columns:
+        raise LogError(f"{label}: " + next(iter(unusable.values())))
+    if dropped := count - int(np.count_nonzero(apart)):
+        notes.append(f"{dropped} of {count} rows dropped by the column map.")
+    source = replace(source, decimation=factor, notes=tuple(notes), unusable=unusable)
+    return _shifted(Log(_decimated(time, factor), columns, source), rules)
+
+
+def _holes(target: str, values: FloatArray) -> str:
+    """Return the message for a channel that cannot be used, and how it can."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    drop = say_so({"columns": {target: {"missing": "drop_rows"}}}, "drop these rows")
+    return (
+        f"column '{target}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
+        f"{values.size}). Repair the file, or {drop}"
+    )
+
+
+def _shifted(log: Log, rules: ColumnMap) -> Log:
+    """Return a log without the delays that a map states; rows without a value are left out."""
+    lags = {rule.target: rule.lag for rule in rules.rules if rule.lag and log.has(rule.target)}
+    if lags:
+        early, late = min(0.0, *lags.values()), max(0.0, *lags.values())
+        kept = log.between(log.time[0] - early, log.time[-1] - late + 1e-12)
+        log = kept.with_columns(
+            {
+                name: CubicSpline(log.time, log.column(name))(kept.time + lag)
+                for name, lag in lags.items()
+            }
+        )
+    return align_velocity(log) if rules.time.align_velocity else log
+
+
+def _decimated(values: FloatArray, factor: int) -> FloatArray:
+    """Return one value of `factor`, of (N,), after a symmetric low-pass without phase shift.
+
+    The windowed sinc passes up to 0.8 of the new Nyquist frequency. It acts on the time stamps too,
+    so that jitter is averaged with the values. Ends are extended by point reflection, which keeps
+    straight lines straight.
+    """
+    if factor == 1:
+        return values
+    reach = min(_HALF_LENGTH * factor, values.size - 1)
+    taps = firwin(2 * reach + 1, _PASS_BAND / factor)
+    before = 2.0 * values[0] - values[reach:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -reach - 2 : -1]
+    longer = np.concatenate([before, values, after])
+    return np.asarray(upfirdn(taps, longer)[2 * reach : 2 * reach + values.size : factor])
+
+
+def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> dict[str, IntArray]:
+    """Return the rows of every log that a file holds and that is wanted, by the log's name.
+
+    A log is what a value of the splitting column marks without a break: where the value comes back
+    after a gap of the clock, or the clock starts again, another log begins. Logs whose rows
+    alternate on one clock are no break.
+
+    Raises:
+        LogError: nothing fits; the message lists the logs that there are.
+    """
+    choice = rules.rows
+    keys = {name: table.texts(name) for name in choice.keys}
+    rows = np.flatnonzero(choice.keeps(keys, table.rows))
+    found: dict[str, IntArray] = {}
+    values = keys[choice.split][rows] if choice.split else np.full(rows.size, "")
+    for value in dict.fromkeys(values.tolist()):
+        own = rows[values == value]
+        pieces = np.split(own, _breaks(own, time[own]))
+        for k, piece in enumerate(pieces, start=1):
+            name = f"{value}/{k}" if value else f"run{k}"
+            found[name if len(pieces) > 1 else value] = piece
+    found = dict(sorted(found.items(), key=lambda part: part[1][0]))
+    if pattern and list(found) == [""]:
+        raise LogError(
+            f"{table.path}: '#{pattern}' picks one of several logs, but nothing splits the file. "
+            + _splitting(table, pattern)
+        )
+    wanted = {p: own for p, own in found.items() if not pattern or fnmatchcase(p, pattern)}
+    if not wanted and not table.rows:
+        raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
+    if not wanted:
+        where = ", ".join(f"{column} = {value}" for column, value in choice.where.items())
+        there = (
+            f"There are: {', '.join(found)}."
+            if found
+            else _present({c: keys[c] for c in choice.where})
+        )
+        raise LogError(
+            f"{table.path}: no log '{pattern or '*'}'{' where ' + where if where else ''}. {there}"
+        )
+    return wanted
+
+
+def _breaks(rows: IntArray, time: FloatArray) -> IntArray:
+    """Return the places within the rows of one value at which a new log begins."""
+    again = restarts(time)
+    steps = np.diff(time)
+    interrupted = np.diff(rows) > 1
+    if not interrupted.any():
+        return again
+    usual = float(np.nanmedian(steps))
+    apart = interrupted & ~((steps > 0.0) & (steps <= GAP_STEPS * usual))
+    return np.union1d(np.flatnonzero(apart) + 1, again).astype(np.int_)
+
+
+def _present(keys: Mapping[str, np.ndarray]) -> str:
+    """Return which values the columns hold of which a map wants others, for a file with no row."""
+    found = dict.fromkeys(zip(*(keys[name].tolist() for name in keys), strict=True))
+    shown = [", ".join(f"{c} = {v}" for c, v in zip(keys, row, strict=True)) for row in found]
+    more = [f"and {len(shown) - _SHOWN} more"] if len(shown) > _SHOWN else []
+    return f"The file holds: {'; '.join([*shown[:_SHOWN], *more]) or 'no rows'}."
+
+
+def _splitting(table: Table, pattern: str) -> str:
+    """Return how to split a file: by the column that holds what a pattern names."""
+    for name in table.names:
+        if any(fnmatchcase(value, pattern) for value in np.unique(table.texts(name))):
+            return f"Its column '{name}' has such values; " + say_so({"rows": {"split": name}})
+    return f"Leave '#{pattern}' out: no column has values that it names."
+
+
+def _in_units_of_file(rules: ColumnMap, table: Table) -> ColumnMap:
+    """Return the map with the unit of the clock that the file itself states."""
+    kind, factor = LOG_UNITS.get(table.units.get(rules.time.source, ""), ("", 1.0))
+    if kind != "s" or rules.time.factor != 1.0:
+        return rules
+    return replace(rules, time=replace(rules.time, factor=factor))
+
+
+def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...], tuple[str, ...]]:
+    """Return the map that reads a file: the columns with our names, changed as a map says.
+
+    Args:
+        rules: a map; one without entries changes nothing.
+        table: the file.
+
+    Returns:
+        The map with an entry for every channel, the columns that it passes over, and notes on what
+        was taken for granted.
+
+    Raises:
+        LogError: no clock, no channel, a name that looks misspelt, or a column that the file lacks.
+    """
+    own, notes = _own_rules(table)
+    stated = [_resolved(rule, own) for rule in rules.rules]
+    used = {source for rule in stated for source in rule.sources} | set(rules.rows.keys)
+    _require_spelling(table, rules, used)
+    taken = {name for rule in stated for name in known_as(rule.target)} | set(rules.left_out)
+    passed = [
+        rule
+        for target, rule in own.items()
+        if target not in taken and not used & set(rule.sources) and target != rules.time.source
+    ]
+    complete = replace(rules, rules=(*passed, *stated))
+    _require_clock(complete, table)
+    complete = _for_table(complete, table)
+    read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
+    ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
+    kept = {rule.target for rule in complete.rules}
+    return complete, ignored, tuple(note for target, note in notes.items() if target in kept)
+
+
+def _restricted(rules: ColumnMap, only: Sequence[str] | None, label: str) -> ColumnMap:
+    """Return the map without the channels that are not wanted.
+
+    Raises:
+        LogError: a channel that the map does not give.
+    """
+    if only is None:
+        return rules
+    for name in only:
+        if name != TIME and name not in rules.targets:
+            raise LogError(f"{label}: " + unknown_name("column", name, rules.targets))
+    return replace(rules, rules=tuple(rule for rule in rules.rules if rule.target in only))
+
+
+def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
+    """Return the entries of the columns that need no map, by channel, and notes on some."""
+    rules: dict[str, ColumnRule] = {}
+    notes: dict[str, str] = {}
+    for name in table.names:
+        if name != TIME and is_column(name):
+            rules[name] = _in_unit(identity_rule(name), table.units.get(name, ""))
+    for name in table.names:
+        target = name.removesuffix(_EFFORT) + ".motor_torque"
+        if name.endswith(_EFFORT) and len(name) > len(_EFFORT) and target not in rules:
+            rules[target] = replace(identity_rule(name), target=target)
+            notes[target] = _taken(name, target)
+    return rules, notes
+
+
+def _taken(name: str, target: str) -> str:
+    """Return the note on an effort, with what to say if it is something else."""
+    joint = name.removesuffix(_EFFORT)
+    torque: Mend = {"columns": {f"{joint}.rotor_torque": {"from": name}}}
+    current: Mend = {"columns": {f"{joint}.current": {"from": name}}}
+    return (
+        f"{name} is taken for {target}. If it is the rotor's torque, {say_so(torque)}\n"
+        f"If it is a current [A], {say_so(current)}"
+    )
+
+
+def _in_unit(rule: ColumnRule, unit: str) -> ColumnRule:
+    """Return a rule with the factor of the unit that the file itself states, if we know it."""
+    kind, factor = LOG_UNITS.get(unit, ("", 1.0))
+    return replace(rule, factors=(factor,)) if kind in (column_units(rule.target) or ()) else rule
+
+
+def _resolved(rule: ColumnRule, own: dict[str, ColumnRule]) -> ColumnRule:
+    """Return a rule that names no source with the one that its channel has in this file."""
+    if not rule.implied:
+        return rule
+    held = next((own[name] for name in known_as(rule.target) if name in own), None)
+    return rule if held is None else replace(rule, sources=held.sources)
+
+
+def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
+    """Raise where a column that nothing uses looks like one of ours misspelt."""
+    clock = rules.time.rate > 0.0 or rules.time.source != TIME
+    given = {*table.names, *rules.targets, *rules.left_out, *((TIME,) if clock else ())}
+    for name in table.names:
+        meant = likely_meant(name)
+        if meant is None or meant in given or name in used | set(rules.left_out):
+            continue
+        found: Mend = {"time": {"from": name}}
+        if meant != TIME:
+            found = {"columns": {meant: {"from": name}}}
+        raise LogError(
+            f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or "
+            + say_so(found)
+        )
+
+
+def _require_clock(rules: ColumnMap, table: Table) -> None:
+    if rules.time.source == TIME and TIME not in table.names:
+        raise LogError(
+            f"{table.path}: "
+            + unknown_name("column", TIME, table.names)
+            + f" Put the name of the clock's column in place of CLOCK, and {say_so(_CLOCK)}\n"
+            + f"If the file has no clock, put its rate [Hz] in place of 100, and {say_so(_RATE)}"
+        )
+    if not rules.rules:
+        raise LogError(
+            f"{table.path}: none of its columns has a name of a log (<joint>.position, ...). "
+            f"There are: {', '.join(table.names)}. Let `wbc init MODEL {table.path}` write a first "
+            "column map for the URDF, MJCF or robot MODEL."
+        )
+
+
+def _for_table(rules: ColumnMap, table: Table) -> ColumnMap:
+    """Return the map without the optional channels that a file lacks.
+
+    Raises:
+        LogError: the file lacks a column that the map needs, or the map leaves no channel.
+    """
+    names = set(table.names)
+    label = rules.path or "column map"
+    needed = [(f"columns.{r.target}", s) for r in rules.rules if not r.optional for s in r.sources]
+    needed += [("rows", key) for key in rules.rows.keys]
+    if rules.time.source:
+        needed.append(("time", rules.time.source))
+    for key, name in needed:
+        if name not in names:
+            raise LogError(
+                f"{label}: {key}: " + unknown_name(f"column of '{table.path}'", name, table.names)
+            )
+    kept = tuple(rule for rule in rules.rules if names.issuperset(rule.sources))
+    if not kept:
+        raise LogError(f"{label}: '{table.path}' has none of the columns that the map names.")
+    return replace(rules, rules=kept)

@@ -1,0 +1,283 @@
+"""Findings about what a robot has and a log lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import permutations
+from math import factorial
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wbc.measurement.evidence import evidence, rows_of
+from wbc.measurement.findings import LogFinding
+from wbc.measurement.log import Log
+from wbc.measurement.map_lines import Mend, say_so
+from wbc.measurement.names import unread_columns, unread_map
+from wbc.measurement.read import mended
+from wbc.measurement.readings import Bench, as_it_stands
+from wbc.measurement.torque import (
+    REPORTED,
+    joint_position,
+    makes_torque,
+    placeless_joints,
+    torque_channels,
+    without_position,
+)
+from wbc.robot import Robot, state_gear
+
+_TORQUES = (*REPORTED, "joint_torque")
+_NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
+_MOST_ORDERS = 720
+_SURE = 0.9
+_OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
+
+
+def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
+    """Return findings about joints without position, drives without torque, and no motion."""
+    unknown = unknown_joints(log, robot)
+    if unknown is not None:
+        return [unknown]
+    base = unknown_base(log, robot)
+    found = [*([base] if base is not None else _without_force(log, robot))]
+    found += _without_torque(log, robot)
+    speeds = without_position(robot, log)
+    positions = [
+        joint_position(log, name)
+        for name in robot.single_joints
+        if log.has(f"{name}.position") or name in speeds
+    ]
+    if positions and all(np.ptp(values) == 0.0 for values in positions):
+        found.append(
+            LogFinding(
+                "error",
+                "constant_log",
+                "",
+                "no joint moves in this log: every position is constant.",
+                "Record the robot in motion; if it moved, the position columns are not connected.",
+            )
+        )
+    return found
+
+
+def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
+    """Return what to do about joints without position, None where every joint has what it needs.
+
+    A velocity is enough for a joint whose position changes nothing (see `placeless_joints`).
+    """
+    missing = [name for name in robot.single_joints if not log.recorded(f"{name}.position")]
+    speeds = without_position(robot, log)
+    placeless = placeless_joints(robot, speeds)
+    missing = [name for name in missing if name not in placeless]
+    if not missing:
+        return None
+    strange = [name for name in log.with_quantity("position") if name not in robot.joints]
+    seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
+    text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
+    mend: Mend = {}
+    unread = log.source.ignored
+    sought = [f"{name}.position" for name in missing]
+    named = unread_map(unread, sought)
+    if len(named.get("columns", {})) == len(missing):
+        way = unread_columns(unread, sought)
+        return LogFinding("error", "joints_unknown", "", text, way, named)
+    way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
+    placed = [name for name in missing if name in speeds]
+    if placed:
+        way += f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia there"
+        way += " depends on the position."
+    way += " Joints that never moved are held still by a line at the top of robot.toml:"
+    way += f"\n    lock = {missing}"
+    if len(strange) == len(missing):
+        order, sure = match_joints(robot, log, missing, strange)
+        mend = {
+            "columns": {
+                f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
+                for ours, theirs in order.items()
+                for name in log.columns
+                if name.startswith(f"{theirs}.")
+            }
+        }
+        why = "as their motion and torques tell" if sure else "if their order is the same"
+        way = f"If they are the same joints ({why}), " + say_so(mend)
+    elif unread:
+        way = f"{unread_columns(unread, sought)}\n{way}"
+        mend = named
+    return LogFinding("error", "joints_unknown", "", text, way, mend)
+
+
+def unknown_base(log: Log, robot: Robot) -> LogFinding | None:
+    """Return what to do about a free base without a pose, None where the pose is there."""
+    if not robot.has_free_flyer:
+        return None
+    needed = {"position": "xyz", "orientation": "xyzw"}
+    names = {kind: [f"base.{kind}.{axis}" for axis in axes] for kind, axes in needed.items()}
+    lost = {kind: [name for name in each if not log.recorded(name)] for kind, each in names.items()}
+    lacking = [name for each in lost.values() for name in each]
+    if not lacking:
+        return None
+    kinds = " and ".join(kind for kind, each in lost.items() if each)
+    way = (
+        "Record where the robot is, from motion capture or a state estimator, as metres and as a "
+        "unit quaternion (body to world). If the base is held, give the robot with its fixed base."
+    )
+    return LogFinding(
+        "error",
+        "no_base_pose",
+        "",
+        f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} needed.",
+        f"{way} {unread_columns(log.source.ignored, lacking)}".rstrip(),
+    )
+
+
+def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
+    """Return what to do where nothing tells when and how contacts of a free base push."""
+    names = [contact.name for contact in robot.contacts]
+    told = [name for name in names if name in log.contacts or log.has(f"{name}.active")]
+    if not robot.floating_size or not names or told:
+        return []
+    sought = [f"{name}.force.z" for name in names]
+    return [
+        LogFinding(
+            "warning",
+            "no_contact_force",
+            "",
+            f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
+            "robot stands on all of them can be used.",
+            f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
+            f"and else 0, and so on. {unread_columns(log.source.ignored, sought)}".rstrip(),
+        )
+    ]
+
+
+def _found_torque(log: Log, joints: list[str]) -> str:
+    """Return what to do where columns that were not read may be the torques of joints."""
+    sought = torque_channels(joints)
+    way = unread_columns(log.source.ignored, sought)
+    certain = len(unread_map(log.source.ignored, sought).get("columns", {})) == len(joints)
+    return way if certain or not way else f"{_NO_TORQUE} {way}"
+
+
+def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
+    lacking = [
+        joint
+        for joint in robot.transmission.joints
+        if not any(log.recorded(f"{joint}.{quantity}") for quantity in _TORQUES)
+    ]
+    gears = robot.transmission if log.machine is None else log.machine.transmission
+    made = dict(zip(gears.joints, makes_torque(log, gears), strict=True))
+    targets = [joint for joint in lacking if log.recorded(f"{joint}.target_position")]
+    followed = [joint for joint in lacking if made[joint]]
+    lacking = [joint for joint in lacking if joint not in followed]
+    constant = robot.transmission.torque_constant
+    found = []
+    gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
+    holes = [joint for joint in targets if joint in lacking and gained[gears.joints.index(joint)]]
+    lacking = [joint for joint in lacking if joint not in holes]
+    for joint in holes:
+        text = log.source.unusable.get(
+            f"{joint}.target_position", "a number of its gear is missing."
+        )
+        found.append(
+            LogFinding(
+                "error",
+                "no_target",
+                joint,
+                f"the torque of {joint} is made from its target, and {text}",
+                "If nothing drives the joint, take its gear out of robot.toml.",
+            )
+        )
+    if lacking and set(lacking) <= set(targets):
+        found.append(
+            LogFinding(
+                "error",
+                "no_drive_gains",
+                "",
+                f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
+                "their position drives.",
+                "State them (of drives that set the voltage: duty_gain instead of kp and kd): "
+                + "\n".join(state_gear(joint, "kp", "kd") for joint in lacking),
+            )
+        )
+    elif lacking:
+        found.append(
+            LogFinding(
+                "error",
+                "no_torque",
+                "",
+                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
+                "and joint_torque is needed, or target_position and the drive's gains kp and kd.",
+                _found_torque(log, lacking) or _NO_TORQUE,
+                unread_map(log.source.ignored, torque_channels(lacking)),
+            )
+        )
+    silent = [
+        joint
+        for k, joint in enumerate(robot.transmission.joints)
+        if joint not in lacking
+        and joint not in followed
+        and not any(log.recorded(f"{joint}.{quantity}") for quantity in _OF_UNIT)
+        and not np.isfinite(constant[k])
+    ]
+    if silent:
+        found.append(
+            LogFinding(
+                "error",
+                "no_torque_constant",
+                "",
+                f"the log gives currents of {', '.join(silent)}, and the robot no torque constant.",
+                "State it: " + "\n".join(state_gear(j, "torque_constant") for j in silent),
+            )
+        )
+    return found
+
+
+def match_joints(
+    robot: Robot, log: Log, ours: Sequence[str], theirs: Sequence[str]
+) -> tuple[dict[str, str], bool]:
+    """Return joint of the robot -> joint of the log, and whether the rows tell it.
+
+    The order in which the reported torques follow what the motion needs; the order of the names
+    where that cannot be told.
+
+    Args:
+        robot: whose joints some names of the log are thought to mean.
+        log: with columns of `theirs`.
+        ours: joints of the robot without columns.
+        theirs: joints of the log that the robot does not have, as many.
+    """
+    plain = dict(zip(ours, theirs, strict=True))
+    if len(ours) < 2 or factorial(len(ours)) > _MOST_ORDERS:
+        return plain, len(ours) == 1
+    renamed = mended(
+        log,
+        {
+            "columns": {
+                f"{one}.{name.removeprefix(other + '.')}": {"from": name}
+                for one, other in plain.items()
+                for name in log.columns
+                if name.startswith(f"{other}.")
+            }
+        },
+    )
+    rows = rows_of(robot, renamed)
+    if rows is None or len(set(rows.quantities)) > 1:
+        return plain, False
+    bench = Bench(rows)
+    single, driven = list(robot.single_joints), list(robot.transmission.joints)
+    orders = list(permutations(range(len(ours))))
+    scores = []
+    for order in orders:
+        reading = as_it_stands(rows)
+        places, torques = reading.order.copy(), reading.torque_order.copy()
+        for k, source in enumerate(order):
+            places[single.index(ours[k])] = single.index(ours[source])
+            if ours[k] in driven and ours[source] in driven:
+                torques[driven.index(ours[k])] = driven.index(ours[source])
+        changed = replace(reading, order=places, torque_order=torques)
+        scores.append(evidence([(bench.reports(changed), bench.unrelated(changed))]))
+    best = int(np.argmax(scores))
+    sure = float(np.exp(scores[best] - logsumexp(scores))) > _SURE
+    chosen = orders[best] if sure else orders[0]
+    return {ours[k]: theirs[source] for k, source in enumerate(chosen)}, sure

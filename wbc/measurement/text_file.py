@@ -1,0 +1,250 @@
+"""Text files of columns: what stands between and above the numbers is found, not asked.
+
+Commas, semicolons, tabs, bars or blanks between columns; decimal points or commas; a header line,
+comment lines (`#`, `%`) and a line of units or none; UTF-8, UTF-16 or Latin-1; gzip. `notes` of the
+table say what was found. pyarrow parses the rows.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from csv import reader
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from wbc.errors import LogError
+from wbc.extras import needs
+from wbc.measurement.map_lines import say_so
+from wbc.measurement.schema import named_unit
+from wbc.measurement.tables import Table, columns_of
+
+with needs("logs", "reading CSV files"):
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+_MARKS = (",", ";", "\t", "|", " ")
+_COMMENT = ("#", "%")
+_HEAD_LINES = 200
+_EMPTY = ("", "nan", "null", "na", "n/a", "none")
+_GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_COPIES = 6  # of a file that reading holds in memory: bytes, text, and the parsed columns
+_ZIPPED = 8  # how many times larger a zipped file of numbers becomes
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How a text is laid out: what stands between cells, the decimal sign, cells of its head."""
+
+    mark: str
+    decimal: str
+    first: list[str]
+    below: list[list[str]]
+
+    @property
+    def width(self) -> int:
+        return Counter(map(len, self.below)).most_common(1)[0][0] if self.below else len(self.first)
+
+    def is_number(self, cell: str) -> bool:
+        cell = cell.strip()
+        if cell.lower() in _EMPTY:
+            return True
+        try:
+            float(cell.replace(",", ".") if self.decimal == "," else cell)
+        except ValueError:
+            return False
+        return True
+
+    @property
+    def score(self) -> float:
+        """How much of the head is numbers in columns of equal length."""
+        rows = [row for row in self.below if len(row) == self.width]
+        cells = [cell for row in rows for cell in row]
+        numbers = sum(self.is_number(c) or c.strip()[:1] in ("[", "(") for c in cells)
+        whole = len(rows) / max(len(self.below), 1) * numbers / max(len(cells), 1)
+        fits = abs(len(self.first) - self.width) <= 1
+        return (whole + 1e-6 * self.width) * (1.0 if fits else 0.5) * (self.width > 1 or 0.5)
+
+
+def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
+    """Read a text file of columns.
+
+    Args:
+        path: the file.
+        header: names of the columns of a file without a header line.
+
+    Raises:
+        LogError: the file is missing, empty or no text, has no header line, names a column twice,
+            or has rows of other lengths.
+    """
+    text, notes = _text(path)
+    lines = text[: 1 << 20].splitlines()[:_HEAD_LINES]
+    first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
+    if first == len(lines):
+        raise LogError(f"'{path}' is empty; a header line with column names is expected.")
+    layout = _layout([line for line in lines[first:] if _says(line)])
+    names = _names(path, layout, lines[:first], tuple(header))
+    skipped = int(not all(map(layout.is_number, layout.first)))
+    units: dict[str, str] = {}
+    if skipped and layout.below and _are_units(layout.below[0], layout):
+        skipped = 2
+        cells = [cell.strip() for cell in layout.below[0]]
+        units = {n: u for n, u in zip(names, map(named_unit, cells), strict=False) if u}
+        line = next(k for k in range(first + 1, len(lines)) if _says(lines[k]))
+        notes.append(f"line {line + 1} gives units ({', '.join(c for c in cells if c)}).")
+    if layout.mark == " ":
+        notes.append("blanks stand between the columns.")
+    if layout.decimal == ",":
+        notes.append("numbers have decimal commas.")
+    if first and any(line.strip() for line in lines[:first]):
+        notes.append(f"{first} comment lines above the header were passed over.")
+    columns = _parsed(path, text, layout, names, skipped, notes)
+    return Table(path, columns, units, tuple(notes))
+
+
+def _says(line: str) -> bool:
+    return bool(line.strip()) and not line.startswith(_COMMENT)
+
+
+def _text(path: Path) -> tuple[str, list[str]]:
+    """Return the text of a file; of one larger than memory every N-th line."""
+    notes: list[str] = []
+    try:
+        with path.open("rb") as file:
+            zipped = file.read(2) == _GZIP
+        size = path.stat().st_size * (_ZIPPED if zipped else 1)
+        every = -(-size * _COPIES // _memory())
+        with gzip.open(path, "rb") if zipped else path.open("rb") as file:
+            if every <= 1:
+                raw = file.read()
+            else:
+                raw = b"".join([*islice(file, _HEAD_LINES), *islice(file, 0, None, every)])
+                notes.append(f"larger than memory: one row of {every} was read.")
+        if raw.startswith(_UTF_16):
+            return raw.decode("utf-16"), [*notes, "the file is UTF-16."]
+        if b"\0" in raw[:4096]:
+            raise LogError(f"cannot read '{path}' as CSV: it is no text.")
+        try:
+            return raw.decode("utf-8-sig"), notes
+        except UnicodeDecodeError:
+            return raw.decode("latin-1"), [*notes, "the file is no UTF-8 and was read as Latin-1."]
+    except (OSError, EOFError, UnicodeError) as cause:
+        raise LogError(f"cannot read '{path}' as CSV: {cause}.") from cause
+
+
+def _memory() -> int:
+    """Return the memory of this machine [bytes], 8 GB where it does not say."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+def _split(line: str, mark: str) -> list[str]:
+    if mark == " ":
+        return line.split()
+    return next(iter(reader([line], delimiter=mark, skipinitialspace=True)), [])
+
+
+def _layout(lines: Sequence[str]) -> _Layout:
+    """Return the layout whose cells are numbers in columns, of all that a text may have."""
+    found = []
+    for mark in _MARKS:
+        rows = [_split(line, mark) for line in lines]
+        cells = [cell.strip() for row in rows[1:] for cell in row]
+        commas = sum(bool(_DECIMAL_COMMA.fullmatch(cell)) for cell in cells)
+        points = sum(bool(re.fullmatch(r"[-+]?\d*\.\d+\S*", cell)) for cell in cells)
+        found.append(_Layout(mark, "," if commas > points else ".", rows[0], rows[1:]))
+    return max(found, key=lambda one: one.score)
+
+
+def _names(
+    path: Path, layout: _Layout, above: Sequence[str], given: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return the names of the columns: given, of the header line, or of a comment above."""
+    cells = [cell.strip() for cell in layout.first]
+    if given and len(given) != len(cells):
+        raise LogError(
+            f"'{path}' has {len(cells)} columns, rows.header of the column map names {len(given)}."
+        )
+    if given:
+        return given
+    if not all(map(layout.is_number, cells)):
+        if layout.width == len(cells) + 1 and not any(row[-1].strip() for row in layout.below):
+            cells.append("")
+        names = tuple(cell or f"column_{k}" for k, cell in enumerate(cells, 1))
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise LogError(f"'{path}' has more than one column called '{twice[0]}'.")
+        return names
+    said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
+    for mark in (layout.mark, *_MARKS):
+        words = [word.strip() for word in _split(said, mark)]
+        if len(words) == len(cells) and len(set(words)) == len(words):
+            return tuple(words)
+    wanted = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
+    named = say_so({"rows": {"header": wanted}}, "give their true names")
+    raise LogError(
+        f"'{path}' has no header line: its first line holds numbers ({', '.join(cells)}). Write a "
+        f"line with the names of the {len(cells)} columns above them, or {named}"
+    )
+
+
+def _are_units(cells: Sequence[str], layout: _Layout) -> bool:
+    """Whether a line below the header names units: no number, and half of it known."""
+    given = [cell for cell in cells if cell.strip()]
+    known = sum(bool(named_unit(cell.strip())) for cell in given)
+    return bool(given) and not any(map(layout.is_number, given)) and 2 * known >= len(given)
+
+
+def _parsed(
+    path: Path,
+    text: str,
+    layout: _Layout,
+    names: tuple[str, ...],
+    skipped: int,
+    notes: list[str],
+) -> dict[str, object]:
+    """Return the columns below the header; a last row that was cut off is passed over."""
+    if re.search(r"(?m)^[#%]", text):
+        text = re.sub(r"(?m)^[#%].*\n?", "", text)
+    text = text.lstrip("\r\n")
+    if layout.mark == " ":
+        text = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
+    last = text.rstrip().rpartition("\n")[2]
+
+    def odd(row: pc.InvalidRow) -> str:
+        if row.text.strip() != last.strip():
+            return "error"
+        notes.append(f"the last row was cut off and passed over: '{row.text[:40]}'.")
+        return "skip"
+
+    mark = "\t" if layout.mark == " " else layout.mark
+    try:
+        table = pc.read_csv(
+            pa.BufferReader(text.encode()),
+            pc.ReadOptions(use_threads=False, column_names=list(names), skip_rows=skipped),
+            pc.ParseOptions(delimiter=mark, invalid_row_handler=odd),
+            pc.ConvertOptions(
+                null_values=["", "nan", "NaN", "NAN", "null", "NULL", "NA", "n/a", "None"],
+                strings_can_be_null=True,
+                decimal_point=layout.decimal,
+            ),
+        )
+    except pa.ArrowException as cause:
+        if "Empty CSV" in str(cause):
+            raise LogError(f"'{path}' is empty: it has columns but no rows.") from cause
+        doubled = layout.mark == "," and layout.width == 2 * len(names)
+        why = (
+            "Rows have twice as many cells as the header: are there decimal commas between commas? "
+            "Export with semicolons between the columns, or with decimal points."
+            if doubled
+            else "Repair that row, or export the file again."
+        )
+        raise LogError(f"cannot read '{path}' as CSV: {cause}. {why}") from cause
+    return columns_of(dict(zip(names, table.columns, strict=True)), path)
