@@ -303,7 +303,7 @@ _SHOWS = re.compile(
     r"\bwbc [a-z]+ \S|--[a-z{]|\w = [{\"\[]|\block = |\w\.\S+ = |\[gears|\w = false"
 )
 _OPTION = re.compile(r"--([a-z-]+|{})(=\S+)?")
-_FILES_OF_OTHER_PROGRAMS = ("browser.py", "provenance.py", "isaac.py", "robot_guess.py")
+_FILES_OF_OTHER_PROGRAMS = ("browser.py", "provenance.py", "isaac.py")
 _HELP = "options.py"  # the help of the command line
 
 

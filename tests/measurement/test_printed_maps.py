@@ -25,7 +25,7 @@ from wbc.measurement import mistakes as suspicions
 from wbc.measurement.guess import guess_names
 
 ROOT = Path(__file__).resolve().parents[2]
-BAGS = ("wbc/measurement/bags.py", "_topic")
+BAGS = ("wbc/measurement/tables.py", "_topic")
 RATIOS = {"hip": 20.0, "knee": 20.0}
 Columns = dict[str, np.ndarray]
 

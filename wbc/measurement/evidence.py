@@ -274,7 +274,7 @@ _EDGE = 0.05  # share of the log at either end, where the filter has not settled
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LogRows:
     """What one log says about a robot.
 
     Attributes:
@@ -342,7 +342,7 @@ class Need:
     change: FloatArray
 
 
-def rows_of(robot: Robot, log: Log) -> Rows | None:
+def rows_of(robot: Robot, log: Log) -> LogRows | None:
     """Return the rows of a log, None where it cannot be held against the robot.
 
     That is so for a log without the positions and torques that the robot has, for one without the
@@ -386,7 +386,7 @@ def rows_of(robot: Robot, log: Log) -> Rows | None:
         return None
     thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
     quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
-    rows = Rows(
+    rows = LogRows(
         label=log.source.label,
         robot=robot.with_acting(()),
         position=q[thin],
@@ -419,7 +419,7 @@ def _follows(reported: FloatArray, slow: FloatArray, band: float) -> bool:
     return inside / band > limit * outside / (1.0 - band)
 
 
-def _behind_unknown_gears(rows: Rows) -> Rows:
+def _behind_unknown_gears(rows: LogRows) -> LogRows:
     """Return rows whose torque is scaled to the need where nobody has described the gear.
 
     A gear ratio of one and no rotor inertia is what `wbc init` writes where it knows neither.

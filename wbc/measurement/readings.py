@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.measurement.evidence import Need, Report, Rows, report
+from wbc.measurement.evidence import LogRows, Need, Report, report
 from wbc.measurement.log import Log
 from wbc.measurement.map_lines import ENCODER_UNITS, Mend, in_degrees
 from wbc.robot.coordinates import slides
@@ -60,13 +60,13 @@ class Reading:
     mend: Mend
     columns: tuple[str, ...] = ()
 
-    def torque(self, rows: Rows) -> FloatArray:
+    def torque(self, rows: LogRows) -> FloatArray:
         """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
         factor = self.torque_factor * rows.conversion / rows.conversion[self.torque_order]
         return np.asarray(rows.torque[:, self.torque_order] * factor)
 
 
-def readings(rows: Rows, log: Log, lost: BoolArray) -> Iterator[Reading]:
+def readings(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
     Args:
@@ -83,7 +83,7 @@ def readings(rows: Rows, log: Log, lost: BoolArray) -> Iterator[Reading]:
     yield from _exchanges(rows, log, lost, as_is)
 
 
-def as_it_stands(rows: Rows) -> Reading:
+def as_it_stands(rows: LogRows) -> Reading:
     """Return the reading that changes nothing."""
     single, driven = len(rows.robot.single_joints), rows.robot.transmission.size
     return Reading(
@@ -91,7 +91,7 @@ def as_it_stands(rows: Rows) -> Reading:
     )
 
 
-def _signs(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
+def _signs(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
     """Yield torques and positions whose sign is the other way round."""
     driven, names = rows.robot.transmission.joints, _torque_columns(rows)
     if len(driven) > 1:
@@ -124,7 +124,7 @@ def _signs(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
         )
 
 
-def _units(rows: Rows, log: Log, as_is: Reading) -> Iterator[Reading]:
+def _units(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
     """Yield torques and angles in other units."""
     names, driven = _torque_columns(rows), rows.robot.transmission.joints
     for k in _all_or_one(len(names)):
@@ -171,7 +171,7 @@ def _travels(log: Log, joint: str, factor: float) -> float:
     return float(density[1] - density[0])
 
 
-def _sides(rows: Rows, as_is: Reading) -> Iterator[Reading]:
+def _sides(rows: LogRows, as_is: Reading) -> Iterator[Reading]:
     """Yield torques of the other side of the gear."""
     names, ratio = _torque_columns(rows), rows.robot.transmission.gear_ratio
     for k in _all_or_one(len(names)):
@@ -215,7 +215,7 @@ _SIDES: dict[str, dict[float, tuple[str, str]]] = {
 """Quantity -> power of the gear ratio that mends it -> (what is wrong, key of the map)."""
 
 
-def _exchanges(rows: Rows, log: Log, lost: BoolArray, as_is: Reading) -> Iterator[Reading]:
+def _exchanges(rows: LogRows, log: Log, lost: BoolArray, as_is: Reading) -> Iterator[Reading]:
     """Yield pairs of joints whose columns are exchanged."""
     driven, single = rows.robot.transmission.joints, list(rows.robot.single_joints)
     names = _torque_columns(rows)
@@ -260,7 +260,7 @@ def _with(columns: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
     return {"mend": {"columns": columns}, "columns": tuple(columns)}
 
 
-def _torque_columns(rows: Rows) -> list[str]:
+def _torque_columns(rows: LogRows) -> list[str]:
     joints = rows.robot.transmission.joints
     return [f"{joint}.{quantity}" for joint, quantity in zip(joints, rows.quantities, strict=True)]
 
@@ -301,7 +301,7 @@ def encoder_columns(log: Log, joint: str) -> list[str]:
 class Bench:
     """Holds one log against its robot; each need and each report is computed once."""
 
-    def __init__(self, rows: Rows) -> None:
+    def __init__(self, rows: LogRows) -> None:
         """Start with nothing computed."""
         self._rows = rows
         self._inertia = _inertia(rows)
@@ -341,7 +341,7 @@ class Bench:
         return tuple(found)
 
 
-def _inertia(rows: Rows) -> FloatArray:
+def _inertia(rows: LogRows) -> FloatArray:
     """Return (m,) the typical inertia of each driven joint with its rotor."""
     robot = rows.robot
     data = robot.model.createData()
