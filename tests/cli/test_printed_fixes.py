@@ -291,6 +291,13 @@ ELSEWHERE = {
 }
 # No way out: the name of an option before what is wrong with its value, or what wrote a file.
 NO_WAY_OUT = (
+    # lines of the robot.toml that `wbc init` writes
+    '{} = { value = {}, unit = "{}"',
+    'name = "{}"',
+    'model = "{}"',
+    'base = "{}"',
+    "lock = [{}]",
+    '[gears."{}"]',
     "what --{} writes",
     "no Dask scheduler there",
     "is no run; at least two ticks",
