@@ -15,13 +15,22 @@ export OPENBLAS_NUM_THREADS ?= 1
 # anew: an import of the diagnosis takes 2.5 s instead of 1 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint docs pictures clean
+.PHONY: demo test versions lint docs pictures clean
 
 demo: $(DEMO_READY)
 	$(BIN)/python -m sims.demo
 
 test: $(READY) lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+# The tests on other versions of Python, each in an environment of its own; before a release.
+VERSIONS ?= 3.12 3.13
+versions:
+	for version in $(VERSIONS); do \
+	  python$$version -m venv .venv-$$version && \
+	  .venv-$$version/bin/python -m pip install --quiet --constraint constraints.txt ".[dev]" && \
+	  .venv-$$version/bin/python -m pytest -n 2 --dist worksteal || exit 1; \
+	done
 
 lint: $(READY)
 	$(BIN)/ruff check wbc sims tests benchmarks
@@ -50,4 +59,4 @@ pictures: $(READY)
 	$(BIN)/python docs/pictures.py
 
 clean:
-	rm -rf $(VENV) out docs/_build
+	rm -rf $(VENV) .venv-* out docs/_build

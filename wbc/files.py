@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all, and the version of the formats that they have."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
+
+SCHEMA = 2
+"""Version of the formats written: JSON of commands, saved robots, column maps. 0.1 wrote none."""
 
 
 def atomic_write(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
@@ -42,3 +45,23 @@ def atomic_write(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
 def write_text(path: str | Path, text: str) -> Path:
     """Write `text` (UTF-8) to `path`, whole or not at all."""
     return atomic_write(path, lambda file: file.write(text.encode("utf-8")))
+
+
+def take_schema(table: dict[str, Any]) -> str:
+    """Remove the version of its format from what a file holds, and return why it is not read.
+
+    Args:
+        table: of the file; `schema` is taken out of it.
+
+    Returns:
+        Empty for a file of this version or an older one.
+    """
+    version = table.pop("schema", 1)
+    if not isinstance(version, int) or version < 1:
+        return f"schema = {version!r} is no version; remove the line, or write schema = {SCHEMA}"
+    if version > SCHEMA:
+        return (
+            f"a newer wbc wrote it (schema = {version}, this one reads {SCHEMA}): install the "
+            f"newer wbc, or write schema = {SCHEMA} to read it all the same"
+        )
+    return ""

@@ -16,7 +16,7 @@ from wbc.metrics import summary, with_contact_at
 from wbc.robot import Robot
 from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
-from wbc.view.flow import gear_flow, tooth_loss
+from wbc.view.channels import gear_flow, tooth_loss
 from wbc.view.plots import (
     energy_audit,
     energy_figure,

@@ -42,26 +42,28 @@ def run(options: argparse.Namespace, console: Console) -> int:
     write_json(
         options.json,
         {
-            quality.label: {
-                "rows": quality.rows,
-                "duration": quality.duration,
-                "rate": quality.rate,
-                "jitter": quality.jitter,
-                "longest_gap": quality.longest_gap,
-                "findings": [
-                    {
-                        "severity": finding.severity,
-                        "kind": finding.kind,
-                        "column": finding.column,
-                        "text": finding.text,
-                        "way_out": finding.way_out,
-                        "mend": finding.mend,
-                        "probability": finding.probability,
-                    }
-                    for finding in quality.findings
-                ],
+            "logs": {
+                quality.label: {
+                    "rows": quality.rows,
+                    "duration": quality.duration,
+                    "rate": quality.rate,
+                    "jitter": quality.jitter,
+                    "longest_gap": quality.longest_gap,
+                    "findings": [
+                        {
+                            "severity": finding.severity,
+                            "kind": finding.kind,
+                            "column": finding.column,
+                            "text": finding.text,
+                            "way_out": finding.way_out,
+                            "mend": finding.mend,
+                            "probability": finding.probability,
+                        }
+                        for finding in quality.findings
+                    ],
+                }
+                for quality in qualities
             }
-            for quality in qualities
         },
         console,
     )

@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console
 
 from wbc.errors import WbcError
-from wbc.files import write_text
+from wbc.files import SCHEMA, write_text
 from wbc.progress import Watch, progress_bar, progress_lines
 
 _INPUTS = ("run_file", "robot", "columns", "ghost", "index", "fleet")
@@ -75,10 +75,10 @@ def _require_folder(folder: Path, asker: str) -> None:
 
 
 def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:
-    """Write `content` to a file, or print it when `target` is '-'."""
+    """Write `content`, with the version of its format, to a file; print it for a target '-'."""
     if target is None:
         return
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    text = json.dumps({"schema": SCHEMA, **content}, indent=2, allow_nan=False) + "\n"
     if target == "-":
         console.out(text, end="")
     else:

@@ -12,7 +12,7 @@ import tomli_w
 from wbc.effects.catalogue import effect_class
 from wbc.effects.gear.yielding_gear import SIDES
 from wbc.errors import RobotError, unknown_name
-from wbc.files import write_text
+from wbc.files import SCHEMA, write_text
 from wbc.robot import (
     Effect,
     Robot,
@@ -178,7 +178,11 @@ def save_robot(
         if constants:
             entry["constants"] = constants
         effects.append({**entry, "parameters": parameters})
-    table: dict[str, Any] = {"robot": robot.source.name, "lossless": robot.source.lossless}
+    table: dict[str, Any] = {
+        "schema": SCHEMA,
+        "robot": robot.source.name,
+        "lossless": robot.source.lossless,
+    }
     if provenance:
         table["provenance"] = dict(provenance)
     table["effects"] = effects

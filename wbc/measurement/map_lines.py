@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import tomli_w
 
 from wbc.errors import LogError
-from wbc.files import write_text
+from wbc.files import SCHEMA, take_schema, write_text
 from wbc.measurement.schema import LOG_UNITS, named_unit, split_column
 
 Mend: TypeAlias = Mapping[str, Any]
@@ -48,7 +48,7 @@ def read_table(path: str | Path | None) -> dict[str, Any]:
     if path is None:
         return {}
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as cause:
         raise LogError(f"cannot read the column map '{path}': {cause}.") from cause
     except tomllib.TOMLDecodeError as cause:
@@ -57,6 +57,9 @@ def read_table(path: str | Path | None) -> dict[str, Any]:
             'time.unit = "ms" stand above the first [heading]. Option --fix of `wbc check` writes '
             "what it found together with the map in use."
         ) from cause
+    if trouble := take_schema(table):
+        raise LogError(f"cannot read the column map '{path}': {trouble}.")
+    return table
 
 
 def merged(first: Mend, second: Mend) -> dict[str, Any]:
@@ -189,7 +192,8 @@ def write_map(path: str | Path, table: Mend, comments: Iterable[str] = ()) -> Pa
         comments: lines that stand above it.
     """
     head = [f"# {line}" for text in comments for line in text.splitlines()]
-    return write_text(path, "\n".join([*head, *lines(table)]) + "\n")
+    body = lines({"schema": SCHEMA, **table})
+    return write_text(path, "\n".join([*head, *body]) + "\n")
 
 
 def in_degrees(names: Iterable[str], joints: Iterable[str]) -> Mend:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 from wbc.extras import needs
 
 if TYPE_CHECKING:
-    from wbc.view.ghost import Ghost, log_ghost, model_ghost
     from wbc.view.ground import GroundSlab, flat_ground, profile_ground
     from wbc.view.live import LiveView
     from wbc.view.palette import DARK, LIGHT, Theme
     from wbc.view.pictures import write_animation, write_picture
     from wbc.view.playback import write_playback
+    from wbc.view.track import Ghost, log_ghost, model_ghost
 
 __all__ = [
     "DARK",
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ghost": ("Ghost", "log_ghost", "model_ghost"),
+    "track": ("Ghost", "log_ghost", "model_ghost"),
     "ground": ("GroundSlab", "flat_ground", "profile_ground"),
     "live": ("LiveView",),
     "palette": ("DARK", "LIGHT", "Theme"),

@@ -15,8 +15,7 @@ from wbc.dynamics import Workspace
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.transmission import Direction
-from wbc.view.channels import configuration, contact_forces
-from wbc.view.flow import gear_flow
+from wbc.view.channels import configuration, contact_forces, gear_flow
 from wbc.view.ground import GroundSlab
 from wbc.view.palette import DIRECTION_COLOURS, rgb
 from wbc.view.scene import add_robot_scene

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +15,237 @@ import numpy as np
 import umsgpack
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from meshcat import Visualizer
+from numpy.typing import ArrayLike
 
+from wbc.arrays import FloatArray
 from wbc.files import write_text
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.robot.coordinates import unit_at
 from wbc.sim.ground.terrain import Terrain
-from wbc.view.ghost import Ghost
+from wbc.transmission import Direction
 from wbc.view.ground import GroundSlab, flat_ground, surface_under, terrain_slabs
-from wbc.view.payload import playback_payload
-from wbc.view.scene import add_robot_scene
-from wbc.view.shapes import robot_shapes
-from wbc.view.track import Track, make_track, track_ghost
+from wbc.view.palette import (
+    DIRECTION_COLOURS,
+    DIRECTION_LABELS,
+    GHOST,
+    GREEN,
+    RESIDUAL_OVER,
+    RESIDUAL_UNDER,
+    VERMILION,
+    YELLOW,
+)
+from wbc.view.scene import SceneSize, add_robot_scene
+from wbc.view.shapes import LinkShape, robot_shapes
+from wbc.view.track import (
+    ContactTrack,
+    GearTrack,
+    Ghost,
+    GhostTrack,
+    Track,
+    make_track,
+    track_ghost,
+)
+
+_LEAST_SPAN = 6.0
+_LOADED = 0.02  # weights above which a contact bears something
+_LEAVES = 1.2  # sizes of the robot: one that moves on further is followed, not framed as a whole
+_FRAMED = 200  # frames whose bodies the camera frames: twelve missed the furthest swing of an arm
+_COLOURS = {
+    "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
+    "quiet": "#C9CED6",
+    "slip": VERMILION,
+    "over": RESIDUAL_OVER,
+    "under": RESIDUAL_UNDER,
+    "cone": YELLOW,
+    "force": GREEN,
+    # While residuals are shown, the model has the colour that plots give the model as given.
+    "ghost": VERMILION,
+    "other_ghost": GHOST,
+}
+
+
+def playback_payload(
+    robot: Robot,
+    track: Track,
+    size: SceneSize,
+    shapes: Sequence[LinkShape],
+    slabs: Sequence[GroundSlab],
+    commands: Sequence[str],
+    marks: Mapping[str, float],
+    ghost: GhostTrack | None,
+    at: float | None,
+) -> str:
+    """Return the JSON text that the player reads; arrays are base64 of float32."""
+    document: dict[str, Any] = {
+        "modes": {str(int(d)): DIRECTION_LABELS[d] for d in Direction},
+        "time": _packed(track.time),
+        "robot": {"joints": robot.model.njoints, "poses": _packed(track.poses)},
+        "ghost": None,
+        "com": _packed(track.center_of_mass),
+        "floor": _floor(track, slabs),
+        "contacts": [_contact(contact, slabs) for contact in track.contacts],
+        "gears": [_gear(robot, gear, ghost) for gear in track.gears],
+        "marks": (shown := _marks(track, marks)),
+        "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
+        "weight": track.weight,
+        "reach": size.reach,
+        "arrow_head": size.arrow_head,
+        "metres_per_newton": _arrow_scale(track, size),
+        "camera": _camera(robot, track, size, shapes, ghost),
+        "floating": robot.floating_size > 0,
+        "follow": _leaves(robot, track, size),
+        "residual_span": _residual_span(ghost),
+        "autoplay": at is None,
+        "at": float(track.time[0]) if at is None else at,
+        "colours": _COLOURS,
+        "commands": list(commands),
+    }
+    if ghost is not None:
+        document["ghost"] = {
+            "label": ghost.label,
+            "joints": ghost.poses.shape[1],
+            "poses": _packed(ghost.poses),
+        }
+    return json.dumps(document, separators=(",", ":"))
+
+
+def _residual_span(ghost: GhostTrack | None) -> float:
+    """Return how many noise floors have the full colour: few residuals exceed it."""
+    if ghost is None or not ghost.residual:
+        return _LEAST_SPAN
+    sizes = np.concatenate([np.abs(values) for values in ghost.residual.values()])
+    return max(_LEAST_SPAN, float(np.quantile(sizes, 0.95)))
+
+
+def _packed(values: ArrayLike) -> str:
+    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _contact(contact: ContactTrack, slabs: Sequence[GroundSlab]) -> dict[str, Any]:
+    normals = np.array([surface_under(slabs, point)[1] for point in contact.position])
+    return {
+        "name": contact.name,
+        "friction": contact.friction,
+        "position": _packed(contact.position),
+        "force": _packed(contact.force),
+        "normal": _packed(normals),
+        "largest": float(np.linalg.norm(contact.force, axis=1).max()),
+    }
+
+
+def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, Any]:
+    residual = None if ghost is None else ghost.residual.get(gear.joint)
+    largest = float(np.nanmax(np.abs(gear.torque))) if np.isfinite(gear.torque).any() else 0.0
+    return {
+        "name": gear.joint,
+        "number": robot.model.getJointId(gear.joint),
+        "unit": unit_at(robot, gear.joint, "N m"),
+        "torque": _packed(gear.torque),
+        "power": _packed(gear.power),
+        "direction": _packed(np.nan_to_num(gear.direction)),
+        "largest": largest,
+        "residual": None if residual is None else _packed(residual),
+    }
+
+
+def _arrow_scale(track: Track, size: SceneSize) -> float:
+    """Return the length of a force arrow [m/N], 0.45 reach for a large force that is no impact.
+
+    Many arrows are shorter, so that all of them cover about as much of the robot as one does.
+    """
+    if not track.contacts:
+        return size.metres_per_newton
+    forces = np.array([np.linalg.norm(contact.force, axis=1) for contact in track.contacts])
+    largest = forces.max(axis=0)
+    loaded = largest[largest > _LOADED * track.weight]
+    usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight
+    return size.metres_per_newton * track.weight / usual / float(np.sqrt(len(track.contacts)))
+
+
+def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = [
+        {
+            "time": impact.time,
+            "label": f"impact of {impact.contact}, {impact.force:.0f} N at {impact.time:.3f} s",
+        }
+        for impact in track.impacts
+    ]
+    entries += [{"time": float(t), "label": f"{name} at {t:.3f} s"} for name, t in marks.items()]
+    inside = [e for e in entries if track.time[0] <= e["time"] <= track.time[-1]]
+    return sorted(inside, key=lambda entry: float(entry["time"]))
+
+
+def _floor(track: Track, slabs: Sequence[GroundSlab]) -> list[float] | None:
+    if not slabs:
+        return None
+    return [round(surface_under(slabs, point)[0], 5) for point in track.center_of_mass]
+
+
+def _leaves(robot: Robot, track: Track, size: SceneSize) -> bool:
+    """Return whether the robot moves away, which only a robot with a free base does."""
+    span = np.ptp(track.center_of_mass[:, :2], axis=0).max()
+    return bool(robot.floating_size > 0 and span > _LEAVES * size.reach)
+
+
+def _camera(
+    robot: Robot,
+    track: Track,
+    size: SceneSize,
+    shapes: Sequence[LinkShape],
+    ghost: GhostTrack | None,
+) -> dict[str, Any]:
+    """Return the points that the camera frames and its direction.
+
+    The points are the corners of all bodies along the motion, and of the ghost's. The camera
+    follows a robot that leaves the picture over the ground: its points are moved back to where it
+    starts. A robot that lives in the x-z plane is seen nearly along y.
+    """
+    flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
+    leaves = _leaves(robot, track, size)
+    count = len(track.time)
+    frames = np.linspace(0, count - 1, min(count, _FRAMED)).astype(int)
+    seen = [_corners(track.poses[frames], shapes)]
+    seen += [contact.position[frames][:, None] for contact in track.contacts]
+    if ghost is not None and not leaves:
+        seen.append(_corners(ghost.poses[frames], shapes))
+    if not shapes and not track.contacts:
+        seen = [track.poses[frames, :, :3].astype(np.float64)]  # links without bodies
+    points = np.concatenate(seen, axis=1)
+    if leaves:
+        moved = track.center_of_mass[frames] - track.center_of_mass[0]
+        points = points - moved[:, None] * [1.0, 1.0, 0.0]
+    direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
+    return {
+        "points": np.round(_outermost(points.reshape(-1, 3)), 4).tolist(),
+        "direction": [float(x) for x in direction / np.linalg.norm(direction)],
+    }
+
+
+def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> FloatArray:
+    """Return the corners (F, 8 bodies, 3) of the boxes of all bodies, world.
+
+    Args:
+        poses: (F, joints, 7) translation and quaternion (x, y, z, w) of every joint.
+        shapes: the bodies.
+    """
+    corners = [np.zeros((len(poses), 0, 3))]
+    for shape in shapes:
+        place = poses[:, shape.joint].astype(np.float64)
+        box = np.array([shape.low, shape.high])
+        local = np.array([box[pick, [0, 1, 2]] for pick in product((0, 1), repeat=3)])
+        axis, real = place[:, None, 3:6], place[:, None, 6:]
+        # v + 2 w (u x v) + 2 u x (u x v): the rotation of v by the quaternion (u, w).
+        turned = np.cross(axis, local[None])
+        corners.append(local + 2.0 * (real * turned + np.cross(axis, turned)) + place[:, None, :3])
+    return np.concatenate(corners, axis=1)
+
+
+def _outermost(points: FloatArray) -> FloatArray:
+    """Return those of points (k, 3) that are outermost along some of 200 directions."""
+    random = np.random.default_rng(0).standard_normal((200, 3))
+    return np.asarray(points[np.unique(np.argmax(points @ random.T, axis=0))])
+
 
 _PLAYER = Path(__file__).parent / "player"
 # One script for the page, in this order: each file uses what stands in those before it.

@@ -49,8 +49,8 @@ with needs("view", "writing a report"):
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    from wbc.view.ghost import model_ghost
     from wbc.view.playback import playback_page
+    from wbc.view.track import model_ghost
 
 __all__ = ["report_page", "write_report"]
 

@@ -19,13 +19,14 @@ from wbc.robot import Robot
 from wbc.view.channels import (
     configuration,
     contact_forces,
+    gear_flow,
+    gear_powers,
     jump_rows,
     log_impacts,
     robot_weight,
     rotor_torque,
     velocity,
 )
-from wbc.view.flow import gear_flow, gear_powers
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import (
     DASHES,

@@ -6,8 +6,7 @@ import numpy as np
 
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.channels import jump_rows, rate_of_change, window_mean
-from wbc.view.flow import gear_flow
+from wbc.view.channels import gear_flow, jump_rows, rate_of_change, window_mean
 
 
 def test_a_jump_stays_sharp_and_a_ramp_stays_a_ramp() -> None:

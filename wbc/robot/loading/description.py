@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from wbc.arrays import checked
 from wbc.errors import RobotError
+from wbc.files import take_schema
 from wbc.robot.contact import ContactPoint
 from wbc.robot.loading.library import find_description, find_model, robot_names
 from wbc.robot.loading.model_file import read_model
@@ -101,6 +102,8 @@ def read_description(name: str | Path) -> RobotDescription:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
         raise RobotError(f"cannot read the robot description '{path}': {cause}.") from cause
+    if trouble := take_schema(table):
+        raise RobotError(f"cannot read the robot description '{path}': {trouble}.")
     return RobotDescription(path, table)
 
 

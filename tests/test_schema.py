@@ -1,0 +1,64 @@
+"""Files say which version of their format they have: older ones are read, newer ones refused."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from wbc import load_robot, save_robot
+from wbc.cli import main
+from wbc.effects import CoulombFriction
+from wbc.errors import LogError, RobotError
+from wbc.files import SCHEMA
+from wbc.measurement import load_log, write_map
+from wbc.samples import sample_paths
+
+OLD = """
+robot = "planar_leg_fixed"
+lossless = true
+[[effects]]
+effect = "coulomb_friction"
+where = "hip"
+[effects.parameters.level]
+value = 0.5
+unit = "N m"
+"""
+
+
+def test_a_robot_saved_by_0_1_is_read(tmp_path: Path) -> None:
+    (tmp_path / "old.toml").write_text(OLD)
+    (effect,) = load_robot(tmp_path / "old.toml").effects
+    assert effect.values == {"level": 0.5}
+
+
+def test_a_saved_robot_holds_its_version_and_a_newer_one_is_refused(tmp_path: Path) -> None:
+    robot = load_robot("planar_leg_fixed").with_effect(CoulombFriction("hip", 0.5))
+    path = save_robot(robot, tmp_path / "new.toml")
+    assert tomllib.loads(path.read_text())["schema"] == SCHEMA
+    assert load_robot(path).effects == robot.effects
+    path.write_text(path.read_text().replace(f"schema = {SCHEMA}", "schema = 99"))
+    with pytest.raises(RobotError, match=rf"newer wbc.*write schema = {SCHEMA} to read it"):
+        load_robot(path)
+    path.write_text(OLD.replace("robot =", 'schema = "new"\nrobot =', 1))
+    with pytest.raises(RobotError, match="remove the line"):
+        load_robot(path)
+
+
+def test_a_column_map_holds_its_version_and_an_older_one_has_none(tmp_path: Path) -> None:
+    path = write_map(tmp_path / "map.toml", {"time": {"unit": "s"}})
+    assert tomllib.loads(path.read_text())["schema"] == SCHEMA
+    expected = load_log(sample_paths()[0])
+    for text in (path.read_text(), '[time]\nunit = "s"\n'):
+        path.write_text(text)
+        assert len(load_log(sample_paths()[0], path)) == len(expected)
+    path.write_text("schema = 99\n")
+    with pytest.raises(LogError, match="newer wbc"):
+        load_log(sample_paths()[0], path)
+
+
+def test_the_result_for_programs_holds_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "effects", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["schema"] == SCHEMA
