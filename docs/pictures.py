@@ -51,7 +51,7 @@ from wbc.view.plots import (
     unexplained_figure,
     write_figure,
 )
-from wbc.view.report_content import step_rows
+from wbc.view.report_content import stairs
 from wbc.view.residuals import residuals_of
 
 IMAGES = Path(__file__).resolve().parent / "images"
@@ -95,7 +95,7 @@ def residuals(diagnosis: Diagnosis) -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     logs = load_logs([OUT / f"run{k}.csv" for k in range(3)])
     found = residuals_of(leg, diagnosis.robot, logs)
-    steps = [(step["label"], step["error"]) for step in step_rows(diagnosis)]
+    steps = [(step["label"], step["error"]) for step in stairs(diagnosis)]
     plots(
         lambda theme: {
             "explained": unexplained_figure(found, "with the effects found", theme),

@@ -102,7 +102,7 @@ def prepared() -> tuple[list[Trial], list[Trial]]:
 def main() -> dict[str, dict[str, np.ndarray]]:
     """Fit, predict, print; return the scores per engine."""
     if not DATA.exists():
-        sys.exit(f"the tosses are not at {DATA}; see docs/measurements/data/contact_nets_cube.md")
+        sys.exit(f"the tosses are not at {DATA}; see docs/measurements/recorded.md")
     training, held_out = prepared()
     engines = installed()
     table = Table(title=f"{len(held_out)} held-out tosses: median (90th percentile) of the error")

@@ -17,7 +17,7 @@ from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
 from wbc.sim.servo_run import ServoRun
 
-_STEP = 0.005  # [s], that of `benchmarks.bam`
+_STEP = 0.005  # [s]
 _FOLDS = 6
 _ITERATIONS = 25
 _HOLD = 0.1  # [rad] of one residual that doubling a number costs which the runs leave open

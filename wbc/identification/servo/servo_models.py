@@ -63,7 +63,7 @@ class ServoModels:
         """Return the models of a robot.
 
         Bounds and starts are shares of the motor's stall torque and idle speed; those of the
-        recorded XL330 servo, which `benchmarks.bam` measured them on.
+        recorded XL330 servo.
 
         Raises:
             IdentificationError: more than one joint, or a motor without its numbers.

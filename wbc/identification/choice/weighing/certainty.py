@@ -14,7 +14,7 @@ from wbc.identification.choice.weighing.odds import Odds
 from wbc.identification.choice.weighing.trials import Trials
 
 # Logistic regression on 318 causes found in the generated corpus, 250 of them true; see
-# docs/measurements/data/corpus_results.md. Of those with 0.95 or more 95 % were true.
+# docs/measurements/recorded.md. Of those with 0.95 or more 95 % were true.
 # Fits to other selections of the cases give 0.58 to 0.9 for the slope of the remainder.
 _LEVEL, _REMAINDER, _COVERAGE, _EXPLAINED = -0.44, 0.8, 1.59, 2.02
 
