@@ -1,6 +1,7 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
-from wbc.robot.contact import ContactPoint
+from wbc.robot.body_contacts import body_contacts
+from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.effect import ContactForces, Effect, Hook, MemoryEnergy
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.loading.description import (
@@ -21,6 +22,7 @@ from wbc.robot.search import Evidence, Quantity, Screen, Search, small_steps, us
 
 __all__ = [
     "BaseState",
+    "BodySurface",
     "ContactForces",
     "ContactPoint",
     "Effect",
@@ -41,6 +43,7 @@ __all__ = [
     "Search",
     "Usual",
     "bare_robot",
+    "body_contacts",
     "build_robot",
     "collision_solids",
     "find_description",

@@ -46,3 +46,25 @@ class ContactPoint:
     def placement(self) -> pin.SE3:
         """Return the placement of the point in its frame."""
         return pin.SE3(pin.SE3.Identity().rotation, self.offset)
+
+
+@dataclass(frozen=True)
+class BodySurface:
+    """How the links of a robot touch the ground beside its contacts (`body_contacts`).
+
+    Attributes:
+        links: names of the bodies that may touch, None for all.
+        friction: Coulomb coefficient between them and the ground.
+        depth: [m] that a mesh may sink into flat ground between its points.
+    """
+
+    links: tuple[str, ...] | None = None
+    friction: float = 0.7
+    depth: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.friction >= 0.0:
+            raise RobotError(f"bodies: friction must be >= 0, got {self.friction}.")
+        if not self.depth > 0.0:
+            raise RobotError(f"bodies: depth must be positive, got {self.depth}.")

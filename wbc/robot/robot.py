@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
-from wbc.robot.contact import ContactPoint
+from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.effect import Effect
 from wbc.robot.motion import Motion
 from wbc.robot.mounting import RotorMounting, rotor_mounting
@@ -64,6 +64,7 @@ class Robot:
             transmission: logs then show what the gear gives, apart from what the links need.
         sensor_only: driven joints of whose gears nothing is known: only what a torque sensor
             behind them shows is compared.
+        surface: how its links touch the ground where they may (`body_contacts`).
         before_effects: the robot to which the effects were added, None where there is none: no
             effect was added, or bodies or gears were changed in code since.
     """
@@ -79,6 +80,7 @@ class Robot:
     notes: tuple[str, ...] = ()
     torque_sensors: tuple[str, ...] = ()
     sensor_only: tuple[str, ...] = ()
+    surface: BodySurface = field(default_factory=BodySurface)
     before_effects: Robot | None = field(default=None, repr=False)
     actuated: IntArray = field(init=False)
     actuated_position: IntArray = field(init=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, checked
 from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
 from wbc.errors import SimulationError
-from wbc.robot import Robot
+from wbc.robot import Robot, body_contacts
 from wbc.sim.energy.kinetic_energy import mechanical_energy
 from wbc.sim.ground.plane import Plane
 from wbc.sim.ground.terrain import Terrain
@@ -46,6 +46,9 @@ class Plant:
             every speed. `RotorTorqueLimit(knee=...).bounds` gives motors a torque-speed curve.
         temperature: (m,) of the motors [deg C], as effects and the recording see it; None where
             it does not matter.
+        bodies: what touches the ground: "feet", the robot's contacts, or "all", also its links, as
+            the collision geometry of its model file has them (`wbc.robot.body_contacts`). `robot`
+            then has these contacts behind its own.
     """
 
     robot: Robot
@@ -54,10 +57,16 @@ class Plant:
     return_speed: float = 1.0
     motor_bounds: MotorBounds | None = None
     temperature: FloatArray | None = None
+    bodies: Literal["feet", "all"] = "feet"
     _setup: Setup = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Prepare what does not change from step to step."""
+        if self.bodies not in ("feet", "all"):
+            raise SimulationError(f'bodies: "feet" or "all" expected, got {self.bodies!r}.')
+        if self.bodies == "all":
+            touching = (*self.robot.contacts, *body_contacts(self.robot))
+            object.__setattr__(self, "robot", replace(self.robot, contacts=touching))
         make_ready("wbc.sim")
         if not 0.0 <= self.restitution <= 1.0:
             raise SimulationError(f"restitution must lie in [0, 1], got {self.restitution:g}.")

@@ -14,7 +14,7 @@ import pinocchio as pin
 from wbc.arrays import checked
 from wbc.errors import RobotError
 from wbc.files import take_schema
-from wbc.robot.contact import ContactPoint
+from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.loading.library import find_description, find_model, robot_names
 from wbc.robot.loading.model_file import read_model
 from wbc.robot.loading.poses import named_poses
@@ -53,6 +53,7 @@ _TOP_LEVEL = (
     "transmission",
     "gears",
     "contacts",
+    "bodies",
     "poses",
 )
 _LEFT_OUT = {
@@ -142,6 +143,7 @@ def build_robot(description: RobotDescription) -> Robot:
         source=RobotSource(_source_name(path)),
         notes=notes,
         sensor_only=_sensor_only(table.get("gears", {})),
+        surface=_surface(table.get("bodies", {}), f"{path}: bodies"),
     )
     return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
 
@@ -235,6 +237,19 @@ def _contact(entry: Any, path: Path) -> ContactPoint:
     friction = number_in(entry.get("friction", {"value": 0.7, "unit": "1"}), "1", place)
     radius = number_in(entry.get("radius", {"value": 0.0, "unit": "m"}), "m", place)
     return ContactPoint(str(entry["name"]), str(entry["frame"]), offset, friction, radius)
+
+
+def _surface(entry: Any, place: str) -> BodySurface:
+    """Return what [bodies] says: which links touch the ground, and how."""
+    given = dict(table_in(entry, ("links", "friction", "depth"), place))
+    for key, unit in (("friction", "1"), ("depth", "m")):
+        if key in given:
+            given[key] = number_in(given[key], unit, f"{place}: {key}")
+    if "links" in given:
+        if not isinstance(given["links"], list):
+            raise RobotError(f"{place}: links: names of bodies expected, got {given['links']!r}.")
+        given["links"] = tuple(map(str, given["links"]))
+    return BodySurface(**given)
 
 
 def bare_robot(model: pin.Model, name: str = "robot") -> Robot:

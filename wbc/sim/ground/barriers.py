@@ -139,6 +139,11 @@ class Barriers:
             gap = np.concatenate((here - self._lower, self._upper - here, gap))
         return BarrierDistances(gap, normal)
 
+    def gaps_of(self, points: FloatArray, time: float) -> FloatArray:
+        """Return the gaps (k,) of points (k, 3) [m], world, from the nearest ground at a time."""
+        gaps = [solid.at(time).gap(points)[0] for solid in self._solids]
+        return np.asarray(np.min(gaps, axis=0))
+
     def _ground(self, time: float) -> tuple[FloatArray, FloatArray]:
         points = contact_points(self._space)
         if len(self._solids) == 1:

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.sim.energy.audit import EnergyAudit
+from wbc.sim.ground.barriers import TOUCH
 from wbc.sim.setup import Setup
 from wbc.sim.step.flow import Flow
 from wbc.sim.step.impact import Impact
@@ -24,7 +26,8 @@ class StepEvent:
         kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
             where the step's energy balance gained more than a hundredth of the energy in play,
             which a shorter step mends; "overlap", where a barrier was overrun further than the
-            plant's return speed takes back in one step.
+            plant's return speed takes back in one step; "sunk", where a joint of a robot with a
+            free base is under the ground, because its link has no contact there.
         time: [s], at the end of the part it happened in.
         size: [J], or depth [m, rad].
         text: the same as a sentence.
@@ -40,7 +43,7 @@ def events_of(
     setup: Setup, parts: Sequence[Flow], impacts: Sequence[Impact], balance: EnergyAudit
 ) -> tuple[StepEvent, ...]:
     """Return what happened in the parts and impacts of a step with an energy `balance`."""
-    found = [*_overlaps(setup, parts), *_made(parts, impacts)]
+    found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1])]
     kinetic = [_kinetic(part) for part in parts]
     play = max(kinetic, default=0.0) + abs(balance.flow.work) + balance.flow.lost
     if -balance.residual > _COARSE * play + 1e-9:
@@ -69,6 +72,28 @@ def _overlaps(setup: Setup, parts: Sequence[Flow]) -> Iterator[StepEvent]:
                 f"{setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is taken back "
                 f"at {setup.return_speed:g} m/s (rad/s)",
             )
+
+
+def _sunk(setup: Setup, last: Flow) -> Iterator[StepEvent]:
+    """Yield the deepest joint under the ground at the end of a step."""
+    model, state, points = setup.robot.model, last.state, len(setup.robot.contacts)
+    if not setup.bases or not points:
+        return
+    data = model.createData()
+    pin.forwardKinematics(model, data, state.position)
+    links = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0.0]
+    gaps = setup.barriers.gaps_of(np.array([data.oMi[i].translation for i in links]), state.time)
+    deepest = int(np.argmin(gaps))
+    # Contacts may be as deep as a step leaves them.
+    allowed = max((float(np.max(last.overlap)) if len(last.overlap) else 0.0), TOUCH)
+    if gaps[deepest] < -allowed:
+        yield StepEvent(
+            "sunk",
+            state.time,
+            -float(gaps[deepest]),
+            f"joint '{model.names[links[deepest]]}' is {-gaps[deepest]:.3g} m under the ground: no "
+            'contact holds its link. Give the robot contacts there, or the plant bodies="all"',
+        )
 
 
 def _made(parts: Sequence[Flow], impacts: Sequence[Impact]) -> Iterator[StepEvent]:

@@ -1,0 +1,192 @@
+"""Bodies on the ground: they lie on it, lose energy, come to rest, as they do in MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import coal
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import Robot, load_robot
+from wbc.errors import RobotError, SimulationError
+from wbc.robot import BodySurface, bare_robot, body_contacts
+from wbc.sim import Plane, Plant, Stairs, Terrain
+
+_STEP = 1e-3  # [s]
+_MASS = 2.0  # [kg]
+SHAPES = {
+    "sphere": (coal.Sphere(0.1), 'type="sphere" size="0.1"'),
+    "box": (coal.Box(0.4, 0.3, 0.2), 'type="box" size="0.2 0.15 0.1"'),
+    "capsule": (coal.Capsule(0.05, 0.3), 'type="capsule" size="0.05 0.15"'),
+    "cylinder": (coal.Cylinder(0.05, 0.4), 'type="cylinder" size="0.05 0.2"'),
+    "disc": (coal.Cylinder(0.15, 0.06), 'type="cylinder" size="0.15 0.03"'),
+}
+ATTITUDES = {"flat": [0.0, 0.0, 0.0], "on a corner": [0.6, 0.7, 0.3]}
+
+
+def body(shape: coal.CollisionGeometry) -> tuple[Robot, pin.GeometryModel]:
+    """Return a free solid, and its collision geometry."""
+    model, solids = pin.Model(), pin.GeometryModel()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(joint, pin.Inertia.FromBox(_MASS, 0.4, 0.3, 0.2), pin.SE3.Identity())
+    frame = model.addFrame(
+        pin.Frame("body", joint, 0, pin.SE3.Identity(), pin.FrameType.BODY), False
+    )
+    solids.addGeometryObject(pin.GeometryObject("solid", joint, frame, pin.SE3.Identity(), shape))
+    return bare_robot(model), solids
+
+
+def touching(robot: Robot, solids: pin.GeometryModel | None = None) -> Robot:
+    return replace(robot, contacts=body_contacts(robot, solids=solids))
+
+
+def thrown(robot: Robot, attitude: list[float], terrain: Terrain | None = None) -> list:
+    """Let a body fall from 0.1 m above the ground; return the states until it rests."""
+    plant = Plant(robot, terrain or Plane())
+    turn = pin.Quaternion(pin.rpy.rpyToMatrix(*attitude)).coeffs()
+    q = np.concatenate(([0.0, 0.0, 0.0], turn, robot.neutral()[7:]))
+    q[2] += 0.1 - plant.gaps(plant.state(q)).min()
+    states = [plant.state(q)]
+    energy = total = plant.mechanical_energy(states[0])
+    for _ in range(4000):
+        result = plant.step(states[-1], np.zeros(robot.transmission.size), _STEP)
+        states.append(result.state)
+        after = plant.mechanical_energy(result.state)
+        assert after < energy + 1e-5 * total  # the step's own error: turning is of second order
+        energy = after
+        assert result.events == ()
+        assert plant.gaps(result.state).min() > -1e-5
+        if np.abs(result.state.velocity).max() < 1e-9:
+            break
+    return states
+
+
+def height_in_mujoco(geom: str, states: list) -> float:
+    """Return how high the centre of the same body lies in MuJoCo once it rests [m]."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="5 5 1"
+        friction="0.7"/><body><freejoint/><geom {geom} mass="{_MASS}" friction="0.7"/></body>
+        </worldbody></mujoco>"""
+    )
+    model.body_inertia[1] = pin.Inertia.FromBox(_MASS, 0.4, 0.3, 0.2).inertia.diagonal()
+    data = mujoco.MjData(model)
+    data.qpos[:] = states[0].position[[0, 1, 2, 6, 3, 4, 5]]
+    mujoco.mj_step(model, data, 6000)
+    return float(data.qpos[2])
+
+
+@pytest.mark.parametrize("attitude", ATTITUDES.values(), ids=ATTITUDES)
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_thrown_body_comes_to_rest_as_high_as_in_mujoco(name: str, attitude: list) -> None:
+    shape, geom = SHAPES[name]
+    robot, solids = body(shape)
+    states = thrown(touching(robot, solids), attitude)
+    lower = states[-1].position[2]
+    # MuJoCo's ground is soft: it sinks by up to 0.2 mm under 2 kg.
+    assert 0.0 <= lower - height_in_mujoco(geom, states) < 3e-4
+    if name in ("box", "disc"):  # round ones roll on
+        assert np.abs(states[-1].velocity).max() < 1e-9
+
+
+def test_a_box_slides_down_a_slope_and_lies_on_a_stair() -> None:
+    robot, solids = body(SHAPES["box"][0])
+    for terrain in (Plane.slope(0.3), Stairs(edges=np.array([0.6]), heights=np.array([0.0, 0.1]))):
+        states = thrown(touching(robot, solids), ATTITUDES["on a corner"], terrain)
+        assert np.abs(states[-1].velocity).max() < 1e-9  # friction 0.7 holds it
+
+
+def switched_off(plant: Plant, duration: float) -> tuple[np.ndarray, set[str], float]:
+    """Return where a quadruped ends, what its steps said, and the energy it made [J]."""
+    q = plant.robot.pose()
+    q[2] -= plant.gaps(plant.state(q)).min()
+    state, said, made = plant.state(q), set(), 0.0
+    energy = plant.mechanical_energy(state)
+    for _ in range(round(duration / _STEP)):
+        result = plant.step(state, np.zeros(plant.robot.transmission.size), _STEP)
+        state = result.state
+        said |= {event.kind for event in result.events}
+        made = max(made, plant.mechanical_energy(state) - energy)
+        energy = plant.mechanical_energy(state)
+    return np.concatenate((state.position, state.velocity)), said, made
+
+
+def test_a_quadruped_that_is_switched_off_lies_on_its_trunk() -> None:
+    """On its feet alone its trunk sank to 0.1 m under the ground, without a word."""
+    robot = load_robot("solo12")
+    end, said, _ = switched_off(Plant(robot), 1.0)
+    assert end[2] < -0.05
+    assert said == {"sunk"}
+    plant = Plant(robot, bodies="all")
+    end, said, made = switched_off(plant, 1.2)
+    assert 0.01 < end[2] < 0.06
+    assert said <= {"coarse"}  # three steps, 1e-6 J each
+    assert made < 1e-9
+    assert np.abs(end[robot.model.nq :]).max() < 1e-9
+    # Meshes sink between their points by the depth that the robot's description allows.
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, end[: robot.model.nq])
+    lowest = min(placement.translation[2] for placement in list(data.oMi)[1:])
+    assert lowest > -robot.surface.depth
+
+
+def test_the_points_of_a_mesh_hold_all_of_it_but_the_depth_that_is_asked_for() -> None:
+    random = np.random.default_rng(0)
+    cloud = random.normal(size=(400, 3)) * [0.2, 0.1, 0.05]
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(cloud) // 3, len(cloud))
+    mesh.addVertices(cloud)
+    mesh.endModel()
+    mesh.buildConvexHull(False, "Qt")
+    robot, solids = body(mesh.convex)
+    ways = random.normal(size=(2000, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    counts = []
+    for depth in (0.1, 0.03, 0.01):
+        found = body_contacts(robot, BodySurface(depth=depth), solids)
+        points = np.array([contact.offset for contact in found])
+        out = (cloud @ ways.T).max(axis=0) - (points @ ways.T).max(axis=0)
+        assert out.max() < depth + 5e-3  # seen from 400 ways, it is known to 5 mm
+        counts.append(len(points))
+    assert counts[0] < counts[1] < counts[2] < 60
+
+
+def test_a_description_says_which_links_touch(tmp_path: Path) -> None:
+    (tmp_path / "ball.urdf").write_text(
+        """<robot name="ball"><link name="base"><inertial><mass value="1"/><inertia ixx="1" ixy="0"
+        ixz="0" iyy="1" iyz="0" izz="1"/></inertial><collision><geometry><sphere radius="0.2"/>
+        </geometry></collision></link><link name="arm"><inertial><mass value="1"/><inertia ixx="1"
+        ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial><collision><geometry><box
+        size="0.1 0.1 0.4"/></geometry></collision></link><joint name="turn" type="revolute">
+        <parent link="base"/><child link="arm"/><limit lower="-1" upper="1" effort="1"
+        velocity="1"/></joint></robot>"""
+    )
+    for text, count in (
+        ("", 9),
+        ('[bodies]\nlinks = ["arm"]\nfriction = 0.3\n', 8),
+        ('[bodies]\ndepth = { value = 5.0, unit = "mm" }\n', 9),
+    ):
+        path = tmp_path / "robot.toml"
+        path.write_text('model = "ball.urdf"\nbase = "free_flyer"\n' + text)
+        robot = load_robot(path)
+        plant = Plant(robot, bodies="all")
+        assert len(plant.robot.contacts) == count
+        assert len(replace(plant, restitution=0.5).robot.contacts) == count
+        assert plant.robot.contacts[-1].friction == (0.3 if "friction" in text else 0.7)
+        assert len(Plant(robot).robot.contacts) == 0
+    path.write_text('model = "ball.urdf"\nbase = "free_flyer"\n[bodies]\nlinks = ["leg"]\n')
+    with pytest.raises(RobotError, match=r"body of .* 'leg'"):
+        Plant(load_robot(path), bodies="all")
+    path.write_text('model = "ball.urdf"\n[bodies]\nlinks = "arm"\n')
+    with pytest.raises(RobotError, match="names of bodies expected"):
+        load_robot(path)
+
+
+def test_bodies_without_geometry_and_unknown_words_are_said() -> None:
+    with pytest.raises(RobotError, match="no collision geometry"):
+        Plant(load_robot("planar_leg"), bodies="all")
+    with pytest.raises(SimulationError, match='"feet" or "all"'):
+        Plant(load_robot("planar_leg"), bodies="legs")

@@ -1,0 +1,138 @@
+"""Contact points on the bodies of a robot, from the collision geometry of its model file.
+
+A solid is represented by points and balls that are fixed to its link. On ground that is flat where
+they touch, spheres, capsules and boxes are exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.errors import RobotError, unknown_name
+from wbc.robot.contact import BodySurface, ContactPoint
+from wbc.robot.loading.solids import collision_solids
+from wbc.robot.robot import Robot
+
+_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+_TURN = np.arange(400) + 0.5
+_DIRECTIONS = np.column_stack(
+    (
+        np.sqrt(1.0 - (1.0 - _TURN / 200.0) ** 2) * np.cos(2.399963 * _TURN),
+        np.sqrt(1.0 - (1.0 - _TURN / 200.0) ** 2) * np.sin(2.399963 * _TURN),
+        1.0 - _TURN / 200.0,
+    )
+)  # (400, 3) evenly over the sphere, 10 degrees apart: golden angle around, even steps up
+_RIM = 8  # points on the rim of a disc: lying on its side it sinks by 1 - cos(pi/8) = 8 % of r
+
+
+def body_contacts(
+    robot: Robot, surface: BodySurface | None = None, solids: pin.GeometryModel | None = None
+) -> tuple[ContactPoint, ...]:
+    """Return contact points of a robot's bodies, beside those that it has.
+
+    - sphere: a ball; capsule: a ball at each end; box: its eight corners;
+    - cylinder: the two balls of the capsule inside it where it is longer than wide, else eight
+      points of each rim;
+    - mesh: as many vertices of its convex hull as it takes until the rest sticks out of them by
+      at most `depth`.
+
+    Points of a solid that are nearer to a contact of the robot than the solid is thick are left
+    out: that contact (a foot, say) stands for them.
+
+    Args:
+        robot: loaded from a URDF or MJCF file with collision geometry.
+        surface: which bodies, their friction, and how well meshes are met; None for the robot's.
+        solids: collision geometry on the joints and frames of `robot.model`, None for that of the
+            model file.
+
+    Raises:
+        RobotError: no collision geometry, a body that does not exist, or a kind of shape that has
+            no points (a half space, a height field).
+    """
+    surface = robot.surface if surface is None else surface
+    links = surface.links
+    for link in links or ():
+        if link not in robot.bodies:
+            raise RobotError(unknown_name(f"body of '{robot.name}'", link, robot.bodies))
+    shapes = (collision_solids(robot) if solids is None else solids).geometryObjects
+    if not len(shapes):
+        raise RobotError(
+            f"'{robot.name}' has no collision geometry that can be read. Give its model file "
+            "<collision> elements (URDF) or geoms (MJCF) and install their meshes, or give it "
+            "more [[contacts]]."
+        )
+    return tuple(
+        point
+        for item in shapes
+        if item.parentJoint and (links is None or robot.bodies[item.parentJoint - 1] in links)
+        for point in _of_solid(robot, item, surface)
+    )
+
+
+def _of_solid(robot: Robot, item: Any, surface: BodySurface) -> Iterator[ContactPoint]:
+    """Yield the contact points of one solid."""
+    model = robot.model
+    points, radius, thickness = _points(item, surface.depth)
+    to_joint = item.placement
+    frame = model.frames[item.parentFrame]
+    known = []
+    for contact in robot.contacts:
+        carrier = model.frames[model.getFrameId(contact.frame)]
+        if carrier.parentJoint == item.parentJoint:
+            known.append(((carrier.placement * contact.placement()).translation, contact.radius))
+    for number, point in enumerate(points):
+        place = to_joint.act(point)
+        if any(np.linalg.norm(place - at) - own - radius < thickness for at, own in known):
+            continue
+        offset = frame.placement.actInv(place)
+        yield ContactPoint(f"{item.name}/{number}", frame.name, offset, surface.friction, radius)
+
+
+def _points(item: Any, depth: float) -> tuple[FloatArray, float, float]:
+    """Return points (n, 3) of a solid in its own axes, the radius of balls there, its thickness."""
+    shape = item.geometry
+    if isinstance(shape, coal.Sphere):
+        return np.zeros((1, 3)), float(shape.radius), 2.0 * float(shape.radius)
+    if isinstance(shape, coal.Box):
+        sides = np.asarray(shape.halfSide)
+        return _CORNERS * sides, 0.0, 2.0 * float(sides.min())
+    if isinstance(shape, coal.Capsule | coal.Cylinder):
+        radius, half = float(shape.radius), float(shape.halfLength)
+        inside = isinstance(shape, coal.Cylinder)
+        if inside and half < radius:
+            turn = 2.0 * np.pi * np.arange(_RIM) / _RIM
+            rim = np.column_stack((radius * np.cos(turn), radius * np.sin(turn)))
+            ends = [np.insert(rim, 2, z, axis=1) for z in (-half, half)]
+            return np.concatenate(ends), 0.0, 2.0 * half
+        end = half - radius if inside else half
+        return np.array([[0.0, 0.0, -end], [0.0, 0.0, end]]), radius, 2.0 * radius
+    if not hasattr(shape, "points"):
+        raise RobotError(
+            f"the collision shape '{item.name}' ({type(shape).__name__}) has no contact points. "
+            "Use spheres, capsules, boxes, cylinders or meshes, or leave its link out."
+        )
+    vertices = np.asarray(shape.points()).reshape(-1, 3)
+    return _hull(vertices, depth), 0.0, float(np.ptp(vertices, axis=0).min())
+
+
+def _hull(vertices: FloatArray, depth: float) -> FloatArray:
+    """Return the fewest vertices (n, 3), by one after another, that others pass by `depth` at most.
+
+    The one that sticks out most, seen from many directions, is taken next.
+    """
+    seen = vertices @ _DIRECTIONS.T
+    outermost, number = seen.max(axis=0), seen.argmax(axis=0)
+    chosen = [int(number[0])]
+    while True:
+        out = outermost - seen[chosen].max(axis=0)
+        worst = int(out.argmax())
+        if out[worst] <= depth:
+            return vertices[chosen]
+        chosen.append(int(number[worst]))
