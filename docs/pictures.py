@@ -33,6 +33,7 @@ from sims import (
     tilting_table,
     trot,
     wedge,
+    wedge_forces,
 )
 from sims.fleet import record_fleet
 from sims.plots import sweep_figure
@@ -177,6 +178,11 @@ def designs() -> None:
         energy_flow="energy_flow",
         wedge="wedge",
     )
+    plots(
+        lambda theme: {"wedge_forces": wedge_forces.forces_figure(theme=theme)},
+        wedge_forces="wedge_forces",
+    )
+    keep(wedge_forces.film(OUT / "wedge_film.gif"), "wedge_film")
 
 
 def experiments() -> None:

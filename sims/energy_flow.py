@@ -13,21 +13,37 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Outline
+from matplotlib.patches import Polygon
 
 from sims.leg import LegControl, balanced_pose, squat
 from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
+from wbc.transmission import Direction
 from wbc.view import LIGHT, Theme
+from wbc.view.palette import DIRECTION_COLOURS
 from wbc.view.plots import drawing, new_figure, write_figure
 
 OUT = Path("out")
-_BAR = 0.07  # width of the bars, of the panel's
-_GAP = 0.05  # between two bands, of the whole height
+_WIDE = 0.5  # width of the band of all energy that comes in
+_FAR = 0.75  # where heat arrives below the stages, and falls begin above them
 _SMALL = 2e-3  # share of the whole below which a band is left out
+STAGES = {
+    "supply": (),
+    "motors": ("back to the supply", "Joule heat"),
+    "gears": (
+        "teeth of the gears",
+        "impact, in the teeth",
+        "rotor friction",
+        "gear damping",
+        "joint friction",
+        "bristles",
+    ),
+    "links": ("fall", "stored"),
+    "ground": ("impact, in the ground", "sliding on the ground", "unexplained"),
+}
+"""Stage -> rows of the books that enter or leave there."""
 
 
 def motor_drive(robot: Robot, run: Simulation) -> float:
@@ -81,57 +97,87 @@ def main(duration: float = 4.0) -> dict[str, dict[str, float]]:
     return found
 
 
+def staged(rows: dict[str, float]) -> dict[str, float]:
+    """Return the energy [J] that each stage passes to the next one, negative if it is driven."""
+    passed, flow = rows["supply"], {}
+    for stage, names in STAGES.items():
+        passed += sum(rows.get(name, 0.0) for name in names)
+        flow[stage] = passed
+    return flow
+
+
 def flow_figure(found: dict[str, dict[str, float]], theme: Theme = LIGHT) -> Figure:
-    """Return one panel per run: bands from what comes in to where it goes, as wide as joules."""
+    """Return one panel per run: bands from stage to stage, as wide as joules, heat downwards."""
     with drawing(theme):
-        figure, grid = new_figure(1, len(found), 5.4 * len(found), 4.2)
-        for ax, (name, rows) in zip(grid[0], found.items(), strict=True):
-            _bands(ax, rows, theme)
-            ax.set_title(f"{name}: {sum(max(v, 0.0) for v in rows.values()):.3g} J come in")
+        figure, grid = new_figure(len(found), 1, 9.0, 3.0 * len(found))
+        for row, (name, books_of) in zip(grid, found.items(), strict=True):
+            _stages(row[0], books_of, theme)
+            total = sum(max(value, 0.0) for value in books_of.values())
+            row[0].set_title(f"{name}: {total:.3g} J come in")
     return figure
 
 
-def _bands(ax: Axes, rows: dict[str, float], theme: Theme) -> None:
+def _stages(ax: Axes, rows: dict[str, float], theme: Theme) -> None:
+    """Draw the stages from left to right; what leaves each goes down, what comes in, from above."""
     ax.set_axis_off()
-    ax.set_xlim(-0.55, 1.75)
+    ax.set_aspect("equal")
     total = sum(max(value, 0.0) for value in rows.values())
-    shares = {name: value / total for name, value in rows.items() if abs(value) > _SMALL * total}
-    sides = {
-        0: [(name, share) for name, share in shares.items() if share > 0.0],
-        1: [(name, -share) for name, share in shares.items() if share < 0.0],
-    }
-    for side, bands in sides.items():
-        inner = 0.5 * sum(share for _, share in bands)
-        outer = inner + 0.5 * _GAP * (len(bands) - 1)
-        for i, (name, share) in enumerate(bands):
-            colour = theme.series[(i + 2 * side) % len(theme.series)]
-            ends = ((outer, outer - share), (inner, inner - share))
-            _band(ax, side, ends, colour)
-            label = f"{name}\n{share * total:.3g} J"
-            place = -_BAR - 0.02 if side == 0 else 1.0 + _BAR + 0.02
-            ax.text(
-                place, outer - 0.5 * share, label, ha="right" if side == 0 else "left",
-                va="center", fontsize=8,
-            )  # fmt: skip
-            outer -= share + _GAP
-            inner -= share
-    ax.set_ylim(-0.5 - 3 * _GAP, 0.5 + 3 * _GAP)
+    scale, flow = _WIDE / total, staged(rows)
+    forward, backward = DIRECTION_COLOURS[Direction.FORWARD], DIRECTION_COLOURS[Direction.BACKWARD]
+    heat = theme.series[4]
+    for place, (stage, names) in enumerate(STAGES.items()):
+        x = 1.6 * place
+        ax.text(x, -_FAR - 0.5, stage, ha="center", va="top", weight="bold")
+        shown = [name for name in names if abs(rows.get(name, 0.0)) > _SMALL * total]
+        above = [
+            name for name in shown if rows[name] > 0.0 or name in ("back to the supply", "stored")
+        ]
+        for side, group in ((1.0, above), (-1.0, [name for name in shown if name not in above])):
+            left = x - 0.5 * scale * sum(abs(rows[n]) for n in group) - 0.09 * (len(group) - 1)
+            for name in group:
+                value, wide, enters = rows[name], scale * abs(rows[name]), rows[name] > 0.0
+                colour = forward if enters else backward if side > 0.0 else heat
+                middle = left + 0.5 * wide
+                _band(ax, (middle, side * _FAR), (middle, 0.0), wide, colour, into=enters)
+                place_of = "center" if len(group) == 1 else "right" if name == group[0] else "left"
+                ax.text(
+                    middle, side * (_FAR + 0.04), f"{name}\n{abs(value):.3g} J", ha=place_of,
+                    va="bottom" if side > 0.0 else "top", fontsize=8,
+                )  # fmt: skip
+                left += wide + 0.18
+        ax.plot([x, x], [-0.5 * _WIDE, 0.5 * _WIDE], color=theme.ink, linewidth=2.0)
+        passed = flow[stage]
+        if stage != "ground" and abs(passed) > _SMALL * total:
+            colour = forward if passed > 0.0 else backward
+            ends = ((x, 0.0), (x + 1.6, 0.0))
+            start, end = ends if passed > 0.0 else ends[::-1]
+            _band(ax, end, start, scale * abs(passed), colour, into=False)
+            ax.text(x + 0.8, 0.0, f"{abs(passed):.3g} J", ha="center", va="center", fontsize=8)
+    ax.set_xlim(-0.6, 1.6 * (len(STAGES) - 1) + 0.6)
+    ax.set_ylim(-_FAR - 0.7, _FAR + 0.4)
 
 
 def _band(
-    ax: Axes, side: int, ends: tuple[tuple[float, float], tuple[float, float]], colour: str
+    ax: Axes,
+    far: tuple[float, float],
+    near: tuple[float, float],
+    wide: float,
+    colour: str,
+    into: bool,
 ) -> None:
-    """Draw one band between the outer bar of a side and the middle of the panel."""
-    (high, low), (middle_high, middle_low) = ends
-    far, near = (-_BAR, 0.5) if side == 0 else (1.0 + _BAR, 0.5)
-    bend = 0.5 * (far + near)
-    points = [
-        (far, high), (bend, high), (bend, middle_high), (near, middle_high),
-        (near, middle_low), (bend, middle_low), (bend, low), (far, low), (far, high),
+    """Draw an arrow as wide as its energy between the bar of a stage and a place off it."""
+    tip, tail = (near, far) if into else (far, near)
+    along = np.subtract(tip, tail) / np.hypot(*np.subtract(tip, tail))
+    across = np.array([-along[1], along[0]])
+    head = min(0.12, 0.6 * wide + 0.04)
+    neck = np.asarray(tip) - head * along
+    corners = [
+        tail + 0.5 * wide * across, neck + 0.5 * wide * across,
+        neck + (0.5 * wide + 0.03) * across, np.asarray(tip),
+        neck - (0.5 * wide + 0.03) * across, neck - 0.5 * wide * across,
+        tail - 0.5 * wide * across,
     ]  # fmt: skip
-    curve = [Outline.CURVE4] * 3
-    codes = [Outline.MOVETO, *curve, Outline.LINETO, *curve, Outline.CLOSEPOLY]
-    ax.add_patch(PathPatch(Outline(points, codes), facecolor=colour, alpha=0.55, edgecolor="none"))
+    ax.add_patch(Polygon(corners, facecolor=colour, alpha=0.55, edgecolor="none"))
 
 
 def report(found: dict[str, dict[str, float]]) -> list[Path]:

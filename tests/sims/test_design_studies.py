@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims import case_study, energy_flow, topologies, wedge
+from sims import case_study, energy_flow, topologies, wedge, wedge_forces
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +63,9 @@ def test_energy_flow() -> None:
         assert abs(rows["unexplained"]) < 0.01 * rows["supply"]
         assert rows["Joule heat"] < 0.0
         assert rows["back to the supply"] <= 0.0
+        assert energy_flow.staged(rows)["ground"] == pytest.approx(0.0, abs=1e-9)
     squat, landing = found["squat"], found["landing"]
+    assert energy_flow.staged(squat)["motors"] > 0.0 > energy_flow.staged(landing)["gears"]
     assert squat["Joule heat"] < squat["teeth of the gears"]  # both negative: more heat in windings
     assert landing["fall"] > 0.0
     assert landing["impact, in the ground"] < 0.0
@@ -79,3 +81,18 @@ def test_wedge() -> None:
     assert np.isnan(rubbing["backward"][-1])  # locks itself
     assert np.all(rubbing["forward"] >= smooth["forward"])
     assert wedge.report(curves)[0].read_bytes()[:4] == b"\x89PNG"
+
+
+def test_wedge_forces() -> None:
+    found = wedge_forces.main()
+    forward, backward = found["forward"], found["backward"]
+    for rows in found.values():  # along the slope all forces on the wedge balance
+        pressed = rows["lambda"] * np.cos(wedge_forces.ALPHA)
+        rubbed = rows["friction"] * np.sin(wedge_forces.ALPHA)
+        assert rows["f_u"] == pytest.approx(pressed + rubbed)
+    power = {way: rows["f_u"] / np.cos(wedge_forces.ALPHA) for way, rows in found.items()}
+    assert forward["f_x"] / power["forward"] == pytest.approx(forward["efficiency"])
+    assert power["backward"] / backward["f_x"] == pytest.approx(backward["efficiency"])
+    picture, film = wedge_forces.report(found)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert film.read_bytes()[:4] == b"GIF8"
