@@ -119,12 +119,14 @@ def metrics() -> None:
         for robot, options in (
             *(("planar_leg_fixed", ()), ("planar_leg", ())),
             *(("solo12", ()), ("staubli_tx40", ARM_POSE)),
+            ("differential_biped", ("--contact", "left_toe")),
         ):
             wbc(["metrics", robot, *options, "--figures", str(folder), "--theme", theme])
         ending = "" if theme == "light" else "_dark"
         keep(folder / "planar_leg_fixed_leg.png", "ellipsoids" + ending)
         keep(folder / "planar_leg_tradeoff.png", "tradeoff" + ending)
         keep(folder / "solo12_leg.png", "metrics_solo12" + ending)
+        keep(folder / "differential_biped_leg.png", "metrics_differential" + ending)
         keep(folder / "staubli_tx40_leg.png", "metrics_arm" + ending)
 
 

@@ -22,7 +22,7 @@ MASSES = {
     "solo12": 2.5,
     "anymal": 30.475,
     "talos": 90.27,
-    "differential_biped": 17.1,
+    "differential_biped": 10.4494,
 }
 
 

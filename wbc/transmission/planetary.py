@@ -1,12 +1,14 @@
 """The two efficiencies of a 3K compound planetary gear, from the balance of its meshes.
 
 The paper takes its backward efficiency from equation (38) of Matsuki, Nagano and Fujimoto (2019),
-who built such a gear. The relation here is derived anew, from torques and powers alone. The sun s
-drives, ring r1 is fixed, ring r2 puts out, and both rings mesh with one double planet whose carrier
-is free. In the frame of the carrier the gears turn about fixed axes: power enters at s and r2 and
-leaves at r1 when the sun drives, and the other way round when r2 drives. With i1 = z_r1/z_s,
-i2 = z_r1 z_p2/(z_p1 z_r2) < 1, the free carrier's T_s + T_r1 = T_r2, and the share e of the power
-that passes the planet either way:
+who built such a gear. The relation here is derived anew, from torques and powers alone, and was not
+compared with that equation, which we have not seen.
+
+The sun s drives, ring r1 is fixed, ring r2 puts out, and both rings mesh with one double planet
+whose carrier is free. In the frame of the carrier the gears turn about fixed axes: power enters at
+s and r2 and leaves at r1 when the sun drives, and the other way round when r2 drives. With
+i1 = z_r1/z_s, i2 = z_r1 z_p2/(z_p1 z_r2) < 1, the free carrier's T_s + T_r1 = T_r2, and the share e
+of the power that passes the planet either way:
 
     N     = (1 + i1)/(1 - i2)
     eta_f = (1 + e i1)/(1 - e i2) / N              eta_b = (1 - i2/e)/(1 + i1/e) N
