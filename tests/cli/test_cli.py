@@ -165,7 +165,7 @@ def test_metrics_of_an_arm_at_its_last_link(tmp_path, capsys):
     assert metrics["effective mass up, driven [kg]"] > 0.0
     assert metrics["force up, hold [N]"] == "unlimited"  # the arm's motors have no torque_limit
     assert "torque_limit" in metrics["force polygon, moving up [N]"]
-    assert set(metrics["assumptions"]) == set(metrics) - {"assumptions"}
+    assert set(metrics["assumptions"]) == set(metrics) - {"assumptions", "schema"}
     assert "what the numbers assume" in capsys.readouterr().out
 
 
@@ -197,3 +197,17 @@ def test_python_m_wbc_is_the_command():
     )
     assert done.returncode == 0
     assert "planar_leg" in done.stdout
+
+
+def test_metrics_name_the_gears_that_hold_and_what_robot_toml_lacks(capsys, monkeypatch):
+    """Two tables of zeros were printed, no torque above its limit was marked, and the known torque
+    constants of Solo12 were called unknown."""
+    pytest.importorskip("example_robot_data")
+    monkeypatch.setenv("COLUMNS", "120")
+    assert main(["metrics", "solo12"]) == 0
+    shown = capsys.readouterr().out
+    assert "0.0000" not in shown
+    assert "0.3128  FL_KFE (above its limit 0.3)" in shown
+    assert "all others" in shown
+    assert "robot.toml has no resistance of any motor" in shown
+    assert "torque_constant" not in shown

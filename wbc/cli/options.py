@@ -355,7 +355,9 @@ def build_parser() -> argparse.ArgumentParser:
         description="Compare a robot model with logs, learn which physics is missing, see it.",
         epilog=_EPILOG,
         formatter_class=_RAW,
+        add_help=False,
     )
+    parser.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)  # who reads it knows
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(
         dest="command", required=True, metavar="COMMAND", help="its options: wbc COMMAND --help"

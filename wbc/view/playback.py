@@ -35,7 +35,7 @@ from wbc.view.palette import (
     VERMILION,
     YELLOW,
 )
-from wbc.view.scene import SceneSize, add_robot_scene
+from wbc.view.scene import SceneSize, add_paths, add_robot_scene
 from wbc.view.shapes import LinkShape, robot_shapes
 from wbc.view.track import (
     ContactTrack,
@@ -94,6 +94,7 @@ def playback_payload(
         "metres_per_newton": _arrow_scale(track, size),
         "camera": _camera(robot, track, size, shapes, ghost),
         "floating": robot.floating_size > 0,
+        "planned": bool(track.paths),
         "follow": _leaves(robot, track, size),
         "residual_span": _residual_span(ghost),
         "autoplay": at is None,
@@ -136,6 +137,9 @@ def _contact(contact: ContactTrack, slabs: Sequence[GroundSlab]) -> dict[str, An
 
 def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, Any]:
     residual = None if ghost is None else ghost.residual.get(gear.joint)
+    gears = robot.transmission
+    k = gears.index(gear.joint)
+    limit = float(np.abs(gears.gear_ratio[k]) * gears.torque_limit[k])
     largest = float(np.nanmax(np.abs(gear.torque))) if np.isfinite(gear.torque).any() else 0.0
     return {
         "name": gear.joint,
@@ -145,6 +149,7 @@ def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, 
         "power": _packed(gear.power),
         "direction": _packed(np.nan_to_num(gear.direction)),
         "largest": largest,
+        "limit": limit if np.isfinite(limit) else None,
         "residual": None if residual is None else _packed(residual),
     }
 
@@ -277,6 +282,8 @@ def write_playback(
         path: the file to write (whole or not at all).
         robot: the robot of the log.
         log: positions at least; velocities, torques and contact forces are shown if it has them.
+            Of set points with accelerations (`wbc experiment`) the torques that the model needs,
+            their limits, and the paths of the contact points are shown.
         ghost: a second, transparent robot beside it (`model_ghost`, `log_ghost`); with its
             residuals the joints take their colour.
         ground: what it stands on; level ground under the loaded contacts when left out.
@@ -313,6 +320,7 @@ def playback_page(
     contacts = [contact.name for contact in track.contacts]
     shapes = robot_shapes(robot)
     size = add_robot_scene(root, robot, shapes, slabs, contacts, _ground_opacity(track, slabs))
+    add_paths(root["paths"], track.paths)
     shadow = None if ghost is None else track_ghost(robot, ghost, track.time)
     scene = playback_payload(
         robot, track, size, shapes, slabs, recorder.encoded(), marks or {}, shadow, at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -169,6 +169,13 @@ def add_center_of_mass(root: Any, size: SceneSize) -> None:
     )
     root["line"]["body"].set_object(UprightCylinder(1.0, 0.12 * radius), material(rgb(PURPLE), 0.8))
     root["line"]["body"].set_transform(_shift(0.5))
+
+
+def add_paths(root: Any, paths: Mapping[str, FloatArray]) -> None:
+    """Add the path (F, 3) [m] of every contact point as a line."""
+    for name, points in paths.items():
+        corners = mg.PointsGeometry(np.ascontiguousarray(points.T, dtype=np.float32))
+        root[name].set_object(mg.Line(corners, mg.LineBasicMaterial(color=int(PURPLE[1:], 16))))
 
 
 def add_ground(root: Any, slabs: tuple[GroundSlab, ...], opacity: float) -> None:

@@ -9,13 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import Workspace, evaluate
+from wbc.dynamics import Workspace, evaluate, link_torque
+from wbc.dynamics import rotor_torque as needed_torque
 from wbc.identification.arguments import require_readable
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
-from wbc.robot import Robot
+from wbc.robot import Motion, Robot
 from wbc.view.channels import (
     RecordedImpact,
     configuration,
@@ -23,6 +24,8 @@ from wbc.view.channels import (
     find_impacts,
     gear_flow,
     robot_weight,
+    rotor_torque,
+    velocity,
 )
 
 TIE = 0.5
@@ -193,6 +196,7 @@ class Track:
         gears: the driven joints.
         impacts: instants at which a contact force jumps.
         weight: [N] of the robot.
+        paths: contact name -> (F, 3) [m] that it passes; of planned motions only.
     """
 
     time: FloatArray
@@ -202,14 +206,19 @@ class Track:
     gears: tuple[GearTrack, ...]
     impacts: tuple[RecordedImpact, ...]
     weight: float
+    paths: Mapping[str, FloatArray]
 
 
 def make_track(robot: Robot, log: Log) -> Track:
     """Return what a playback of `log` shows, at up to 60 frames per second (3600 in all).
 
+    A planned motion gets the torques that the model needs for it.
+
     Raises:
         LogError: the log holds no position of the robot.
     """
+    planned = is_planned(robot, log)
+    log = with_needed_torques(robot, log) if planned else log
     rows = frame_rows(log)
     position = configuration(robot, log)[rows]
     poses, center, points = _kinematics(robot, position)
@@ -230,7 +239,30 @@ def make_track(robot: Robot, log: Log) -> Track:
         gears=_gears(robot, log, rows),
         impacts=find_impacts(log.time, forces, weight),
         weight=weight,
+        paths={c.name: points[:, i] for i, c in enumerate(robot.contacts)} if planned else {},
     )
+
+
+def is_planned(robot: Robot, log: Log) -> bool:
+    """Return whether a log holds set points: the motion with its acceleration, and no torque."""
+    motion = ("position", "velocity", "acceleration")
+    joints = robot.transmission.joints
+    return (
+        robot.floating_size == 0
+        and all(log.has(f"{joint}.{what}") for joint in joints for what in motion)
+        and not np.isfinite(rotor_torque(robot, log)).any()
+    )
+
+
+def with_needed_torques(robot: Robot, log: Log) -> Log:
+    """Return a planned motion with the rotor torques that the model needs for it."""
+    acceleration = np.zeros((len(log), robot.model.nv))
+    for joint in robot.transmission.joints:
+        acceleration[:, robot.velocity_index(joint)] = log.column(f"{joint}.acceleration")
+    motion = Motion(configuration(robot, log), velocity(robot, log), acceleration, log.time)
+    torque, _ = needed_torque(robot, motion, link_torque(robot, motion))
+    names = (f"{joint}.rotor_torque" for joint in robot.transmission.joints)
+    return log.with_columns(dict(zip(names, torque.T, strict=True)))
 
 
 def frame_rows(log: Log) -> FloatArray:

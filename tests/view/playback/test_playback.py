@@ -17,6 +17,9 @@ from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
 from wbc.view import Ghost, profile_ground, write_playback
 from wbc.view.channels import configuration
+from wbc.view.track import make_track
+
+_MOTION = ("position", "velocity", "acceleration")
 
 
 def scene_of(page: Path) -> dict:
@@ -160,3 +163,30 @@ def test_a_swing_between_a_dozen_frames_is_framed(tmp_path: Path) -> None:
     scene = scene_of(write_playback(tmp_path / "slide.html", load_robot("emps"), log))
     along = np.array(scene["camera"]["points"])[:, 0]
     assert along.max() == pytest.approx(0.30, abs=5e-3)
+
+
+def test_a_planned_motion_shows_the_torque_it_needs_its_limit_and_its_path(tmp_path: Path) -> None:
+    """Set points without torques were a page with nothing but the moving leg."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    time = np.linspace(0.0, 2.0, 201)
+    columns = {}
+    for joint, sign in (("hip", 1.0), ("knee", -1.0)):
+        columns[f"{joint}.position"] = sign * (0.5 + 0.2 * np.sin(3.0 * time))
+        columns[f"{joint}.velocity"] = sign * 0.6 * np.cos(3.0 * time)
+        columns[f"{joint}.acceleration"] = -sign * 1.8 * np.sin(3.0 * time)
+    log = Log(time, columns)
+    track = make_track(robot, log)
+    motion = [np.stack([columns[f"{j}.{w}"] for j in ("hip", "knee")], axis=1) for w in _MOTION]
+    data = robot.model.createData()
+    links = np.array([pin.rnea(robot.model, data, *row) for row in zip(*motion, strict=True)])
+    needed = links + robot.transmission.reflected_inertia * motion[2]
+    rows = np.searchsorted(time, track.time)
+    found = np.stack([gear.torque for gear in track.gears], axis=1)
+    np.testing.assert_allclose(found, needed[rows], atol=1e-9)
+    assert set(track.paths) == {"foot"}
+    assert np.ptp(track.paths["foot"], axis=0).max() > 0.05
+    page = write_playback(tmp_path / "plan.html", robot, log).read_text("utf-8")
+    assert '"planned":true' in page
+    assert '"limit":20.0' in page
+    without = {name: values for name, values in columns.items() if "acceleration" not in name}
+    assert make_track(robot, Log(time, without)).paths == {}

@@ -1,7 +1,7 @@
 const cells = [];
 function buildReadout() {
   const table = $("gears"), withResidual = data.gears.some((g) => g.residual);
-  // A planned motion has no torque: a table without a number would only cover the robot.
+  // A log without torques: a table without a number would only cover the robot.
   const told = withResidual || data.gears.some((g) => g.torque.some((x) => !Number.isNaN(x)));
   const units = [...new Set(data.gears.map((g) => g.unit))];
   table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (withResidual ? "<th>residual<br>[noise floors]</th>" : "") + "</tr>";
@@ -22,7 +22,7 @@ const residualShown = () => Boolean(layers.residual);
 function drawLegend() {
   const told = data.gears.some((g) => g.residual || g.torque.some((x) => !Number.isNaN(x)));
   const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
-  const lines = [];
+  const lines = data.planned ? ["planned motion: torques that the model needs, of their limits; line: path of the contact point"] : [];
   if (told && residualShown()) lines.push("residual: " + entry(data.colours.over, "measured above the model") +
     entry(data.colours.under, "below") + `(full colour: ${Math.round(data.residual_span)} noise floors)`);
   else if (told) lines.push("power through the gear: " + ["1", "-1", "0"].map((m) => entry(data.colours.modes[m], data.modes[m])).join(""));
@@ -43,7 +43,8 @@ function readout(i) {
   $("note").textContent = mark ? mark.label : "";
   data.gears.forEach((g, k) => {
     const [, torque, power, mode, residual] = cells[k];
-    torque.textContent = signed(g.torque[i], 1);
+    torque.textContent = signed(g.torque[i], 1) + (data.planned && g.limit !== null ? ` of ${g.limit.toFixed(0)}` : "");
+    torque.style.color = data.planned && g.limit !== null && Math.abs(g.torque[i]) > g.limit ? data.colours.slip : "";
     power.textContent = signed(g.power[i], 1);
     const known = !Number.isNaN(g.power[i]), chip = mode.firstChild;
     chip.hidden = !known;
