@@ -138,6 +138,21 @@ def test_another_comment_or_docstring_leaves_machine_code_as_it_is(run):
     assert run("1.0", "1.0", text='"""Return more."""\n    # And more.') == ["2.0", "1"]
 
 
+def test_what_a_module_kept_under_another_name_is_compiled_anew(run, tmp_path):
+    """A file that was renamed, with what it holds unchanged."""
+    assert run("1.0", "1.0") == ["2.0", "0"]
+    (tmp_path / "callee.py").rename(tmp_path / "inner_callee.py")
+    text = CALLER.format(text="# Nothing.").replace("from callee", "from inner_callee")
+    (tmp_path / "renamed.py").write_text(text)
+    code = "import sys; sys.path.insert(0, '.'); import renamed"
+    own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    (tmp_path / "caller.py").unlink()
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=own, capture_output=True, text=True
+    )
+    assert done.stdout.split()[:1] == ["2.0"], done.stderr
+
+
 READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
 
 

@@ -268,6 +268,20 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
 class _Kept(FunctionCache):  # type: ignore[misc]
     _impl_class = _Files
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is kept; None where it cannot be read any more.
+
+        What is kept names the module of its function and those of its types: once these have been
+        renamed, it is compiled anew. So is what was cut off while it was written.
+        """
+        try:
+            return super().load_overload(sig, target_context)
+        except OSError:
+            raise
+        except Exception:
+            self.flush()
+            return None
+
 
 def _base(function: Callable[..., Any]) -> str:
     return f"{function.__name__.strip('<>')}-{vars(function)['stamp'][:24]}"
