@@ -16,7 +16,7 @@ from wbc.design.experiment import (
     parse_cause,
     random_paths,
 )
-from wbc.design.experiment.clearance import LinkDistances
+from wbc.design.experiment.motions import LinkDistances
 from wbc.effects import load_robot
 from wbc.robot import Robot
 

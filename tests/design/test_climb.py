@@ -20,9 +20,9 @@ from wbc.design.experiment import (
     random_paths,
     shrinking,
 )
+from wbc.design.experiment.aims import slopes_are_exact
 from wbc.design.experiment.climb import _Hill, climbed_path
-from wbc.design.experiment.site import ROOM, Site
-from wbc.design.experiment.slopes import slopes_are_exact
+from wbc.design.experiment.motions import ROOM, Site
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.robot import Motion

@@ -12,7 +12,7 @@ from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import EFFECTS, load_robot, save_robot
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion, Robot
-from wbc.robot.loading.units import SI_UNITS
+from wbc.robot.loading.table import SI_UNITS
 
 SAMPLES = 20
 

@@ -18,7 +18,7 @@ from wbc.metrics import (
     impact_mitigation,
     pose_sweep,
 )
-from wbc.metrics.batch.links import link_terms
+from wbc.metrics.links import link_terms
 from wbc.robot import Robot
 
 ROUNDING = {"rtol": 1e-9, "atol": 1e-12}

@@ -22,7 +22,7 @@ from wbc.identification.servo.servo_models import ServoModels
 from wbc.measurement import Log, check_log, rotor_torques
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
-from wbc.robot.loading import gear_lines
+from wbc.robot.loading import description
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
 
@@ -169,7 +169,7 @@ def test_every_place_that_prints_lines_of_a_gear_is_tried_here(
         tried.add(Path(sys._getframe(1).f_code.co_filename).relative_to(ROOT).as_posix())
         return said(*arguments)
 
-    places, tried, said = set(), set(), gear_lines.state_gear
+    places, tried, said = set(), set(), description.state_gear
     for path in (ROOT / "wbc").rglob("*.py"):
         calls = [n.func for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
         if any(isinstance(f, ast.Name) and f.id == "state_gear" for f in calls):

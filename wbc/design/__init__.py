@@ -1,13 +1,17 @@
 """Design sweeps: many variations of a robot, their metrics, and the best compromises among them."""
 
-from wbc.design.efficiency_table import EfficiencyTable, read_efficiency_table
-from wbc.design.gearboxes import Gearbox, choose_gearboxes, read_gearboxes
+from wbc.design.gearboxes import (
+    EfficiencyTable,
+    Gearbox,
+    choose_gearboxes,
+    read_efficiency_table,
+    read_gearboxes,
+)
 from wbc.design.pareto import Objective, over_gait, pareto_front, parse_objective
 from wbc.design.simulated import SIMULATIONS
-from wbc.design.stored import best_designs, read_designs, sampled_designs
+from wbc.design.stored import best_designs, read_designs, run_study, sampled_designs
 from wbc.design.study import Study, describe_columns
 from wbc.design.sweep_parameter import SweepParameter, parse_sweep
-from wbc.design.work import run_study
 
 __all__ = [
     "SIMULATIONS",

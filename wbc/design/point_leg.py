@@ -24,7 +24,7 @@ from wbc.control import (
     Reference,
     RestPolicy,
 )
-from wbc.design.robot_kinds import height_row, require_point_leg
+from wbc.design.simulated import height_row, require_point_leg
 from wbc.dynamics import evaluate
 from wbc.errors import DesignError
 from wbc.robot import Robot

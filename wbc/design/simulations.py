@@ -13,8 +13,8 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control import Reference, RestPolicy
 from wbc.design.point_leg import PointLeg, placed, standing_reference, total_mass
-from wbc.design.robot_kinds import height_row
-from wbc.design.trot import trot
+from wbc.design.simulated import height_row
+from wbc.design.trotter import trot
 from wbc.dynamics import evaluate
 from wbc.errors import SimulationError
 from wbc.metrics import force_capability, link_length

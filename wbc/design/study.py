@@ -14,8 +14,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from wbc.arrays import FloatArray
-from wbc.design.efficiency_table import EfficiencyTable
-from wbc.design.gearboxes import Gearbox
+from wbc.design.gearboxes import EfficiencyTable, Gearbox
 from wbc.design.simulated import SIMULATIONS, simulate_design
 from wbc.design.sweep_parameter import GEAR_PARAMETERS, SweepParameter
 from wbc.effects import load_robot

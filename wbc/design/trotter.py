@@ -1,11 +1,4 @@
-"""A quadruped that trots: a contact schedule, footholds after Raibert, swing feet, a base task.
-
-All that a gait needs beside the controller. It uses positions and velocities only: that a foot
-touches the ground is known from its height above the ground, which the robot knows here.
-
-The gait is that of Solo12. Another robot trots like it by dynamic similarity: lengths grow with the
-height of its base, times with the root of it (equal Froude number v^2 / (g h)).
-"""
+"""A planar robot with two legs that trots: its gait, its controller and what a cycle costs."""
 
 from __future__ import annotations
 
@@ -29,8 +22,10 @@ from wbc.control import (
     State,
     Task,
 )
-from wbc.design.robot_kinds import require_quadruped
+from wbc.design.point_leg import placed, total_mass
+from wbc.design.simulated import require_quadruped
 from wbc.robot import Robot
+from wbc.sim import Plant
 
 SPEED = 0.5  # [m/s] at which Solo12 trots
 _HEIGHT = 0.222946  # [m] of the base of Solo12, for which these figures hold
@@ -270,3 +265,44 @@ def hump(s: float) -> tuple[float, float, float]:
         32.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
         32.0 * (1.0 - 6.0 * s + 6.0 * s * s),
     )
+
+
+_TICK = 1e-3  # [s]
+_SETTLE, _MEASURED = 4, 4  # periods of the gait before the cost is taken, and over which it is
+_FALLEN = 0.5  # share of its height at which the base has fallen
+
+
+def trot(robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
+    """Return speed and cost of transport of a trot whose controller knows the gears.
+
+    The work is that of the motors that drive; what the others would give back is lost. The cost is
+    work over m g and the way, `trot_cost` with the Joule heat of the windings (NaN without
+    resistance and torque constant), `trot_work_cost` without it. Both are NaN, and the speed is 0,
+    for a design that falls.
+    """
+    pose = placed(robot, q, 0.0)
+    trotter, plant = Trotter(robot, pose), Plant(robot)
+    settled = round((trotter.start + _SETTLE * trotter.period) / _TICK)
+    measured = round(_MEASURED * trotter.period / _TICK)
+    gears, state = robot.transmission, plant.state(pose)
+    work = heat = begin = 0.0
+    for tick in range(settled + measured):
+        if tick == settled:
+            begin, work, heat = float(state.position[0]), 0.0, 0.0
+        result = plant.step(state, trotter(state), _TICK)
+        speed = 0.5 * (state.velocity + result.state.velocity)[robot.actuated]
+        power = result.rotor_torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
+        loss = gears.copper_loss * result.rotor_torque**2
+        work += float(np.maximum(power, 0.0).sum()) * _TICK
+        heat += float(np.maximum(power + loss, 0.0).sum()) * _TICK
+        state = result.state
+        if state.position[2] < _FALLEN * pose[2]:
+            return {"trot_speed": 0.0, "trot_cost": np.nan, "trot_work_cost": np.nan}
+    way = float(state.position[0]) - begin
+    carried = total_mass(robot) * 9.81 * way
+    moves = way > 0.0
+    return {
+        "trot_speed": way / (measured * _TICK),
+        "trot_cost": heat / carried if moves else np.nan,
+        "trot_work_cost": work / carried if moves else np.nan,
+    }

@@ -21,7 +21,7 @@ from wbc.robot import (
     read_description,
     with_gear_numbers,
 )
-from wbc.robot.loading.units import to_si
+from wbc.robot.loading.table import to_si
 from wbc.robot.robot import RobotSource
 
 _KEYS = ("robot", "lossless", "gears", "effects", "provenance")

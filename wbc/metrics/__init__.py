@@ -1,26 +1,30 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.batch import (
-    DesignMetrics,
-    Designs,
-    design_metrics,
-    held_torques,
-    link_length,
-)
 from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
+from wbc.metrics.design_metrics import DesignMetrics, design_metrics, held_torques
+from wbc.metrics.designs import Designs, link_length
 from wbc.metrics.directional_inertia import (
     DirectionalInertia,
     directional_inertia,
     share_of_accelerations_forward,
 )
-from wbc.metrics.force_capability import ForceCapability, ForceRange, force_capability
-from wbc.metrics.holding import Holding, backdriving_force, backdriving_torque, holding
-from wbc.metrics.impact_mitigation import ImpactMitigation, impact_mitigation
-from wbc.metrics.inertia_ellipsoid import InertiaEllipsoid, inertia_ellipsoid
-from wbc.metrics.inertia_tensor import (
+from wbc.metrics.force_capability import (
+    ForceCapability,
+    ForceRange,
+    Holding,
+    backdriving_force,
+    backdriving_torque,
+    force_capability,
+    holding,
+)
+from wbc.metrics.inertia import (
+    ImpactMitigation,
+    InertiaEllipsoid,
     backward_generalized_inertia,
     forward_generalized_inertia,
     generalized_inertia,
+    impact_mitigation,
+    inertia_ellipsoid,
 )
 from wbc.metrics.summary import Metric, summary
 from wbc.metrics.sweep import Sweep, efficiency_sweep, gear_ratio_sweep, pose_sweep

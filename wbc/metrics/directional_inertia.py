@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import ContactTask, contact_task
-from wbc.metrics.rest_response import rest_response
 from wbc.robot import Robot
 from wbc.transmission import Direction
 
@@ -147,3 +146,106 @@ def _directions(task: ContactTask, directions: ArrayLike | int) -> FloatArray:
     height, turn = 1.0 - 2.0 * rank / directions, np.pi * (1.0 + np.sqrt(5.0)) * rank
     wide = np.sqrt(1.0 - height**2)
     return np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
+
+
+_LEAST_BACKWARD = (
+    1e-9  # eta_b of a self-locking gear: the limit eta_b -> 0, as test_metrics_inertia
+)
+_SWEEPS = 2000  # bound only: measured 10 to 60 on the shipped robots, a serial arm of six axes 200
+_CLOSE = 1e-12  # relative change per sweep at which the states of the gears are read off
+
+
+@dataclass(frozen=True, eq=False)
+class RestResponse:
+    """How a robot starts from rest under k sets of torques and forces.
+
+    Attributes:
+        acceleration: (nv, k).
+        output: accelerations (m, k) of the motor outputs, exactly 0 where friction holds a gear.
+        mesh: torque t (m, k) [N m] that each rotor gives to its mesh.
+    """
+
+    acceleration: FloatArray
+    output: FloatArray
+    mesh: FloatArray
+
+
+def rest_response(task: ContactTask, motor: FloatArray, external: FloatArray) -> RestResponse:
+    """Return the accelerations from rest; gravity is left out.
+
+    Args:
+        task: contact point and pose; only its robot and terms are used.
+        motor: U (m, k) [N m], rotor torques times the gear ratio.
+        external: joint-space forces (nv, k).
+
+    Raises:
+        DynamicsError: rotors that couple inertially with the links, or rotors without inertia in a
+            gear that nothing else stops (no unique solution).
+    """
+    robot, terms = task.robot, task.terms
+    if robot.rotors_turn_with_links:
+        raise DynamicsError(
+            f"'{robot.name}' couples rotors and links inertially; the exact response leaves that "
+            "out. Load it without rotors_turn_with_links."
+        )
+    gears, driven, rest = robot.transmission, robot.actuated, robot.unactuated
+    H = terms.mass_matrix
+    # Only the undriven coordinates are eliminated: a driven link may have no inertia of its own
+    # (a drawn wrist), its rotor has some.
+    held = np.linalg.solve(H[np.ix_(rest, rest)], H[np.ix_(rest, driven)])
+    pulled = np.linalg.solve(H[np.ix_(rest, rest)], external[rest])
+    joint_from_motor = np.linalg.inv(gears.motor_from_joint)
+    M = joint_from_motor.T @ (H[np.ix_(driven, driven)] - H[np.ix_(driven, rest)] @ held)
+    M = M @ joint_from_motor
+    drift = joint_from_motor.T @ (external[driven] - H[np.ix_(driven, rest)] @ pulled)
+    forward = gears.forward_efficiency[:, None]
+    backward = np.maximum(gears.backward_efficiency, _LEAST_BACKWARD)[:, None]
+    moved = _gear_acceleration(M, drift, motor, gears.reflected_inertia[:, None], forward, backward)
+    acceleration = np.zeros_like(external)
+    acceleration[driven] = joint_from_motor @ moved
+    acceleration[rest] = pulled - held @ acceleration[driven]
+    return RestResponse(acceleration, moved, motor - gears.reflected_inertia[:, None] * moved)
+
+
+def _gear_acceleration(
+    M: FloatArray,
+    drift: FloatArray,
+    motor: FloatArray,
+    rotor: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+) -> FloatArray:
+    """Return x (m, k) with M x - drift in the set T(x), row by row in turn (a convex program)."""
+    x = np.zeros_like(motor)
+    for _ in range(_SWEEPS):
+        before = x.copy()
+        for i in range(len(x)):
+            r = M[i] @ x - M[i, i] * x[i] - drift[i]
+            one = (forward[i] * motor[i] - r) / (M[i, i] + forward[i] * rotor[i])
+            # Multiplied by eta_b, which may be tiny.
+            other = (motor[i] - backward[i] * r) / (backward[i] * M[i, i] + rotor[i])
+            low, high = np.minimum(one, other), np.maximum(one, other)
+            x[i] = np.maximum(low, 0.0) + np.minimum(high, 0.0)
+        if np.all(np.abs(x - before) <= _CLOSE * np.abs(x).max(axis=0)):
+            break
+    return _polished(M, drift, motor, rotor, forward, backward, x)
+
+
+def _polished(
+    M: FloatArray,
+    drift: FloatArray,
+    motor: FloatArray,
+    rotor: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+    x: FloatArray,
+) -> FloatArray:
+    """Return x from one linear solve per column, each gear in the state that the sweeps found."""
+    t = motor - rotor * x
+    eta = np.where(t * x >= 0.0, forward, 1.0 / backward)
+    solved = np.zeros_like(x)
+    for k in range(x.shape[1]):
+        go = np.flatnonzero(x[:, k])
+        left = M[np.ix_(go, go)] + np.diag((eta * rotor)[go, k])
+        solved[go, k] = np.linalg.solve(left, eta[go, k] * motor[go, k] + drift[go, k])
+    return solved

@@ -13,13 +13,17 @@ from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import contact_task
 from wbc.metrics.directional_inertia import directional_inertia
-from wbc.metrics.force_capability import force_capability
-from wbc.metrics.holding import backdriving_force, backdriving_torque, holding
-from wbc.metrics.impact_mitigation import impact_mitigation
-from wbc.metrics.inertia_tensor import (
+from wbc.metrics.force_capability import (
+    backdriving_force,
+    backdriving_torque,
+    force_capability,
+    holding,
+)
+from wbc.metrics.inertia import (
     backward_generalized_inertia,
     forward_generalized_inertia,
     generalized_inertia,
+    impact_mitigation,
 )
 from wbc.robot import Robot
 

@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import ContactTask, contact_task
 from wbc.metrics.force_capability import ForceRange, force_capability
-from wbc.metrics.impact_mitigation import impact_mitigation
+from wbc.metrics.inertia import impact_mitigation
 from wbc.robot import Robot
 from wbc.transmission import Direction, wedge_backward_efficiency
 

@@ -1,7 +1,6 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.body_contacts import body_contacts
-from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.effect import ContactForces, Effect, Hook, MemoryEnergy
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.loading.description import (
@@ -9,16 +8,16 @@ from wbc.robot.loading.description import (
     bare_robot,
     build_robot,
     read_description,
+    state_gear,
     with_gear_numbers,
 )
-from wbc.robot.loading.gear_lines import state_gear
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
 from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
+from wbc.robot.model import BodySurface, ContactPoint, RotorMounting
 from wbc.robot.motion import Memory, Motion
-from wbc.robot.mounting import RotorMounting
 from wbc.robot.parameter import Parameter, Usual
 from wbc.robot.robot import Robot, RobotSource
-from wbc.robot.search import Evidence, Quantity, Screen, Search, small_steps, usual_cost
+from wbc.robot.search import Evidence, Quantity, Screen, SearchOffer, small_steps, usual_cost
 
 __all__ = [
     "BaseState",
@@ -40,7 +39,7 @@ __all__ = [
     "RobotSource",
     "RotorMounting",
     "Screen",
-    "Search",
+    "SearchOffer",
     "Usual",
     "bare_robot",
     "body_contacts",

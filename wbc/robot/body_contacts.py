@@ -16,8 +16,8 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, unknown_name
-from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.loading.solids import collision_solids
+from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot
 
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))

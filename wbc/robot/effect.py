@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
 from wbc.robot.parameter import Parameter
-from wbc.robot.search import Search
+from wbc.robot.search import SearchOffer
 
 if TYPE_CHECKING:
     from wbc.robot.motion import Motion
@@ -83,7 +83,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     explanation: ClassVar[str]
     experiment: ClassVar[str]
-    search: ClassVar[Search] = Search()
+    search: ClassVar[SearchOffer] = SearchOffer()
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
 
     def __init_subclass__(cls) -> None:

@@ -14,11 +14,9 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
-from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.effect import Effect
+from wbc.robot.model import BodySurface, ContactPoint, RotorMounting, require_sound, rotor_mounting
 from wbc.robot.motion import Motion
-from wbc.robot.mounting import RotorMounting, rotor_mounting
-from wbc.robot.sound_model import require_sound
 from wbc.transmission import Transmission
 
 _FREE_FLYER = "JointModelFreeFlyer"

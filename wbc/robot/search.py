@@ -127,7 +127,7 @@ _NONE.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class SearchOffer:
     """What a search for causes asks of a kind of effect; the defaults do for most kinds.
 
     An effect's file gives its own as the class attribute `search`. Every function takes the effect

@@ -8,8 +8,7 @@ from wbc.design.experiment.causes import (
     require_predictable,
     typical_values,
 )
-from wbc.design.experiment.fourier import FourierPath
-from wbc.design.experiment.limits import MotionLimits
+from wbc.design.experiment.motions import FourierPath, MotionLimits
 from wbc.design.experiment.readable import BAND
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.design.experiment.search import (
@@ -26,9 +25,11 @@ from wbc.design.experiment.task import (
     ExperimentTask,
     compare_motions,
     plan_experiments,
+    read_diagnosis,
     read_path,
+    tied_causes,
+    tied_rivals,
 )
-from wbc.design.experiment.tied import read_diagnosis, tied_causes, tied_rivals
 
 __all__ = [
     "BAND",

@@ -9,11 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.aims import Climbed
-from wbc.design.experiment.fourier import FourierPath
+from wbc.design.experiment.aims import Climbed, Kinematics, motion_slopes
+from wbc.design.experiment.motions import ROOM, SEARCH_RATE, FourierPath, Site
 from wbc.design.experiment.rivals import Pair, Predictions
-from wbc.design.experiment.site import ROOM, SEARCH_RATE, Site
-from wbc.design.experiment.slopes import Kinematics, motion_slopes
 
 _HIGHEST = 2.0  # [Hz] of the highest harmonic
 _BARRIERS = (0.1, 0.03)  # weights of the barrier, one after another

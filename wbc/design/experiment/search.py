@@ -9,13 +9,10 @@ import numpy as np
 from scipy.stats import norm
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.aims import Aim, deciding
+from wbc.design.experiment.aims import Aim, deciding, slopes_are_exact
 from wbc.design.experiment.climb import climbed_path
-from wbc.design.experiment.fourier import FourierPath
-from wbc.design.experiment.limits import MotionLimits
+from wbc.design.experiment.motions import ROOM, SEARCH_RATE, FourierPath, MotionLimits, Site
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
-from wbc.design.experiment.site import ROOM, SEARCH_RATE, Site
-from wbc.design.experiment.slopes import slopes_are_exact
 from wbc.errors import DesignError
 
 HARMONICS = 5  # of the first one: Swevers' choice for robot identification

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
 
 def _screens(
@@ -74,7 +74,7 @@ class CurrentLimit(JointEffect):
         "Ask for slowly growing torques against a fixed stop with a force sensor: beyond the "
         "limit the force no longer follows."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         screens=_screens,
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Parameter, Robot, Search
+from wbc.robot import Parameter, Robot, SearchOffer
 
 
 @final
@@ -32,7 +32,7 @@ class RotorInertia(JointEffect):
         "Shake the joint fast with small strokes about a pose that carries no load: the extra "
         "torque follows the acceleration."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=1.0,
     )
 

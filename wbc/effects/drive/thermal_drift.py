@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search, Usual, usual_cost
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer, Usual, usual_cost
 
 _LEAST = 0.05  # share of the torque that is always left
 
@@ -74,7 +74,7 @@ class ThermalDrift(JointEffect):
         "Repeat one loaded motion for several minutes and log the motor's temperature: the "
         "torque drifts with it and comes back after a pause."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         screens=_screens,
         implausibility=_implausibility,
     )

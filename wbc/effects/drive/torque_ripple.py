@@ -15,7 +15,7 @@ from wbc.effects.drive.periodicity import (
     whole_number_share,
 )
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
 _WHOLE = 0.02  # waves per turn of the rotor this close to a whole number are taken for it
 
@@ -117,7 +117,7 @@ class TorqueRipple(JointEffect):
         "Turn the joint very slowly and evenly over its range in both directions: the torque "
         "waves with position, the same both ways."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         screens=_screens,
         implausibility=_implausibility,
         remarks=_remarks,

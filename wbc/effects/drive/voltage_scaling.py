@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search, Usual
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer, Usual
 
 # A drive that sets the duty of a winding follows its supply fully, one that regulates the current
 # not at all; poor regulation lies between.
@@ -76,7 +76,7 @@ class VoltageScaling(JointEffect):
         "Repeat one motion at two supply voltages, such as a full and a nearly empty battery, and "
         "log the voltage: the torque is off by the ratio of the two."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         claims=2,  # a torque that is off, and that it follows the supply
         screens=_screens,
         recognisable=_recognisable,

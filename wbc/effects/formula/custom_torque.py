@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.effects.formula.torque_term import TorqueTerm
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 _LARGEST = 1e9
 
@@ -46,7 +46,7 @@ class CustomTorque(JointEffect):
         "speed than before, and see whether the formula still holds."
     )
     # None: formulas are searched for on their own, not beside named causes.
-    search: ClassVar[Search] = Search(screens=lambda *_: ())
+    search: ClassVar[SearchOffer] = SearchOffer(screens=lambda *_: ())
 
     def __post_init__(self) -> None:
         """Check the terms and give every coefficient its name."""

@@ -7,7 +7,7 @@ from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 
 @final
@@ -34,7 +34,7 @@ class CoulombFriction(JointEffect):
         "Move the joint slowly back and forth through the same positions: the torque of the "
         "two directions differs by a constant, whatever the load."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=2.0,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 
 def torque(v: FloatArray, positive: float, negative: float) -> FloatArray:
@@ -53,7 +53,7 @@ class DirectionalViscousFriction(JointEffect):
         "Move the joint at several constant speeds in both directions: the extra torque lies on "
         "two straight lines through zero, one per direction, of different slope."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         claims=2,  # friction, and that it differs by direction
         recognisable=_recognisable,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.effects.gear.transmission_efficiency import TransmissionEfficiency
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Parameter, Robot, Search
+from wbc.robot import Parameter, Robot, SearchOffer
 
 
 @final
@@ -38,7 +38,7 @@ class LoadFriction(JointEffect):
         "Lift and lower several known weights slowly: the difference between lifting and "
         "lowering torque grows with the weight."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=TransmissionEfficiency.search.expected,
         one_fit=False,
         inseparable={

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
 _SLOWNESS = (0.1, 0.25, 0.6)  # of the usual speed; a fit goes on between them
 _MOST = 0.95
@@ -77,7 +77,7 @@ class LoadStribeckFriction(JointEffect):
         "Lift and lower several known weights, very slowly and fast: the difference between "
         "lifting and lowering torque grows with the weight and is larger at low speed."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         claims=2,  # friction that grows with the load, and that it falls with speed
         near_rest=True,
         inseparable={

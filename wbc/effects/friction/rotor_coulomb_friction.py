@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
-from wbc.robot import Parameter, Robot, Search
+from wbc.robot import Parameter, Robot, SearchOffer
 
 
 @final
@@ -32,7 +32,7 @@ class RotorCoulombFriction(CoupledGearEffect):
         "Move the joints that share the motor one at a time, then against one another so that the "
         "motor stands still: what rubs at the motor falls away."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=2.0,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
 
 def level_at(v: FloatArray, level: float, speed: float) -> FloatArray:
@@ -70,7 +70,7 @@ class StribeckFriction(JointEffect):
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
         "first falls with speed, then rises."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         near_rest=True,
         screens=_screens,
         recognisable=_recognisable,

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
 _REFERENCE = 40.0  # [deg C], at which ISO 3448 gives the viscosity of lubricants
 # Oils and greases halve their viscosity every 12 to 45 K near 40 deg C (ASTM D341 for the
@@ -68,7 +68,7 @@ class ThermalViscousFriction(JointEffect):
         "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
         "slope of the torque over the speed falls with temperature."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         claims=2,  # friction, and that it falls with temperature
         screens=_screens,
         recognisable=_recognisable,

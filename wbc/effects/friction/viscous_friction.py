@@ -7,7 +7,7 @@ from typing import ClassVar, final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 
 def torque(v: FloatArray, coefficient: float) -> FloatArray:
@@ -38,7 +38,7 @@ class ViscousFriction(JointEffect):
         "Move the joint at several constant speeds in both directions, slow to fast: the "
         "extra torque lies on a straight line through zero."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=2.0,
     )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
 
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 from wbc.transmission import Flanks
 
 _LEAST_PLAY = 1e-4  # [rad]
@@ -54,7 +54,7 @@ class Backlash(YieldingGear):
     )
 
     has_play: ClassVar[bool] = True
-    search: ClassVar[Search] = replace(YieldingGear.search, recognisable=_recognisable)
+    search: ClassVar[SearchOffer] = replace(YieldingGear.search, recognisable=_recognisable)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:

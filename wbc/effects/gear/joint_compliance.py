@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
 
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 from wbc.transmission import Flanks
 
 _CREEPS = 0.5  # [s], damping over stiffness
@@ -48,7 +48,7 @@ class JointCompliance(YieldingGear):
     )
 
     has_play: ClassVar[bool] = False
-    search: ClassVar[Search] = replace(YieldingGear.search, recognisable=_recognisable)
+    search: ClassVar[SearchOffer] = replace(YieldingGear.search, recognisable=_recognisable)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:

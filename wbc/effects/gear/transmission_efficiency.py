@@ -9,7 +9,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Parameter, Robot, Screen, Search, Usual
+from wbc.robot import Evidence, Parameter, Robot, Screen, SearchOffer, Usual
 from wbc.transmission import wedge_backward_efficiency
 
 # Gears lose from one per cent to half of the power, and some are self-locking, hardly beyond.
@@ -76,7 +76,7 @@ class TransmissionEfficiency(JointEffect):
         "Lift and lower several known weights slowly: the lifting torque grows and the "
         "lowering torque shrinks in proportion to the weight."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under
         # load that were stated are true, at a mean probability of 0.99 with nothing expected.
         expected=1.0,

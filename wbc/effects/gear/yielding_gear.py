@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, get_args
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Robot, Search
+from wbc.robot import Robot, SearchOffer
 from wbc.transmission import Flanks
 
 Side = Literal["link", "motor", "either"]
@@ -32,7 +32,7 @@ class YieldingGear(JointEffect, ABC):
 
     has_play: ClassVar[bool]
     # None: which flanks are worth trying only simulated links tell.
-    search: ClassVar[Search] = Search(screens=lambda *_: ())
+    search: ClassVar[SearchOffer] = SearchOffer(screens=lambda *_: ())
 
     @classmethod
     @abstractmethod

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.effects.links.inertia import reach, require_physical, with_shifted_center
 from wbc.effects.links.pseudo_inertia import USUAL
-from wbc.robot import Effect, Motion, Parameter, Robot, Search
+from wbc.robot import Effect, Motion, Parameter, Robot, SearchOffer
 
 
 def _freedom(effect: CenterOfMass) -> int:
@@ -57,7 +57,7 @@ class CenterOfMass(Effect):
         "Hold the body still at many angles: the extra gravity torque is a shifted sine of the "
         "angle, while the total weight on the ground is right."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         freedom=_freedom,
         implausibility=_implausibility,
     )

@@ -8,7 +8,7 @@ from typing import ClassVar, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot import Effect, Parameter, Robot, Search
+from wbc.robot import Effect, Parameter, Robot, SearchOffer
 
 
 def _freedom(effect: GravityDirection) -> int:
@@ -42,7 +42,7 @@ class GravityDirection(Effect):
         "Check the base with a spirit level; or hold mirrored poses: the sum of their gravity "
         "torques is not zero."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         freedom=_freedom,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
 _LEAST_TRAVEL = 5e-3  # [rad or m]
 
@@ -65,7 +65,7 @@ class JointSpring(JointEffect):
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         screens=_screens,
         recognisable=_recognisable,
     )

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.effects.links.pseudo_inertia import PARAMETERS, DrawnInertia, departures, excess
-from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, Search
+from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, SearchOffer
 
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
 _ABOUT_ORIGIN = "inertia_"
@@ -77,7 +77,7 @@ class LinkInertia(Effect):
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
         "the link if it can be taken off."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=1.0,
         claims=3,  # mass, centre of mass and inertia
         departures=_departures,

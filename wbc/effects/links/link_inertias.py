@@ -28,7 +28,7 @@ from wbc.robot import (
     Quantity,
     Robot,
     Screen,
-    Search,
+    SearchOffer,
     small_steps,
 )
 
@@ -98,7 +98,7 @@ class LinkInertias(Effect):
         "Move all joints at once along rich, fast motions and hold still in many poses: only then "
         "the links are told from one another."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         expected=2.0,  # as friction: no machine weighs what its drawing says
         claims=3,  # mass, centre of mass and inertia
         screens=_screens,

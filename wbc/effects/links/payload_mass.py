@@ -8,7 +8,7 @@ from typing import ClassVar, final
 from wbc.effects.links.inertia import add_point_mass, require_physical
 from wbc.effects.links.link_inertia import mass_left
 from wbc.errors import EffectError
-from wbc.robot import Effect, Parameter, Robot, Search
+from wbc.robot import Effect, Parameter, Robot, SearchOffer
 
 
 def _remarks(effect: PayloadMass, robot: Robot) -> tuple[str, ...]:
@@ -43,7 +43,7 @@ class PayloadMass(Effect):
         "Hold still in several poses, then move fast: the extra torque follows gravity and "
         "inertia together, at one place of the chain."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         remarks=_remarks,
     )
 

@@ -14,7 +14,7 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.effects.presliding.bristles import energy_of_step, inertia_along, stepped
 from wbc.effects.presliding.presliding import TRAVELS, travel_of
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, SearchOffer
 
 _FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
 _SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
@@ -94,7 +94,7 @@ class LoadPresliding(JointEffect):
         "Move the joint slowly back and forth over small and large ranges with two known weights: "
         "the loops of torque over position have round corners and grow with the weight."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         claims=2,  # losses, and that they build up
         freedom=_freedom,
         screens=_screens,

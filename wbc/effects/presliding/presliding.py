@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.effects.presliding.bristles import energy_of_step, inertia_along, stepped
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, Search
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, SearchOffer
 
 _SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
 # Lengths after which z is within exp(-3) = 5 % of its end. Where the joint never travels so far the
@@ -81,7 +81,7 @@ class Presliding(JointEffect):
         "Move the joint slowly back and forth over ranges from very small to large: the torque "
         "over the position is a loop whose corners are round, the same at every speed."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         screens=_screens,
         recognisable=_recognisable,
     )

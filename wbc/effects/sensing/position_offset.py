@@ -8,7 +8,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Motion, Parameter, Robot, Search
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 
 @final
@@ -35,7 +35,7 @@ class PositionOffset(JointEffect):
         "Hold still in many poses, some on both sides of hanging straight: the error follows "
         "the slope of the gravity torque and vanishes where that is flat."
     )
-    search: ClassVar[Search] = Search(
+    search: ClassVar[SearchOffer] = SearchOffer(
         inseparable={
             "center_of_mass": (
                 "No run tells a wrong zero of a robot's last joint from a centre of mass turned by "

@@ -1,4 +1,4 @@
-"""Reading `robot.toml`: the model file, the gears, the contacts, each number with its source."""
+"""Robots from their own description, `robot.toml` beside a URDF or MJCF file."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import checked
-from wbc.errors import RobotError
+from wbc.arrays import FloatArray, checked, frozen
+from wbc.errors import RobotError, unknown_name
 from wbc.files import take_schema
-from wbc.robot.contact import BodySurface, ContactPoint
 from wbc.robot.loading.library import find_description, find_model, robot_names
 from wbc.robot.loading.model_file import read_model
-from wbc.robot.loading.poses import named_poses
 from wbc.robot.loading.table import check_keys, number_in, numbers_in, table_in
+from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot, RobotSource
 from wbc.transmission import Transmission, wedge_backward_efficiency
 
@@ -255,3 +254,61 @@ def _surface(entry: Any, place: str) -> BodySurface:
 def bare_robot(model: pin.Model, name: str = "robot") -> Robot:
     """Return a robot without gears around a pinocchio model (for tests and kinematics)."""
     return Robot(name, model, Transmission((), np.zeros(0), np.zeros(0)))
+
+
+_BASE = ("base.position.x", "base.position.y", "base.position.z")
+
+
+def named_poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
+    """Return pose name -> q (nq,), joints left out being at their neutral position.
+
+    Args:
+        robot: the robot whose joints the poses set.
+        table: `[poses.NAME]` tables of joint = {value, unit, source}; a free-flyer's position is
+            set with base.position.x|y|z.
+        place: the file, for messages.
+
+    Raises:
+        RobotError: no table, an unknown joint, or no number.
+    """
+    if not isinstance(table, Mapping):
+        raise RobotError(f"{place}: poses: one table per pose expected, [poses.NAME].")
+    return {
+        str(name): _pose(robot, entry, f"{place}: pose '{name}'") for name, entry in table.items()
+    }
+
+
+def _pose(robot: Robot, entry: Any, place: str) -> FloatArray:
+    if not isinstance(entry, Mapping):
+        raise RobotError(f"{place}: a table of joints expected, got {entry!r}.")
+    known = (*robot.single_joints, *(_BASE if robot.has_free_flyer else ()))
+    q = robot.neutral()
+    for joint, value in entry.items():
+        if joint not in known:
+            raise RobotError(f"{place}: " + unknown_name("joint", joint, known))
+        if joint in _BASE:
+            q[_BASE.index(joint)] = number_in(value, "m", f"{place}: {joint}")
+            continue
+        model = robot.model.joints[robot.model.getJointId(joint)]
+        unit = "m" if model.shortname().startswith("JointModelP") else "rad"
+        q[robot.position_index(joint)] = number_in(value, unit, f"{place}: {joint}")
+    return frozen(q)
+
+
+def state_gear(joint: str, *keys: str) -> str:
+    """Return how to state numbers of a gear, with the lines to copy.
+
+    The lines stand below the sentence, indented; what follows them belongs on a new line.
+
+    Args:
+        joint: whose gear.
+        keys: of [gears.JOINT], see docs/diagnosis/describe-your-robot.md.
+    """
+    lines = [
+        f'{key} = {{ value = VALUE, unit = "{GEAR_UNITS[key]}", source = "data sheet" }}'
+        for key in keys
+    ]
+    return (
+        f"put the number in place of VALUE, below [gears.{joint}] in robot.toml:\n    "
+        + "\n    ".join(lines)
+    )

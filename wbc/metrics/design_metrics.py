@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, checked
 from wbc.errors import DynamicsError, unknown_name
-from wbc.metrics.batch.designs import Designs
-from wbc.metrics.batch.links import LinkTerms, link_terms
+from wbc.metrics.designs import Designs
+from wbc.metrics.links import LinkTerms, link_terms
 
 _NOTHING = 1e-9  # the share of the largest lever below which a gear bears nothing, as for one robot
 _LOCKED = 1e-12  # the share of the conservative mobility below which there is none

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
-from wbc.metrics.batch.designs import Designs
+from wbc.metrics.designs import Designs
 from wbc.robot import Robot
 
 

@@ -1,0 +1,344 @@
+"""Planned motions: windowed Fourier series (Swevers et al. 1997) and the limits that they keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.design.experiment.rivals import Predictions, Rivals
+from wbc.errors import DesignError
+from wbc.robot import Motion, Robot, collision_solids
+
+_RAMP = 0.1  # share of the duration over which the window opens, and closes
+
+
+@dataclass(frozen=True, eq=False)
+class FourierPath:
+    """q(t) = center + w(t) sum_k [s_k sin(k omega t) + c_k cos(k omega t)] of every driven joint.
+
+    The window w rises from 0 to 1 and falls back with continuous second derivative, so that the
+    robot starts and ends at rest in `center`.
+
+    Attributes:
+        center: (m,) [rad, m].
+        sine, cosine: (m, K) [rad, m].
+        frequency: of the first harmonic [Hz].
+        duration: [s].
+    """
+
+    center: FloatArray
+    sine: FloatArray
+    cosine: FloatArray
+    frequency: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        """Check sizes."""
+        if self.sine.shape != self.cosine.shape or len(self.sine) != len(self.center):
+            raise DesignError("a path needs as many sines as cosines, one row per joint.")
+        if not (self.frequency > 0.0 and self.duration > 0.0):
+            raise DesignError("frequency and duration of a path must be > 0.")
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return positions, velocities and accelerations (N, m) at times (N,) [s]."""
+        order = 2.0 * np.pi * self.frequency * np.arange(1, self.sine.shape[1] + 1)
+        angle = time[:, None] * order
+        sin, cos = np.sin(angle), np.cos(angle)
+        wave = sin @ self.sine.T + cos @ self.cosine.T
+        rate = (cos * order) @ self.sine.T - (sin * order) @ self.cosine.T
+        bend = -(sin * order**2) @ self.sine.T - (cos * order**2) @ self.cosine.T
+        w, w1, w2 = (part[:, None] for part in self._window(time))
+        position = self.center + w * wave
+        return position, w * rate + w1 * wave, w * bend + 2.0 * w1 * rate + w2 * wave
+
+    def scaled(self, share: float | FloatArray) -> FourierPath:
+        """Return the path with all amplitudes multiplied by `share`, one or one per joint (m,)."""
+        rows = np.broadcast_to(share, self.center.shape)[:, None]
+        return FourierPath(
+            self.center, rows * self.sine, rows * self.cosine, self.frequency, self.duration
+        )
+
+    def times(self, rate: float) -> FloatArray:
+        """Return the times (N,) [s] of samples at `rate` [Hz], both ends included."""
+        return np.arange(round(self.duration * rate) + 1) / rate
+
+    def _window(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the window and its two derivatives (N,): a quintic step up and down."""
+        ramp = _RAMP * self.duration
+        rising = time <= 0.5 * self.duration
+        s = np.clip(np.where(rising, time, self.duration - time) / ramp, 0.0, 1.0)
+        sign = np.where(rising, 1.0, -1.0)
+        w = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        w1 = sign * 30.0 * s**2 * (1.0 - s) ** 2 / ramp
+        w2 = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / ramp**2
+        return w, w1, w2
+
+
+MARGIN = 0.02  # [m] that links keep, as `CollisionLimit` does
+
+
+@dataclass(frozen=True, eq=False)
+class LinkDistances:
+    """Pairs of links that must keep a distance.
+
+    Links that a joint joins, and those that are nearer than the margin in the pose about which
+    the robot moves, are no pairs: they touch by design.
+
+    Attributes:
+        robot: whose links they are.
+        solids: with their pairs.
+        margin: [m] that is kept between the solids of a pair.
+    """
+
+    robot: Robot
+    solids: pin.GeometryModel
+    margin: float
+
+    @classmethod
+    def of(cls, robot: Robot, center: FloatArray, margin: float = MARGIN) -> LinkDistances | None:
+        """Return the clearance of a robot, None where its model file holds no pair of solids.
+
+        Args:
+            robot: with collision geometry in its URDF or MJCF file.
+            center: (m,) of the driven joints, about which it moves.
+            margin: [m].
+        """
+        solids, parents = collision_solids(robot), robot.model.parents
+        for i, one in enumerate(solids.geometryObjects):
+            for k in range(i + 1, len(solids.geometryObjects)):
+                a, b = one.parentJoint, solids.geometryObjects[k].parentJoint
+                if a != b and parents[a] != b and parents[b] != a:
+                    solids.addCollisionPair(pin.CollisionPair(i, k))
+        found = cls(robot, solids, margin)
+        near = found._distances(center) < margin
+        for pair in [pair for pair, touch in zip(_pairs(solids), near, strict=True) if touch]:
+            solids.removeCollisionPair(pair)
+        return found if len(solids.collisionPairs) else None
+
+    def keeps(self, positions: FloatArray) -> bool:
+        """Whether all pairs stay apart at driven positions (N, m); a free base is held."""
+        return not any(map(self._touch, self._whole(positions)))
+
+    def _touch(self, position: FloatArray) -> bool:
+        # Fresh data for every row: with those of the row before, coal 3.0.3 starts from its old
+        # guess and misses touching links (5 of 300 rows of Solo12, distances wrong by 0.3 m).
+        model, near = self.robot.model, self.solids.createData()
+        for request in near.collisionRequests:
+            request.security_margin = self.margin
+        return bool(
+            pin.computeCollisions(model, model.createData(), self.solids, near, position, True)
+        )
+
+    def least(self, positions: FloatArray) -> float:
+        """Return the least distance [m] of any pair at driven positions (N, m)."""
+        return float(min(self._distances(row).min() for row in positions))
+
+    def _distances(self, position: FloatArray) -> FloatArray:
+        model, data, near = (
+            self.robot.model,
+            self.robot.model.createData(),
+            self.solids.createData(),
+        )
+        pin.computeDistances(model, data, self.solids, near, self._whole(position[None])[0])
+        return np.array([one.min_distance for one in near.distanceResults], dtype=np.float64)
+
+    def _whole(self, positions: FloatArray) -> FloatArray:
+        pose = self.robot.pose() if self.robot.poses else self.robot.neutral()
+        whole = np.tile(pose, (len(positions), 1))
+        whole[:, self.robot.actuated_position] = positions
+        return whole
+
+
+def _pairs(solids: pin.GeometryModel) -> list[pin.CollisionPair]:
+    return [pin.CollisionPair(pair.first, pair.second) for pair in solids.collisionPairs]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """Limits of the driven joints, each (m,); infinite where there is none.
+
+    Attributes:
+        low, high: positions [rad, m].
+        speed: of the joints [rad/s, m/s].
+        acceleration: of the joints [rad/s^2, m/s^2].
+        torque: of the rotors [N m].
+        center: strictly between `low` and `high`; motions start and end there [rad, m].
+        clearance: links that keep apart; None where the model file holds no collision solids.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+    center: FloatArray
+    clearance: LinkDistances | None = None
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        span: float = np.inf,
+        speed: float = np.inf,
+        acceleration: float = np.inf,
+        center: FloatArray | None = None,
+    ) -> MotionLimits:
+        """Return the robot's own limits, narrowed by what is given.
+
+        Args:
+            robot: the robot; its model holds positions and speeds, its motors torque and speed.
+            span: furthest from `center` [rad, m].
+            speed: of every joint [rad/s, m/s].
+            acceleration: of every joint [rad/s^2, m/s^2].
+            center: (m,) about which the robot moves; its usual pose when left out, the middle of
+                its range where that pose lies at a limit.
+
+        Raises:
+            DesignError: a limit that is not positive, position limits that leave no room.
+        """
+        given = {"span": span, "speed": speed, "acceleration": acceleration}
+        for name, value in given.items():
+            if not value > 0.0:
+                raise DesignError(f"the limit of {name} must be > 0, got {value:g}.")
+        gears, rows = robot.transmission, robot.actuated
+        pose = robot.pose() if robot.poses else robot.neutral()
+        middle = pose[robot.actuated_position] if center is None else center
+        # A joint's speed turns several motors in a parallel drive: each bounds it alone.
+        per_speed = np.abs(gears.gear_ratio[:, None] * gears.motor_from_joint)
+        share = np.where(per_speed > 0.0, per_speed, np.nan)
+        with np.errstate(invalid="ignore"):
+            own = np.nanmin(gears.speed_limit[:, None] / share, axis=0)
+        model = np.asarray(robot.model.velocityLimit)[rows]
+        model = np.where(model > 0.0, model, np.inf)
+        low = np.asarray(robot.model.lowerPositionLimit)[robot.actuated_position]
+        high = np.asarray(robot.model.upperPositionLimit)[robot.actuated_position]
+        ranged = high > low
+        low, high = np.where(ranged, low, -np.inf), np.where(ranged, high, np.inf)
+        inside = (low < middle) & (middle < high)
+        with np.errstate(invalid="ignore"):
+            middle = np.where(inside, middle, 0.5 * (low + high))
+        low, high = np.maximum(low, middle - span), np.minimum(high, middle + span)
+        if not np.all((low < middle) & (middle < high)):
+            raise DesignError("the position limits leave no room to move.")
+        return cls(
+            low=low,
+            high=high,
+            speed=np.minimum(np.minimum(model, own), speed),
+            acceleration=np.full(gears.size, acceleration),
+            torque=np.array(gears.torque_limit),
+            center=middle,
+            clearance=LinkDistances.of(robot, middle),
+        )
+
+    def used(
+        self,
+        motion: tuple[FloatArray, FloatArray, FloatArray],
+        torque: FloatArray,
+    ) -> float:
+        """Return the largest share of a limit that a motion uses; above 1 it is broken.
+
+        Args:
+            motion: positions, velocities, accelerations (N, m).
+            torque: (N, m) [N m] that the motion needs.
+        """
+        return float(max(self.joint_shares(motion).max(), (np.abs(torque) / self.torque).max()))
+
+    def keeps_apart(self, positions: FloatArray) -> bool:
+        """Whether no links come too near one another at driven positions (N, m)."""
+        return self.clearance is None or self.clearance.keeps(positions)
+
+    def joint_shares(self, motion: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        """Return (m,) the largest share of position, speed or acceleration that each joint uses.
+
+        Args:
+            motion: positions, velocities, accelerations (N, m).
+        """
+        q, v, a = motion
+        shares = [
+            (q - self.center) / (self.high - self.center),
+            (self.center - q) / (self.center - self.low),
+            np.abs(v) / self.speed,
+            np.abs(a) / self.acceleration,
+        ]
+        return np.asarray(np.max([share.max(axis=0) for share in shares], axis=0))
+
+
+ROOM = 0.8
+"""Share of the limits that a motion may use: room for what the rivals do not know."""
+SEARCH_RATE = 50.0
+"""[Hz] at which motions are compared; odds are given at the rate of the log."""
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """What every motion of a search shares.
+
+    Attributes:
+        rivals: what is to be told apart.
+        limits: what the motions stay inside, to `ROOM`.
+        duration: [s].
+    """
+
+    rivals: Rivals
+    limits: MotionLimits
+    duration: float
+
+    def motion(self, path: FourierPath, rate: float) -> Motion:
+        """Return the path as a motion of the whole robot, its base held, at `rate` [Hz]."""
+        robot = self.rivals.robot
+        time = path.times(rate)
+        q, v, a = path.at(time)
+        pose = robot.pose() if robot.poses else robot.neutral()
+        position = np.tile(pose, (len(q), 1))
+        position[:, robot.actuated_position] = q
+        velocity, acceleration = np.zeros((2, len(q), robot.model.nv))
+        velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
+        return Motion(position, velocity, acceleration, time)
+
+    def require_stillness(self) -> None:
+        """Check that the motors hold the robot where motions start and end, whatever is true.
+
+        Raises:
+            DesignError: they do not, so that no motion, however small, is within the limits.
+        """
+        nothing = np.zeros((len(self.limits.center), 1))
+        still = FourierPath(self.limits.center, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
+        peak = self.rivals.predictions(self.motion(still, SEARCH_RATE)).peak()
+        share = peak.max(axis=0) / self.limits.torque
+        if share.max() >= ROOM:
+            joint = self.rivals.robot.transmission.joints[int(share.argmax())]
+            raise DesignError(
+                f"in the pose where motions start, holding still takes {100.0 * share.max():.0f} % "
+                f"of the torque limit of '{joint}'; a planned motion may use {100.0 * ROOM:.0f} %. "
+                "Name another pose first in robot.toml, or check torque_limit and gear_ratio."
+            )
+
+    def each_within(self, path: FourierPath) -> FourierPath:
+        """Return the path with every joint that breaks a limit of its own made smaller, alone.
+
+        So one joint that reaches its limit does not hold back the others.
+        """
+        used = self.limits.joint_shares(path.at(path.times(SEARCH_RATE)))
+        return path.scaled(np.minimum(1.0, 0.97 * ROOM / np.maximum(used, 1e-300)))
+
+    def fitted(self, path: FourierPath) -> tuple[FourierPath, Predictions, float]:
+        """Return the path made as large as the limits allow, and its predictions.
+
+        Torque does not grow in proportion to the size: the scale is found in a few rounds, and a
+        path that breaks a limit is made smaller.
+        """
+        for _ in range(6):
+            found = self.rivals.predictions(self.motion(path, SEARCH_RATE))
+            motion = path.at(path.times(SEARCH_RATE))
+            used = self.limits.used(motion, found.peak())
+            if 0.9 * ROOM <= used <= ROOM:
+                break
+            path = path.scaled(0.97 * ROOM / used)
+        while used > ROOM or not self.limits.keeps_apart(path.at(path.times(SEARCH_RATE))[0]):
+            path = path.scaled(0.9)
+            found = self.rivals.predictions(self.motion(path, SEARCH_RATE))
+            used = self.limits.used(path.at(path.times(SEARCH_RATE)), found.peak())
+        return path, found, used
