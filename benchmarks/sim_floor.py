@@ -25,10 +25,9 @@ def bare_step(case: Case) -> Callable[[], np.ndarray]:
     """Return a function that makes the library calls of the case's first step."""
     robot, state, command = case.robot, case.start, case.command()
     result = Plant(robot).step(state, command(state.position, state.velocity), DT)
-    reduced = result.solutions[0].reduced
-    unilateral = reduced.program.unilateral
-    gears = reduced.program.elements.rows
-    axes = np.eye(3)[[2, 0, 1]][: 1 + reduced.tangents]
+    program = result.solutions[0].program
+    unilateral, gears = program.unilateral, program.elements.rows
+    axes = np.eye(3)[[2, 0, 1]][: 1 + unilateral.tangent_size]
     space, half = Workspace(robot), 0.5 * DT
     model, data, frames = space.model, space.data, space.frames
     touching = len(unilateral.normals)

@@ -20,6 +20,7 @@ from types import CodeType
 from typing import Any, ClassVar, TypeVar, cast
 
 import numba
+from llvmlite import ir
 from numba import config, types
 from numba.core.caching import (
     CompileResultCacheImpl,
@@ -129,6 +130,24 @@ def _local(context: Any, size: Any) -> Any:
 
 
 local: Any = intrinsic(prefer_literal=True)(_local)
+
+
+def _ask(context: Any, address: Any, what: Any, time: Any, later: Any) -> Any:
+    """Call a function of Python, `ctypes.CFUNCTYPE(None, c_int64, c_double, c_double)`, by address.
+
+    It answers in arrays that both sides know. It must not raise: what it has to say goes there too.
+    """
+
+    def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        whole, number = ir.IntType(64), ir.DoubleType()
+        kind = ir.FunctionType(ir.VoidType(), [whole, number, number])
+        builder.call(builder.inttoptr(given[0], kind.as_pointer()), given[1:])
+        return target.get_dummy_value()
+
+    return Nothing(Count, Count, Number, Number), build
+
+
+ask: Any = intrinsic(_ask)
 
 
 def compiled(

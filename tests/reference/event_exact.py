@@ -14,18 +14,146 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
+from wbc.mechanics.rows import branch_of
 from wbc.robot import Robot
-from wbc.sim.laws.drivetrain import drivetrain
-from wbc.sim.mechanism import Input, Mechanism, Piece
-from wbc.sim.step.forces import first_memory
+from wbc.sim import Elements, StepProgram, Unilateral, solve_program
+from wbc.sim.forces import EffectForces, effect_forces, first_memory
+from wbc.sim.gears import Drivetrain
 
 _MAX_PIECES = 2000
 _REST = 1e-10
 _AHEAD = 1e-8
+
+
+Input = Callable[[float], FloatArray]
+"""A function of time [s]: rotor torques (m,) or generalised forces (nv,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Modes of one smooth piece: direction and gain of every gear, (m,) each."""
+
+    sign: FloatArray
+    gain: FloatArray
+
+
+class Mechanism:
+    """The equation of motion at the level of accelerations."""
+
+    def __init__(self, robot: Robot, torque: Input, external: Input | None) -> None:
+        """Prepare `robot` under inputs that are functions of time."""
+        self.robot, self.torque, self.external = robot, torque, external
+        self.drive = Drivetrain.of(robot)
+        self.data = robot.model.createData()
+        self.nv = robot.model.nv
+
+    def terms(
+        self, time: float, state: FloatArray
+    ) -> tuple[FloatArray, FloatArray, EffectForces, FloatArray]:
+        """Return H_l, the smooth force (nv,), the effects' forces and the gears' dry friction."""
+        q, v = state[: self.nv], state[self.nv :]
+        model = self.robot.model
+        inertia = np.array(pin.crba(model, self.data, q))
+        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        forces = effect_forces(self.robot, (q, v, time), self.torque(time))
+        force = forces.joint - pin.nonLinearEffects(model, self.data, q, v)
+        if self.external is not None:
+            force = force + self.external(time)
+        dry = np.zeros(self.drive.size)
+        if forces.friction is not None:
+            dry = forces.friction[self.drive.actuated]
+        return inertia, force, forces, dry
+
+    def brought(self, piece: Piece, forces: EffectForces, state: FloatArray) -> FloatArray:
+        """Return what the rotor brings to the mesh less its friction, (m,) [N m]."""
+        drive = self.drive
+        speed = drive.rows @ state[self.nv :]
+        torque = drive.ratio * forces.rotor
+        return np.asarray(torque - piece.sign * drive.coulomb - drive.viscous * speed)
+
+    def solve(
+        self, time: float, state: FloatArray, piece: Piece
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return qdd (nv,), the joint-side torque T (m,) and the friction level for given modes."""
+        drive, stuck = self.drive, piece.sign == 0.0
+        inertia, force, forces, dry = self.terms(time, state)
+        response = np.linalg.solve(inertia, np.column_stack((drive.rows.T, force)))
+        own, free = drive.rows @ response[:, :-1], drive.rows @ response[:, -1]
+        on_speed = np.where(stuck, 1.0, drive.inertia)
+        on_torque = np.where(stuck, 0.0, piece.gain)
+        loaded = self.brought(piece, forces, state) - piece.gain * piece.sign * dry
+        right = np.where(stuck, 0.0, loaded) - on_speed * free
+        torque = np.linalg.solve(on_speed[:, None] * own + np.diag(on_torque), right)
+        return response[:, -1] + response[:, :-1] @ torque, torque, dry
+
+    def next_piece(self, time: float, state: FloatArray, moving: FloatArray) -> Piece:
+        """Return the modes that follow, from the step program with accelerations for speeds.
+
+        A gear that moves keeps its direction: its row is shifted so far along it that no
+        acceleration could turn it round.
+        """
+        drive, zero = self.drive, np.zeros(self.drive.size)
+        inertia, force, forces, dry = self.terms(time, state)
+        free = np.asarray(np.linalg.solve(inertia, force), dtype=np.float64)
+        torque = drive.ratio * forces.rotor - drive.viscous * (drive.rows @ state[self.nv :])
+        scale = 1.0 + np.abs(free).max() + np.abs(torque).max() / drive.inertia.min(initial=1.0)
+        shift = 1e3 * scale * moving
+        elements = Elements(
+            drive.rows,
+            torque - drive.coulomb + drive.inertia * shift,
+            torque + drive.coulomb + drive.inertia * shift,
+            drive.inertia,
+            drive.forward,
+            drive.backward,
+            dry,
+            zero,
+            np.full(drive.size, np.inf),
+            zero,
+        )
+        none = np.zeros((0, self.nv))
+        unilateral = Unilateral(none, none, none, np.zeros(0), np.zeros(0))
+        ahead = free + np.linalg.pinv(drive.rows) @ shift
+        solution = solve_program(StepProgram(inertia, ahead, elements, unilateral))
+        slope = solution.system.slope
+        point = solution.impulse - slope * solution.speed
+        at = zip(solution.system.laws, point, slope, strict=True)
+        modes = np.array([branch_of(*one) for one in at]).reshape(-1, 3)
+        return Piece(modes[:, 0], modes[:, 1])
+
+    def derivative(self, time: float, state: FloatArray, piece: Piece) -> FloatArray:
+        """Return (v, qdd) of a piece."""
+        return np.concatenate((state[self.nv :], self.solve(time, state, piece)[0]))
+
+    def events(self, time: float, state: FloatArray, piece: Piece) -> FloatArray:
+        """Return functions (2 m,) that are positive while the modes hold.
+
+        Of a moving gear: its speed along its direction, and the sign of its power times the mesh
+        torque. Of a stuck one: its distance from breaking loose either way.
+        """
+        drive = self.drive
+        _, torque, dry = self.solve(time, state, piece)
+        _, _, forces, _ = self.terms(time, state)
+        motor = drive.ratio * forces.rotor
+        speed = piece.sign * (drive.rows @ state[self.nv :])
+        mesh = piece.sign * (torque + piece.sign * dry)
+        driving = np.where(piece.gain == drive.backward, -1.0, 1.0)
+        inverse = 1.0 / drive.forward
+        plus, minus = torque + dry, torque - dry
+        up = np.maximum(plus * inverse, plus * drive.backward) - (motor - drive.coulomb)
+        down = (motor + drive.coulomb) - np.minimum(minus * inverse, minus * drive.backward)
+        stuck = piece.sign == 0.0
+        same = drive.backward == inverse
+        return np.concatenate(
+            (
+                np.where(stuck, up, speed),
+                np.where(stuck, down, np.where(same, 1.0, driving * mesh)),
+            )
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +198,7 @@ def integrate_exactly(
     Raises:
         SimulationError: a robot that this method cannot follow, or modes that change without end.
     """
-    model, drive = robot.model, drivetrain(robot)
+    model, drive = robot.model, Drivetrain.of(robot)
     coupled = drive.any_loose or robot.rotors_turn_with_links
     if model.nq != model.nv or coupled or first_memory(robot):
         raise SimulationError(

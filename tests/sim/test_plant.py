@@ -75,7 +75,7 @@ def test_impact_balances_momentum_and_loses_energy(friction: float) -> None:
         for impact in result.impacts:
             change = impact.after - impact.before
             # The whole robot's linear momentum changes by what the ground gives.
-            inertia = impact.solution.reduced.program.inertia
+            inertia = impact.solution.program.inertia
             assert inertia[0] @ change == pytest.approx(impact.contact_impulse[0, 0], abs=1e-9)
             assert inertia[1] @ change == pytest.approx(impact.contact_impulse[0, 2], abs=1e-9)
             assert abs(impact.contact_impulse[0, 0]) <= (
@@ -165,9 +165,9 @@ def test_holding_bound(share: float, holds: bool) -> None:
     q = robot.configuration(hip=0.9, knee=0.4)
     plant = Plant(robot)
     held = -np.array(
-        plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].reduced.program.free_velocity
+        plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].program.free_velocity
     )
-    inertia = plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].reduced.program.inertia
+    inertia = plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].program.inertia
     load = inertia @ held / 1e-6
     gears = robot.transmission
     torque = share * gears.backward_efficiency * load / gears.gear_ratio
@@ -285,7 +285,7 @@ def test_restitution_with_friction_never_makes_energy() -> None:
             assert impact.contact_loss >= -1e-8
             less += impact.restitution < plant.restitution
             row = robot.transmission.size
-            approach = impact.solution.reduced.program.unilateral.normals[0] @ impact.before
+            approach = impact.solution.program.unilateral.normals[0] @ impact.before
             assert impact.solution.speed[row] == pytest.approx(
                 -impact.restitution * approach, abs=1e-9
             )

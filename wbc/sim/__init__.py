@@ -17,29 +17,26 @@ if TYPE_CHECKING:
         TorqueLag,
         with_wrong_efficiencies,
     )
-    from wbc.sim.energy.audit import EnergyAudit
-    from wbc.sim.energy.energy_flow import EnergyFlow
-    from wbc.sim.ground.box import Box
-    from wbc.sim.ground.height_field import HeightField
-    from wbc.sim.ground.moving import Moving
-    from wbc.sim.ground.plane import Plane
-    from wbc.sim.ground.sphere import Sphere
-    from wbc.sim.ground.stairs import Stairs
-    from wbc.sim.ground.terrain import Terrain, Together
-    from wbc.sim.laws.elements import Elements
+    from wbc.sim.course import Impact
+    from wbc.sim.energy import EnergyAudit, EnergyFlow
+    from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
+    from wbc.sim.height_field import HeightField
+    from wbc.sim.moving_ground import Moving
     from wbc.sim.plant import Plant
+    from wbc.sim.program import (
+        Elements,
+        Residuals,
+        StepProgram,
+        StepSolution,
+        Unilateral,
+        solve_program,
+    )
     from wbc.sim.recorder import Recorder
+    from wbc.sim.result import StepEvent, StepResult
     from wbc.sim.sensors.sensor import Sensor
     from wbc.sim.sensors.sensor_model import SensorModel
     from wbc.sim.simulation import Simulation, simulate
-    from wbc.sim.solve.residuals import Residuals
-    from wbc.sim.solve.solution import StepSolution
-    from wbc.sim.solve.solver import solve_program
     from wbc.sim.state import SimState
-    from wbc.sim.step.events import StepEvent
-    from wbc.sim.step.impact import Impact
-    from wbc.sim.step.program import StepProgram, Unilateral
-    from wbc.sim.step.step_result import StepResult
 
 __all__ = [
     "Box",
@@ -83,29 +80,26 @@ _HOMES = {
         "TorqueLag",
         "with_wrong_efficiencies",
     ),
-    "energy.audit": ("EnergyAudit",),
-    "energy.energy_flow": ("EnergyFlow",),
-    "ground.box": ("Box",),
-    "ground.height_field": ("HeightField",),
-    "ground.moving": ("Moving",),
-    "ground.plane": ("Plane",),
-    "ground.sphere": ("Sphere",),
-    "ground.stairs": ("Stairs",),
-    "ground.terrain": ("Terrain", "Together"),
-    "laws.elements": ("Elements",),
+    "course": ("Impact",),
+    "energy": ("EnergyAudit", "EnergyFlow"),
+    "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
+    "height_field": ("HeightField",),
+    "moving_ground": ("Moving",),
     "plant": ("Plant",),
+    "program": (
+        "Elements",
+        "Residuals",
+        "StepProgram",
+        "StepSolution",
+        "Unilateral",
+        "solve_program",
+    ),
     "recorder": ("Recorder",),
+    "result": ("StepEvent", "StepResult"),
     "sensors.sensor": ("Sensor",),
     "sensors.sensor_model": ("SensorModel",),
     "simulation": ("Simulation", "simulate"),
-    "solve.residuals": ("Residuals",),
-    "solve.solution": ("StepSolution",),
-    "solve.solver": ("solve_program",),
     "state": ("SimState",),
-    "step.events": ("StepEvent",),
-    "step.impact": ("Impact",),
-    "step.program": ("StepProgram", "Unilateral"),
-    "step.step_result": ("StepResult",),
 }
 
 

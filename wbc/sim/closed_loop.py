@@ -19,8 +19,8 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
 from wbc.sim.plant import Plant
+from wbc.sim.result import StepResult
 from wbc.sim.state import SimState
-from wbc.sim.step.step_result import StepResult
 
 
 class TorqueSource(Protocol):

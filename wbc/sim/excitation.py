@@ -10,7 +10,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
-from wbc.sim.ground.plane import Plane
+from wbc.sim.ground import Plane
 from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
 from wbc.sim.sensors.sensor import Sensor

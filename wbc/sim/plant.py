@@ -13,16 +13,13 @@ from wbc.arrays import FloatArray, checked
 from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
 from wbc.errors import SimulationError
 from wbc.robot import Robot, body_contacts
-from wbc.sim.energy.kinetic_energy import mechanical_energy
-from wbc.sim.ground.plane import Plane
-from wbc.sim.ground.terrain import Terrain
-from wbc.sim.laws.motor_motion import MotorMotion, rotor_motion
+from wbc.sim.course import Course
+from wbc.sim.energy import mechanical_energy
+from wbc.sim.forces import checked_memory
+from wbc.sim.ground import Plane, Terrain
+from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
-from wbc.sim.step.course import Course, gaps_of_all
-from wbc.sim.step.forces import checked_memory
-from wbc.sim.step.overlap import lifted_out
-from wbc.sim.step.step_result import StepResult
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -112,7 +109,7 @@ class Plant:
         v = np.zeros(model.nv) if velocity is None else velocity
         q = checked(position, (model.nq,), "position q", SimulationError)
         if lifted:
-            q = lifted_out(self._setup.space, self._setup.barriers, q)
+            q = self._lifted(q)
         return SimState(q, checked(v, (model.nv,), "velocity v", SimulationError))
 
     def step(
@@ -178,7 +175,7 @@ class Plant:
         robot, drive = self.robot, self._setup.drive
         if not drive.any_loose:
             return state
-        angle, speed = rotor_motion(drive, robot.actuated_position, state)
+        angle, speed = drive.rotors(state, robot.actuated_position)
         position, velocity = np.array(state.position), np.array(state.velocity)
         gears = robot.transmission
         position[robot.actuated_position] = gears.joints_from_rotors(angle)
@@ -188,8 +185,28 @@ class Plant:
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
         barriers = self._setup.barriers
-        gap = gaps_of_all(self._setup, state)[barriers.limits :]
+        gap = self._setup.core.gaps(state.position, state.time)[barriers.limits :]
         return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
+
+    def _lifted(self, position: FloatArray) -> FloatArray:
+        """Return q (nq,) moved out of the ground (as it lies at time zero) and to joint limits.
+
+        Driven joints keep their angles where a free base can do it.
+
+        Raises:
+            SimulationError: a point that no motion brings out.
+        """
+        barriers, stiff = self._setup.barriers, np.zeros(self.robot.model.nv)
+        stiff[self.robot.actuated] = 1.0
+        done, q, gap = self._setup.core.lift(barriers.within_limits(position), stiff)
+        if not done:
+            place = int(np.argmin(gap))
+            raise SimulationError(
+                f"'{self.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} "
+                f"starts {-gap[place]:.3g} m (rad) inside, and no motion of its free joints brings "
+                "it out."
+            )
+        return q
 
     def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
         if not dt > 0.0:
@@ -204,7 +221,7 @@ class Plant:
         if self.motor_bounds is None:
             low, high = self._setup.least, gears.torque_limit
         else:
-            speed = gears.gear_ratio * MotorMotion.of(self._setup.drive, state).speed
+            speed = gears.gear_ratio * self._setup.drive.motion(state)[1]
             bounds = self.motor_bounds(self.robot, speed)
             low, high = (
                 np.broadcast_to(np.asarray(bound, float), torque.shape) for bound in bounds

@@ -8,10 +8,9 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.sim.laws.drivetrain import drivetrain
-from wbc.sim.laws.motor_motion import rotor_motion
+from wbc.sim.gears import Drivetrain
+from wbc.sim.result import StepResult
 from wbc.sim.state import SimState
-from wbc.sim.step.step_result import StepResult
 
 _BASE = (
     *(f"base.position.{axis}" for axis in "xyz"),
@@ -40,7 +39,7 @@ class Recorder:
             for name in robot.single_joints
             if robot.model.joints[robot.model.getJointId(name)].nq == 1
         ]
-        self._drive = drivetrain(robot)
+        self._drive = Drivetrain.of(robot)
         self._rows: list[tuple[float | FloatArray, ...]] = []
 
     def add(self, state: SimState, result: StepResult) -> None:
@@ -49,7 +48,7 @@ class Recorder:
         row: tuple[float | FloatArray, ...]
         turn: tuple[FloatArray, ...] = ()
         if self._drive.any_loose:
-            turn = rotor_motion(self._drive, self._robot.actuated_position, state)
+            turn = self._drive.rotors(state, self._robot.actuated_position)
         row = (
             state.time,
             state.position,

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray, frozen
-from wbc.dynamics import Workspace
+from wbc.dynamics import RotorCoupling, Terms, Workspace, rotor_coupling
 from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
-from wbc.sim.ground.barriers import Barriers
-from wbc.sim.ground.terrain import Terrain
-from wbc.sim.inner.inner import Inner, inner_of
-from wbc.sim.laws.drivetrain import Drivetrain, drivetrain
-from wbc.sim.solve.reduced import NOT_POSITIVE
+from wbc.sim.barriers import Barriers
+from wbc.sim.core import Core
+from wbc.sim.forces import first_memory
+from wbc.sim.gears import Drivetrain
+from wbc.sim.ground import Terrain
+from wbc.sim.motion import free_bases
+from wbc.sim.program import NOT_POSITIVE
 from wbc.sim.state import EffectMemory
-from wbc.sim.step.flight import FreeBase, free_bases
-from wbc.sim.step.forces import first_memory
-from wbc.sim.step.warm_start import ImpulseLayout
+from wbc.sim.tables import BACKWARD, INVERSE
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -32,78 +32,102 @@ class Setup:
         space: memory for its kinematics.
         drive: its gears.
         barriers: its limits and contacts.
-        bases: its free bases.
         restitution: normal speed after over before an impact.
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
-        layout: of `SimState.impulse`.
         memory: what the robot's effects start with.
         still: (nv,) zeros, the forces of no effects.
         none: (2 j + c,) no barrier.
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
         gravity: its size [m/s^2].
-        inner: compiled loops for the common case; None for robots and grounds that they do not
-            know.
+        core: the compiled loops.
         temperature: (m,) of the motors [deg C], None where it was not given.
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
+        flies: whether it has a free base that carries its momentum.
+        waits: whether a part needs Python in its middle, for effects or rotor coupling.
     """
 
     robot: Robot
     space: Workspace
     drive: Drivetrain
     barriers: Barriers
-    bases: tuple[FreeBase, ...]
     restitution: float
     return_speed: float
-    layout: ImpulseLayout
     memory: EffectMemory
     still: FloatArray
     none: BoolArray
     least: FloatArray
     gravity: float
-    inner: Inner | None
+    core: Core
     temperature: FloatArray | None = None
     varying: bool = False
     meshed: bool = False
+    flies: bool = False
+    waits: bool = False
 
-    def moving(self, position: FloatArray, velocity: FloatArray) -> Setup:
-        """Return the setup with the efficiencies that its gears have at q (nq,) and v (nv,)."""
-        if not self.varying:
-            return self
-        motion, drive = Motion(position, velocity), self.drive
-        now = self.robot.gear_efficiencies(motion, drive.forward, drive.backward)
-        return replace(self, drive=replace(drive, forward=now[0], backward=now[1]))
+    def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""
+        if self.varying:
+            motion, drive = Motion(position, velocity), self.drive
+            self._write(*self.robot.gear_efficiencies(motion, drive.forward, drive.backward))
+
+    def forget_losses(self) -> None:
+        """Give the loops the efficiencies that gears have without effects."""
+        if self.varying:
+            self._write(self.drive.forward, self.drive.backward)
+
+    def _write(self, forward: FloatArray, backward: FloatArray) -> None:
+        numbers = self.core.exchange.numbers
+        numbers[:, INVERSE], numbers[:, BACKWARD] = 1.0 / forward, backward
+
+    def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
+        """Return the inertial coupling at (q, v); None where rotors only feel their own spin."""
+        if not self.robot.rotors_turn_with_links:
+            return None
+        model, data = self.space.model, self.space.data
+        pin.forwardKinematics(model, data, position, velocity, np.zeros(model.nv))
+        pin.computeJointJacobians(model, data, position)
+        none = np.zeros(0)
+        terms = Terms(position, velocity, none, none, none, none, none, data)
+        return rotor_coupling(self.robot, terms)
+
+    def tell_coupling(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Give the loops the inertial coupling at (q, v), at the motor outputs."""
+        found = self.coupling(position, velocity)
+        if found is not None:
+            told, ratio, nv = self.core.exchange, self.drive.ratio, len(velocity)
+            told.coupling[:] = ratio[:, None] * found.inertia
+            told.gyration[0, :nv] = found.link_bias
+            told.gyration[0, nv:] = ratio * found.rotor_bias
 
 
 def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
     """Return the setup of `robot` on `terrain`.
 
     Raises:
-        SimulationError: a robot with a body without mass that moves freely.
+        SimulationError: a robot with a body without mass that moves freely, or with a joint of a
+            kind that the plant does not know.
     """
     space = Workspace(robot)
     inertia = pin.crba(space.model, space.data, robot.neutral())
     if lapack.dpotrf(inertia)[1] != 0:
         raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
-    barriers = Barriers(robot, terrain, space)
-    drive = drivetrain(robot)
-    bases = free_bases(robot)
-    layout = ImpulseLayout.of(drive.size, space.model.nv, barriers)
+    barriers, drive = Barriers(robot, terrain, space), Drivetrain.of(robot)
     return Setup(
         robot,
         space,
         drive,
         barriers,
-        bases,
         restitution,
         return_speed,
-        layout,
         first_memory(robot),
         frozen(np.zeros(space.model.nv)),
         frozen(np.zeros(barriers.size), bool),
         -robot.transmission.torque_limit,
         float(np.linalg.norm(space.model.gravity.linear)),
-        inner_of(robot, terrain, bases, drive, barriers, layout, return_speed),
+        Core(robot, terrain, drive, barriers, return_speed),
         varying=bool(robot.varying_gears.any()),
         meshed=any("meshed" in effect.acts_by for effect in robot.effects),
+        flies=bool(len(free_bases(robot))),
+        waits=bool(robot.effects) or robot.rotors_turn_with_links,
     )

@@ -12,14 +12,13 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.progress import progress_bar
-from wbc.sim.energy.audit import EnergyAudit
-from wbc.sim.energy.energy_flow import EnergyFlow
+from wbc.sim.course import Impact
+from wbc.sim.energy import EnergyAudit, EnergyFlow
 from wbc.sim.plant import Plant
+from wbc.sim.program import Residuals, worst
 from wbc.sim.recorder import Recorder
-from wbc.sim.solve.residuals import Residuals, worst
+from wbc.sim.result import StepEvent
 from wbc.sim.state import SimState
-from wbc.sim.step.events import StepEvent
-from wbc.sim.step.impact import Impact
 
 Controller = Callable[[SimState], FloatArray]
 """Takes the plant's state, returns the rotor torque (m,) [N m] to hold until the next tick."""

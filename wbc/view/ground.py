@@ -10,9 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import ViewError
-from wbc.sim.ground.plane import Plane
-from wbc.sim.ground.stairs import Stairs
-from wbc.sim.ground.terrain import Terrain
+from wbc.sim.ground import Plane, Stairs, Terrain
 from wbc.view.shapes import along
 
 _THICKNESS = 0.02

@@ -22,7 +22,7 @@ from wbc.files import write_text
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
-from wbc.sim.ground.terrain import Terrain
+from wbc.sim.ground import Terrain
 from wbc.transmission import Direction
 from wbc.view.ground import GroundSlab, flat_ground, surface_under, terrain_slabs
 from wbc.view.palette import (

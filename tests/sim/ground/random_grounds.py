@@ -121,24 +121,21 @@ def made_by_rows(result: StepResult) -> float:
     pass counts as a force on the links; what their springs and meshes make is an event of the step.
     """
     worst = -np.inf
+    drive = result.setup.drive
     for part in result.parts:
-        reduced, velocity = part.solution.reduced, part.solution.velocity
-        inertia = np.triu(reduced.program.inertia) + np.triu(reduced.program.inertia, 1).T
-        transit = part.transit
-        drive, engaged = transit.drive, transit.gears.engaged
-        firm = ~np.isfinite(drive.stiffness)
-        push = np.where(firm[engaged], 0.0, part.solution.impulse[: len(engaged)])
-        free = reduced.program.free_velocity + reduced.response[:, : len(engaged)] @ push
-        brought = transit.step * drive.ratio * transit.forces.rotor
-        rotor = transit.motor.speed + brought / drive.inertia
+        solution, velocity, m = part.solution, part.solution.velocity, drive.size
+        program = solution.program
+        inertia, firm = program.inertia, ~np.isfinite(drive.stiffness)
+        push = np.where(firm, 0.0, solution.impulse[:m])
+        rows = program.elements.rows[:m]
+        free = program.free_velocity + np.linalg.solve(inertia, rows.T @ push)
+        rotor = drive.motion(part.given.state)[1] + drive.ratio * part.rotor_impulse / drive.inertia
         before = 0.5 * free @ inertia @ free + 0.5 * (drive.inertia * rotor**2)[firm].sum()
         after = 0.5 * velocity @ inertia @ velocity
-        after += 0.5 * (drive.inertia * transit.motor_after.speed**2)[firm].sum()
+        after += 0.5 * (drive.inertia * part.state.motor_velocity**2)[firm].sum()
         worst = max(worst, (after - before) / (1e-3 + before))
     for impact in result.impacts:
-        inertia = impact.solution.reduced.program.inertia
-        inertia = np.triu(inertia) + np.triu(inertia, 1).T
-        drive = result.setup.drive
+        inertia = impact.solution.program.inertia
         turned = drive.inertia * ~drive.loose
         energy = [
             0.5 * v @ inertia @ v + 0.5 * turned @ (drive.rows @ v) ** 2

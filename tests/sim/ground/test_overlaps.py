@@ -13,7 +13,7 @@ from tests.sim.ground.bodies import block
 from tests.sim.random_robots import random_robot
 from wbc import load_robot
 from wbc.sim import Plane, Plant
-from wbc.sim.ground.barriers import TOUCH
+from wbc.sim.barriers import TOUCH
 
 
 # Found by searching, with the steps it takes until the jam has lasted a few.

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.sim import Elements, StepProgram, Unilateral
-from wbc.sim.inner.program import solve_rows
-from wbc.sim.solve.linear import factor_inertia
-from wbc.sim.solve.solver import TOLERANCE, solve_program
+from wbc.sim import Elements, StepProgram, Unilateral, solve_program
 
 _ROWS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -0.6, 0.8]])
 _FREE = np.array([0.1, 8e-4, 1.0])
@@ -24,16 +21,3 @@ def test_a_contact_that_opens_does_not_pull_beside_a_barrier_that_is_kept() -> N
     unilateral = Unilateral(_ROWS[:1], _ROWS[1:], empty, np.zeros(2), _TARGETS)
     program = StepProgram(np.eye(3), _FREE, elements, unilateral)
     assert solve_program(program, _BEFORE).impulse.min() >= 0.0
-
-
-def test_compiled_rows_do_not_pull_either() -> None:
-    lower = np.empty((3, 3))
-    assert factor_inertia(np.eye(3), lower)
-    impulse, speed, after = np.zeros((3, 3))
-    laws, frictions = np.empty((0, 9)), np.zeros(2)
-    used = solve_rows(
-        _ROWS, lower, laws, _TARGETS, frictions, 0, _FREE, _BEFORE, TOLERANCE, impulse, speed,
-        after,
-    )  # fmt: skip
-    assert used > 0
-    assert impulse.min() >= 0.0

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.stats import binomtest
 
 from tests.sim.step.test_cones import CORPORA, random_step
-from wbc.sim.solve.branches import pieces_at, solve_pieces
-from wbc.sim.solve.in_velocities import solve_in_velocities
-from wbc.sim.solve.newton import newton
-from wbc.sim.solve.reduced import IN_IMPULSES, reduce_program
-from wbc.sim.solve.solver import TOLERANCE
+from wbc.mechanics.in_velocities import solve_in_velocities
+from wbc.mechanics.newton import look_at, newton
+from wbc.mechanics.rows import solve_pieces
+from wbc.sim.program import tolerance_of
 
 
-def _ways(program):
-    """W' of a step of any size."""
-    lower = np.linalg.cholesky(program.inertia)
-    return np.ascontiguousarray(np.linalg.solve(lower, program.rows().T).T)
+def _both(program):
+    """Return the step's system of rows, to be solved in impulses and in velocities."""
+    system, _ = program.system()
+    ways = np.ascontiguousarray(system.half.T)
+    return system._replace(ways=np.empty((0, 0))), system._replace(ways=ways)
 
 
 @pytest.mark.parametrize("corpus", CORPORA)
@@ -28,26 +26,21 @@ def test_one_system_of_pieces(corpus: str) -> None:
     compared = 0
     for seed in range(400):
         program = random_step(corpus, seed)
-        reduced, rng = reduce_program(program), np.random.default_rng(seed)
-        size = len(reduced.free)
+        (system, other), rng = _both(program), np.random.default_rng(seed)
+        size = len(system.free)
         if size > len(program.inertia):
             continue
         impulse = rng.normal(size=size)
-        pieces, sliding = np.empty((size, 4)), np.empty((reduced.contacts, 3))
-        laws = reduced.laws, reduced.targets, reduced.frictions, reduced.tangents, reduced.slope
-        pieces_at(*laws, impulse, reduced.speeds(impulse), pieces, sliding)
-        given = reduced.spring, reduced.slope, reduced.frictions, reduced.tangents
+        pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
+        look_at(system, impulse, np.empty(size), pieces, sliding)
         found = []
-        for solve, matrix in (
-            (solve_pieces, reduced.delassus),
-            (solve_in_velocities, _ways(program)),
-        ):
+        for solve, given in ((solve_pieces, system), (solve_in_velocities, other)):
             solved = np.empty(size)
-            assert solve(matrix, *given, pieces, sliding, impulse, solved)
+            assert solve(given, pieces, sliding, impulse, solved)
             found.append(solved)
         scale = np.abs(found[0]).max()
         # Rows that barely move anything are held by the spring: their split says nothing.
-        if np.linalg.cond(reduced.delassus) < 1e4 and scale < 1e3:
+        if np.linalg.cond(system.delassus) < 1e4 and scale < 1e3:
             compared += 1
             assert np.abs(found[1] - found[0]).max() <= 1e-6 * scale
     assert compared > 10
@@ -63,15 +56,15 @@ def test_newton_finds_the_same_motion_as_often(corpus: str) -> None:
     alone, compared = [0, 0], 0
     for seed in range(400):
         program = random_step(corpus, seed)
-        reduced = reduce_program(program)
-        start, found, longest, settled = np.zeros(len(reduced.free)), [], 0, []
-        tolerance = TOLERANCE * (1.0 + float(np.abs(reduced.free).max(initial=0.0)))
-        for ways in (IN_IMPULSES, _ways(program)):
-            impulse, used, good = newton(replace(reduced, ways=ways), start, tolerance, 0)
-            longest = max(longest, used)
-            settled.append(good)
-            if good:
-                found.append(reduced.velocity(impulse))
+        both = _both(program)
+        start, found, longest, settled = np.zeros(len(both[0].free)), [], 0, []
+        for system in both:
+            impulse = np.empty(len(start))
+            used = newton(system, start, tolerance_of(system), 0, impulse)
+            longest = max(longest, abs(used))
+            settled.append(used > 0)
+            if used > 0:
+                found.append(system.delassus @ impulse)
         if len(found) == 1:
             alone[settled.index(True)] += 1
         if len(found) == 2 and longest <= 6:

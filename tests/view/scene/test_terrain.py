@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.sim.ground.plane import Plane
-from wbc.sim.ground.stairs import Stairs
-from wbc.sim.ground.terrain import Terrain
+from wbc.sim.ground import Plane, Stairs, Terrain
 from wbc.view.ground import surface_under, terrain_slabs
 
 

@@ -1,0 +1,55 @@
+"""The compiled tree of bodies against pinocchio."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.sim.random_robots import BASES, random_robot
+from wbc import load_robot
+from wbc.mechanics.inertia import bias_at, bodies_at, inertia_at
+from wbc.mechanics.kinematics import columns_at, moved_along, place
+from wbc.mechanics.tree import tree_of
+
+
+def test_the_tree_agrees_with_pinocchio() -> None:
+    """Inertia, gravity and velocity terms, and motion along the joints."""
+    chain = pin.Model()
+    for kind in (pin.JointModelRUBX(), pin.JointModelPZ(), pin.JointModelFreeFlyer()):
+        joint = chain.addJoint(chain.njoints - 1, kind, pin.SE3.Random(), f"j{chain.njoints}")
+        chain.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Random())
+    models = [_random_model(seed) for seed in range(6)]
+    for model in (chain, load_robot("solo12").model, *models):
+        _compare_tree(model, np.random.default_rng(1))
+
+
+def _random_model(seed: int) -> pin.Model:
+    return random_robot(np.random.default_rng(seed), BASES[seed % 3], 0.8, 0.8, 0.5, False).model
+
+
+def _compare_tree(model: pin.Model, rng: np.random.Generator) -> None:
+    tree, data = tree_of(model), model.createData()
+    assert tree is not None
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    v, n, nv = rng.normal(size=model.nv), len(tree.joints), model.nv
+    poses, columns, bodies, all_behind = (
+        np.empty((a, b)) for a, b in ((n, 12), (nv, 6), (n, 10), (n, 10))
+    )
+    inertia, bias, moved, about = (
+        np.empty((nv, nv)),
+        np.empty(nv),
+        np.empty(model.nq),
+        rng.normal(size=3),
+    )
+    place(tree.joints, tree.shapes, q, poses)
+    columns_at(tree.joints, tree.shapes, poses, about, columns)
+    bodies_at(tree.joints, tree.shapes, poses, about, bodies, all_behind)
+    inertia_at(tree.rows, all_behind, columns, nv, inertia)
+    bias_at(tree.joints, tree.rows, tree.gravity, columns, bodies, v, bias)
+    upper = np.triu(pin.crba(model, data, q))
+    assert inertia == pytest.approx(upper + np.triu(upper, 1).T, rel=1e-12, abs=1e-12)
+    assert bias == pytest.approx(pin.nonLinearEffects(model, data, q, v), rel=1e-11, abs=1e-11)
+    for time in (1e-4, 0.3):
+        moved_along(tree.joints, q, v, time, moved)
+        assert moved == pytest.approx(pin.integrate(model, q, time * v), abs=1e-14)

@@ -1,0 +1,1 @@
+"""Compiled: trees of rigid bodies, the laws of rows, small linear algebra, Newton on rows."""

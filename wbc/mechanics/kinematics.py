@@ -1,0 +1,188 @@
+"""Where the bodies of a tree are: placements, Jacobian columns, and motion along joints.
+
+Spatial vectors are (linear, angular) in world axes about one point that all bodies share, the
+place of a base, so that sums over bodies are plain sums.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled, local
+from wbc.mechanics.tree import FREE_FLYER, PRISMATIC, REVOLUTE
+
+
+@compiled(Nothing, Row, Number, Number, OutRow, counted=False)
+def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> None:
+    """Write the rotation (9,) about a unit axis (3,)."""
+    x, y, z, rest = axis[0], axis[1], axis[2], 1.0 - cos
+    turn[0], turn[1], turn[2] = cos + rest * x * x, rest * x * y - sin * z, rest * x * z + sin * y
+    turn[3], turn[4], turn[5] = rest * x * y + sin * z, cos + rest * y * y, rest * y * z - sin * x
+    turn[6], turn[7], turn[8] = rest * x * z - sin * y, rest * y * z + sin * x, cos + rest * z * z
+
+
+@compiled(Nothing, Row, OutRow, counted=False)
+def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
+    """Write the rotation (9,) of a quaternion (x, y, z, w)."""
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    turn[0], turn[1], turn[2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    turn[3], turn[4], turn[5] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    turn[6], turn[7], turn[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
+@compiled(Nothing, Row, Row, OutRow, counted=False)
+def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
+    for i in range(3):
+        for j in range(3):
+            turn[3 * i + j] = (
+                left[3 * i] * right[j]
+                + left[3 * i + 1] * right[3 + j]
+                + left[3 * i + 2] * right[6 + j]
+            )
+
+
+@compiled(Nothing, Table, Dense, Row, OutDense, counted=False)
+def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray) -> None:
+    """Write the pose of every joint: rotation (9 by rows) and place (3), world.
+
+    Args:
+        joints, shapes: of the `Tree`.
+        q: (nq,).
+        poses: (n, 12) to write.
+    """
+    own, mounted = local(9), local(9)
+    for i in range(len(joints)):
+        parent, kind, at = joints[i, 0], joints[i, 1], joints[i, 2]
+        shape, pose = shapes[i], poses[i]
+        if parent < 0:
+            for k in range(9):
+                mounted[k] = shape[k]
+            for k in range(9, 12):
+                pose[k] = shape[k]
+        else:
+            above = poses[parent]
+            _product(above[:9], shape[:9], mounted)
+            for k in range(3):
+                pose[9 + k] = (
+                    above[9 + k]
+                    + above[3 * k] * shape[9]
+                    + above[3 * k + 1] * shape[10]
+                    + above[3 * k + 2] * shape[11]
+                )
+        if kind == PRISMATIC:
+            for k in range(9):
+                pose[k] = mounted[k]
+            for k in range(3):
+                along = (
+                    mounted[3 * k] * shape[12]
+                    + mounted[3 * k + 1] * shape[13]
+                    + mounted[3 * k + 2] * shape[14]
+                )
+                pose[9 + k] += along * q[at]
+            continue
+        if kind == FREE_FLYER:
+            for k in range(3):
+                pose[9 + k] += (
+                    mounted[3 * k] * q[at]
+                    + mounted[3 * k + 1] * q[at + 1]
+                    + mounted[3 * k + 2] * q[at + 2]
+                )
+            _of_quaternion(q[at + 3 : at + 7], own)
+        elif kind == REVOLUTE:
+            _about_axis(shape[12:15], np.cos(q[at]), np.sin(q[at]), own)
+        else:
+            _about_axis(shape[12:15], q[at], q[at + 1], own)
+        _product(mounted, own, pose[:9])
+
+
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense, counted=False)
+def columns_at(
+    joints: IntArray, shapes: FloatArray, poses: FloatArray, about: FloatArray, columns: FloatArray
+) -> None:
+    """Write the motion of the tree behind each joint per unit of each row of v.
+
+    Args:
+        joints, shapes: of the `Tree`.
+        poses: (n, 12).
+        about: (3,) the point of the spatial vectors, world.
+        columns: (nv, 6) to write.
+    """
+    for i in range(len(joints)):
+        kind, row, pose, shape = joints[i, 1], joints[i, 3], poses[i], shapes[i]
+        x, y, z = pose[9] - about[0], pose[10] - about[1], pose[11] - about[2]
+        if kind == FREE_FLYER:
+            for k in range(3):
+                a, b, c = pose[k], pose[3 + k], pose[6 + k]
+                columns[row + k, 0], columns[row + k, 1], columns[row + k, 2] = a, b, c
+                columns[row + k, 3:] = 0.0
+                turning = columns[row + 3 + k]
+                turning[0], turning[1], turning[2] = y * c - z * b, z * a - x * c, x * b - y * a
+                turning[3], turning[4], turning[5] = a, b, c
+            continue
+        a = pose[0] * shape[12] + pose[1] * shape[13] + pose[2] * shape[14]
+        b = pose[3] * shape[12] + pose[4] * shape[13] + pose[5] * shape[14]
+        c = pose[6] * shape[12] + pose[7] * shape[13] + pose[8] * shape[14]
+        column = columns[row]
+        if kind == PRISMATIC:
+            column[0], column[1], column[2] = a, b, c
+            column[3:] = 0.0
+        else:
+            column[0], column[1], column[2] = y * c - z * b, z * a - x * c, x * b - y * a
+            column[3], column[4], column[5] = a, b, c
+
+
+@compiled(Nothing, Row, Row, Number, OutRow, counted=False)
+def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
+    """Write the pose (7,) after flying with the constant body velocity v (6,): SE(3)'s exponential.
+
+    With w = time * angular, its size t, and the linear part u: the place moves by
+    R (u + (1 - cos t)/t^2 w x u + (t - sin t)/t^3 w x (w x u)).
+    """
+    ux, uy, uz = time * v[0], time * v[1], time * v[2]
+    wx, wy, wz = time * v[3], time * v[4], time * v[5]
+    square = wx * wx + wy * wy + wz * wz
+    angle = np.sqrt(square)
+    if angle > 1e-2:
+        first, second = (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
+        half, rest = np.sin(0.5 * angle) / angle, np.cos(0.5 * angle)
+    else:  # series: below 1e-2 rad the next terms are less than 1e-16
+        first = 0.5 - square / 24.0 + square * square / 720.0 - square**3 / 40320.0
+        second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0 - square**3 / 362880.0
+        half = 0.5 - square / 48.0 + square * square / 3840.0 - square**3 / 645120.0
+        rest = 1.0 - square / 8.0 + square * square / 384.0 - square**3 / 46080.0
+    cx, cy, cz = wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux
+    dx = ux + first * cx + second * (wy * cz - wz * cy)
+    dy = uy + first * cy + second * (wz * cx - wx * cz)
+    dz = uz + first * cz + second * (wx * cy - wy * cx)
+    turn = local(9)
+    _of_quaternion(q[3:], turn)
+    for k in range(3):
+        moved[k] = q[k] + turn[3 * k] * dx + turn[3 * k + 1] * dy + turn[3 * k + 2] * dz
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    a, b, c = half * wx, half * wy, half * wz
+    moved[3] = w * a + x * rest + y * c - z * b
+    moved[4] = w * b + y * rest + z * a - x * c
+    moved[5] = w * c + z * rest + x * b - y * a
+    moved[6] = w * rest - x * a - y * b - z * c
+    size = np.sqrt(moved[3] ** 2 + moved[4] ** 2 + moved[5] ** 2 + moved[6] ** 2)
+    for k in range(3, 7):
+        moved[k] /= size
+
+
+@compiled(Nothing, Table, Row, Row, Number, OutRow, counted=False)
+def moved_along(
+    joints: IntArray, q: FloatArray, v: FloatArray, time: float, moved: FloatArray
+) -> None:
+    """Write the configuration (nq,) that v (nv,) leads to from q (nq,) in `time`."""
+    for i in range(len(joints)):
+        kind, at, row = joints[i, 1], joints[i, 2], joints[i, 3]
+        if kind == FREE_FLYER:
+            _fly(q[at : at + 7], v[row : row + 6], time, moved[at : at + 7])
+        elif kind in (REVOLUTE, PRISMATIC):
+            moved[at] = q[at] + time * v[row]
+        else:
+            cos, sin = np.cos(time * v[row]), np.sin(time * v[row])
+            x, y = q[at] * cos - q[at + 1] * sin, q[at] * sin + q[at + 1] * cos
+            size = np.sqrt(x * x + y * y)
+            moved[at], moved[at + 1] = x / size, y / size

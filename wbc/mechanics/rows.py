@@ -1,0 +1,356 @@
+"""A step seen from its rows: their laws, the linear pieces of these, and the system of the pieces.
+
+The rows G v of a step, speeds u = free + (G H^-1 G') impulse, are elements (gears, dry friction),
+then limits and contact normals, then the contacts' tangents. A piece of a row's law is
+on_speed du + on_impulse dp = missing, with the row's natural residual beside it: the line of slope
+`slope` through (speed, impulse) meets a monotone law in one point, and the residual is how far away
+that is, as a speed; zero exactly at a solution. For contacts it is Alart and Curnier's map, the
+normal projected onto the half line, the tangents onto the disc of radius mu p_n.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    Row,
+    compiled,
+    group,
+    local,
+    several,
+)
+from wbc.mechanics.linear import factor, halfway, products, solve_factored
+
+
+class RowSystem(NamedTuple):
+    """What a step is to its rows.
+
+    Attributes:
+        half: (n, r) L'^-1 G', whose products are the compliance of the rows.
+        ways: (r, n) its transpose, where the pieces are solved in velocities; (0, 0) otherwise.
+        delassus: (r, r) G H^-1 G'.
+        free: (r,) row speeds without impulses, from the ground's where it moves.
+        spring: (r,) compliance with which rows hold on to a split of forces that is left open.
+        slope: (r,) [impulse/speed] of the line on which each row meets its law.
+        laws: (m, 9) per element up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness
+            and preload of the spring in series.
+        targets: (l + k,) lowest speeds of limits and normals.
+        frictions: mu (k,) of the contacts.
+        tangents: d per contact.
+    """
+
+    half: FloatArray
+    ways: FloatArray
+    delassus: FloatArray
+    free: FloatArray
+    spring: FloatArray
+    slope: FloatArray
+    laws: FloatArray
+    targets: FloatArray
+    frictions: FloatArray
+    tangents: int
+
+
+SYSTEM = group(
+    RowSystem, OutDense, OutDense, OutDense, OutRow, OutRow, OutRow, OutDense, OutRow, OutRow, Count
+)
+
+
+@compiled(Flag, Count, Count, counted=False)
+def fewer_products(rows: int, freedoms: int) -> bool:
+    """Return whether the system in velocities takes fewer products than that in impulses.
+
+    In velocities it is put together by r n^2 products and factored by n^3/3, in impulses factored
+    by r^3/3: from r = 1.9 n on. (Newton's loop for Solo12 in stance, r = 24 and n = 18, takes 11 us
+    in velocities and 4.4 us in impulses.)
+    """
+    return freedoms * freedoms * (3 * rows + freedoms) < rows**3
+
+
+@compiled(Nothing, Dense, Dense, Count, OutRow, OutRow, counted=False)
+def lines(
+    delassus: FloatArray,
+    laws: FloatArray,
+    pairs: int,
+    spring: FloatArray,
+    slope: FloatArray,
+) -> None:
+    """Write the springs that hold a split left open, and the slopes on which rows meet their laws.
+
+    Args:
+        delassus: (r, r).
+        laws: (m, 9); the line of a self-locking element meets its law once.
+        pairs: number of rows at the end that are pairs of tangents, which share a slope.
+        spring: (r,) to write.
+        slope: (r,) to write.
+    """
+    size, most = len(delassus), 0.0
+    for i in range(size):
+        most = max(most, delassus[i, i])
+    floor = max(1e-9 * most, 1e-21)
+    for i in range(size):
+        own = max(delassus[i, i], floor)
+        spring[i], slope[i] = 1e-9 * own, 1.0 / own
+    for i in range(size - pairs, size, 2):
+        both = 1.0 / (1.0 / slope[i] + 1.0 / slope[i + 1])
+        slope[i] = slope[i + 1] = both
+    for i in range(len(laws)):
+        if laws[i, 4] < 0.0:
+            slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
+
+
+@compiled(SYSTEM, Dense, Dense, Row, OutDense, OutRow, OutRow, Count)
+def system_of(
+    matrix: FloatArray,
+    lower: FloatArray,
+    free: FloatArray,
+    laws: FloatArray,
+    targets: FloatArray,
+    frictions: FloatArray,
+    tangents: int,
+) -> RowSystem:
+    """Return the system of the rows `matrix` G (r, n).
+
+    Args:
+        matrix: G.
+        lower: L (n, n) with L' L = H_l.
+        free: v (n,) without the rows.
+        laws, targets, frictions, tangents: see `RowSystem`.
+    """
+    size, n = matrix.shape
+    half, delassus = np.empty((n, size)), np.empty((size, size))
+    own, spring, slope = np.empty(size), np.empty(size), np.empty(size)
+    for i in range(size):
+        total = 0.0
+        for j in range(n):
+            half[j, i] = matrix[i, j]
+            total += matrix[i, j] * free[j]
+        own[i] = total
+    halfway(lower, half)
+    products(half, delassus)
+    lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
+    ways = np.ascontiguousarray(half.T) if fewer_products(size, n) else np.empty((0, 0))
+    return RowSystem(half, ways, delassus, own, spring, slope, laws, targets, frictions, tangents)
+
+
+@compiled(several(Number, Number, Number), Row, Number, Number, counted=False)
+def branch_of(law: FloatArray, point: float, slope: float) -> tuple[float, float, float]:
+    """Return sign, gain and bring of the branch on which a law meets the line T - slope w = point.
+
+    The sign is +1 turning forward, -1 backward, 0 stuck; the gain is k, the mesh input per output;
+    what is brought is `up` or `down`. The line meets the law of a self-locking row once if its
+    slope is below M/|eta_b|.
+
+    Args:
+        law: (9,) of an element.
+        point: [N m s].
+        slope: >= 0 [kg m^2].
+    """
+    up, down, inertia, inverse, backward = law[0], law[1], law[2], law[3], law[4]
+    load, resisting = point + law[5], law[6] + slope
+    if up > max(load * inverse, load * backward):
+        driving = inertia * load + resisting * up > 0.0
+        return 1.0, inverse if driving else backward, up
+    load = point - law[5]
+    if down < min(load * inverse, load * backward):
+        driving = -inertia * load - resisting * down > 0.0
+        return -1.0, inverse if driving else backward, down
+    return 0.0, 0.0, 0.0
+
+
+@compiled(Number, Row, Number, Number, counted=False)
+def meeting_speed(law: FloatArray, point: float, slope: float) -> float:
+    """Return w at which a law (9,) meets the line T - slope w = point."""
+    sign, gain, bring = branch_of(law, point, slope)
+    if sign == 0.0:
+        return 0.0
+    speed: float = (bring - gain * (point + sign * law[5])) / (law[2] + gain * (law[6] + slope))
+    return speed
+
+
+@compiled(Number, Row, Number, Number, Number, counted=False)
+def own_speed(law: FloatArray, slope: float, impulse: float, speed: float) -> float:
+    """Return w of an element (9,) that carries an impulse T at u = W v.
+
+    Where there is a spring it follows from the law, not from the spring, whose impulse may hardly
+    depend on it.
+
+    Args:
+        law: (9,).
+        slope: of the line on which the row meets its law.
+        impulse: T.
+        speed: u.
+    """
+    if law[7] == np.inf:
+        return speed
+    give = 1.0 / (law[7] + slope)
+    point = give * (law[7] * (impulse - slope * speed) + slope * law[8])
+    return meeting_speed(law, point, law[7] * give * slope)
+
+
+@compiled(Nothing, Row, Number, Number, Number, OutRow, counted=False)
+def element_piece(
+    law: FloatArray, slope: float, impulse: float, speed: float, piece: FloatArray
+) -> None:
+    """Write on_speed, on_impulse, missing and residual of the piece of an element's law.
+
+    Args:
+        law: (9,) up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness and preload of
+            its `Elements`.
+        slope: of the line.
+        impulse: T of the point.
+        speed: u = W v of the point.
+        piece: (4,) to write.
+    """
+    # The spring in series as hold (w - u) = give T - pull: regular from rigid to powerless.
+    hold, give, pull = 1.0, 0.0, 0.0
+    if law[7] < np.inf:
+        give = 1.0 / (law[7] + slope)
+        hold, pull = law[7] * give, law[8] * give
+    point = hold * (impulse - slope * speed) + slope * pull
+    sign, gain, bring = branch_of(law, point, hold * slope)
+    if sign == 0.0:
+        missing = pull - hold * speed - give * impulse
+        piece[0], piece[1], piece[2], piece[3] = hold, give, missing, missing
+        return
+    own = law[2] + gain * law[6]
+    on_speed, on_impulse = own * hold, gain * hold + own * give
+    missing = hold * (bring - gain * (impulse + sign * law[5]))
+    missing -= own * (hold * speed + give * impulse - pull)
+    piece[0], piece[1], piece[2] = on_speed, on_impulse, missing
+    piece[3] = missing / (on_speed + on_impulse * slope)
+
+
+@compiled(Number, SYSTEM, Row, Row, OutDense, OutDense, counted=False)
+def pieces_at(
+    system: RowSystem,
+    impulse: FloatArray,
+    speed: FloatArray,
+    pieces: FloatArray,
+    sliding: FloatArray,
+) -> float:
+    """Write the pieces met by the lines of `slope` through (speed, impulse).
+
+    Args:
+        system: of the rows.
+        impulse: (r,).
+        speed: (r,).
+        pieces: (r, 4) to write.
+        sliding: (k, 3) to write: direction (2) in which a contact's friction pushes, and
+            mu p_n / |p_t - slope u_t| <= 1, how far that may turn; the last is -1 where the contact
+            does not slide. The rows of one that does lack the coupling to normal and slip.
+
+    Returns:
+        the largest residual, infinite where one is no number.
+    """
+    laws, targets, frictions = system.laws, system.targets, system.frictions
+    tangents, slope = system.tangents, system.slope
+    m, count, contacts = len(laws), len(targets), len(frictions)
+    for i in range(m):
+        element_piece(laws[i], slope[i], impulse[i], speed[i], pieces[i])
+    for i in range(count):
+        row, piece = m + i, pieces[m + i]
+        short = targets[i] - speed[row]
+        push = impulse[row] + slope[row] * short
+        if push > 0.0:
+            piece[0], piece[1], piece[2], piece[3] = 1.0, 0.0, short, short
+        else:
+            piece[0], piece[1], piece[2] = 0.0, 1.0, -impulse[row]
+            piece[3] = -impulse[row] / slope[row]
+        if i < count - contacts:
+            continue
+        contact, bound = i - count + contacts, 0.0
+        sliding[contact, 2] = -1.0
+        first = m + count + contact * tangents
+        if push > 0.0:
+            bound = frictions[contact] * push
+        wish = local(2)
+        wish[:] = 0.0
+        for j in range(tangents):
+            wish[j] = impulse[first + j] - slope[first + j] * speed[first + j]
+        # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
+        size = math.hypot(wish[0], wish[1])
+        if push > 0.0 and size < bound:
+            for j in range(first, first + tangents):
+                pieces[j, 0], pieces[j, 1], pieces[j, 2] = 1.0, 0.0, -speed[j]
+                pieces[j, 3] = -speed[j]
+            continue
+        share = bound / size if size > 0.0 else 1.0
+        for j in range(tangents):
+            short = share * wish[j] - impulse[first + j]
+            pieces[first + j, 0], pieces[first + j, 1], pieces[first + j, 2] = 0.0, 1.0, short
+            pieces[first + j, 3] = short / slope[first + j]
+        if push > 0.0 and tangents > 0:
+            for j in range(2):
+                sliding[contact, j] = wish[j] / size if size > 0.0 else wish[j]
+            sliding[contact, 2] = share
+    worst = 0.0
+    for i in range(len(pieces)):
+        if not abs(pieces[i, 3]) <= worst:
+            worst = abs(pieces[i, 3]) if pieces[i, 3] == pieces[i, 3] else np.inf
+    return worst
+
+
+@compiled(Flag, SYSTEM, Dense, Dense, Row, OutRow)
+def solve_pieces(
+    system: RowSystem,
+    pieces: FloatArray,
+    sliding: FloatArray,
+    impulse: FloatArray,
+    solved: FloatArray,
+) -> bool:
+    """Write the row impulses (r,) that solve the pieces; False where they contradict each other.
+
+    Rows that depend on each other (more stuck gears and sticking contacts than the robot has
+    freedoms) leave their split open; what is left open stays near `impulse` (r,), the point of the
+    pieces, by a proximal term whose effect on the rest a second solve with the same factors
+    removes.
+    """
+    delassus, spring, slope = system.delassus, system.spring, system.slope
+    frictions, tangents = system.frictions, system.tangents
+    size, contacts = len(impulse), len(frictions)
+    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
+    change, correction = np.empty(size), np.empty(size)
+    for i in range(size):
+        for j in range(size):
+            total[i, j] = pieces[i, 0] * delassus[i, j]
+        total[i, i] += pieces[i, 1] + spring[i] * pieces[i, 0]
+        change[i] = pieces[i, 2]
+    for contact in range(contacts):
+        turning = sliding[contact, 2]
+        if turning < 0.0:
+            continue
+        # p_t = mu p_n direction, and how the direction turns with the slip. What the rows miss was
+        # taken at the bound mu times the projected normal impulse; the piece is linear in p_n.
+        first = size - (contacts - contact) * tangents
+        normal = size - contacts * (tangents + 1) + contact
+        for a in range(tangents):
+            row, along = first + a, frictions[contact] * sliding[contact, a]
+            total[row, normal] -= along
+            change[row] = along * impulse[normal] - impulse[row]
+            for b in range(tangents if tangents == 2 else 0):
+                turn = -sliding[contact, a] * sliding[contact, b] + (1.0 if a == b else 0.0)
+                turn *= turning
+                total[row, first + b] -= turn
+                for j in range(size):
+                    total[row, j] += slope[first] * turn * delassus[first + b, j]
+    if not factor(total, pivots):
+        return False
+    solve_factored(total, pivots, change)
+    for i in range(size):
+        correction[i] = spring[i] * pieces[i, 0] * change[i]
+    solve_factored(total, pivots, correction)
+    for i in range(size):
+        solved[i] = impulse[i] + change[i] + correction[i]
+    return True

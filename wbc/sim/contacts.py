@@ -1,0 +1,361 @@
+"""Where limits and contact points are, and the rows of those that are closed, on any ground."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Flags,
+    Nothing,
+    Number,
+    OutDense,
+    OutPlaces,
+    OutRow,
+    Places,
+    Row,
+    ask,
+    compiled,
+    local,
+)
+from wbc.sim.tables import OPENED, Opened, point_of_reference
+
+PLANE, BOX, BALL = 0.0, 1.0, 2.0
+"""Kinds of solids, first of the numbers of a solid (20,).
+
+After it: PLANE normal (3), distance from the world's origin; BOX centre (3), rotation by rows (9),
+lowest and highest place along its own axes (3 and 3), infinite where it has no face; BALL centre
+(3), radius.
+"""
+
+GAPS, SPEEDS = range(2)
+"""What Python is asked for."""
+
+
+@compiled(Number, Row, Row, OutRow, counted=False)
+def box_gap(box: FloatArray, point: FloatArray, normal: FloatArray) -> float:
+    """Return the distance of a point (3,) from a box (20,), and write the way out (3,).
+
+    Outside, the way leads from the nearest face, edge or corner; inside, to the nearest face.
+    """
+    nearest, face, away = -np.inf, 0, 0.0
+    way = local(3)
+    for k in range(3):
+        own = 0.0
+        for x in range(3):
+            own += (point[x] - box[1 + x]) * box[4 + 3 * x + k]
+        lower, upper = box[13 + k] - own, own - box[16 + k]
+        beyond = max(lower, upper)
+        sign = 1.0 if upper >= lower else -1.0
+        way[k] = sign * max(beyond, 0.0)
+        away += way[k] * way[k]
+        if beyond > nearest:
+            nearest, face = beyond, k if sign > 0.0 else -1 - k
+    if away > 0.0:
+        nearest = sqrt(away)
+        for k in range(3):
+            way[k] /= nearest
+    else:
+        way[:] = 0.0
+        way[face if face >= 0 else -1 - face] = 1.0 if face >= 0 else -1.0
+    for x in range(3):
+        normal[x] = box[4 + 3 * x] * way[0] + box[5 + 3 * x] * way[1] + box[6 + 3 * x] * way[2]
+    return nearest
+
+
+@compiled(Number, Row, Row, OutRow, counted=False)
+def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float:
+    """Return the distance of a point (3,) from a solid (20,), and write the normal out of it."""
+    if solid[0] == PLANE:
+        for k in range(3):
+            normal[k] = solid[1 + k]
+        gap: float = point[0] * solid[1] + point[1] * solid[2] + point[2] * solid[3] - solid[4]
+        return gap
+    if solid[0] == BOX:
+        return box_gap(solid, point, normal)
+    square = 0.0
+    for k in range(3):
+        normal[k] = point[k] - solid[1 + k]
+        square += normal[k] * normal[k]
+    length = sqrt(square)
+    for k in range(3):
+        normal[k] /= length if length > 0.0 else 1.0
+    if length == 0.0:
+        normal[2] = 1.0
+    gap = length - solid[4]
+    return gap
+
+
+@compiled(Nothing, Row, Dense, OutRow, OutDense, counted=False)
+def solid_gaps(
+    solid: FloatArray, points: FloatArray, gaps: FloatArray, normals: FloatArray
+) -> None:
+    """Write the distances (k,) of points (k, 3) from a solid (20,), and the normals (k, 3)."""
+    for i in range(len(points)):
+        gaps[i] = solid_gap(solid, points[i], normals[i])
+
+
+@compiled(Nothing, OPENED, Number, counted=False)
+def touch_ground(plant: Opened, time: float) -> None:
+    """Write gap, normal and place of every contact barrier, for the poses in memory and a time."""
+    obstacles, poses = plant.obstacles, plant.placed.poses
+    contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
+    for i in range(len(contacts)):
+        joint, own = obstacles.contact_at[i, 0], contacts[i]
+        for k in range(3):
+            points[i, k] = own[k]
+            if joint >= 0:
+                pose = poses[joint]
+                points[i, k] = pose[9 + k] + pose[3 * k] * own[0]
+                points[i, k] += pose[3 * k + 1] * own[1] + pose[3 * k + 2] * own[2]
+    if obstacles.asked != 0:
+        ask(obstacles.asked, GAPS, time, time)
+    count = len(contacts)
+    for b in range(len(touch)):
+        contact, one = b % count, touch[b]
+        if obstacles.asked == 0:
+            solid = obstacles.solids[b // count]
+            one[0] = solid_gap(solid, points[contact], one[1:4])
+        radius = contacts[contact, 3]
+        one[0] -= radius
+        for k in range(3):
+            one[4 + k] = points[contact, k] - radius * one[1 + k]
+
+
+@compiled(Nothing, OPENED, Row, Number, OutRow, counted=False)
+def gaps_at(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
+    """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid.
+
+    Args:
+        plant: whose poses stand at q.
+        q: (nq,).
+        time: [s] for ground that moves.
+        gap: to write.
+    """
+    limit_at, limit_range = plant.obstacles.limit_at, plant.obstacles.limit_range
+    j = len(limit_at)
+    for i in range(j):
+        gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
+        gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
+    touch_ground(plant, time)
+    for b in range(len(plant.obstacles.touch)):
+        gap[2 * j + b] = plant.obstacles.touch[b, 0]
+
+
+@compiled(Nothing, OPENED, Flags, Row, OutRow, counted=False)
+def rates_at(plant: Opened, closed: BoolArray, v: FloatArray, rate: FloatArray) -> None:
+    """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
+
+    Args:
+        plant: whose poses, columns and touches stand where the robot is.
+        closed: (2 j + c,).
+        v: (nv,).
+        rate: to write.
+    """
+    limits, columns = 2 * len(plant.obstacles.limit_at), plant.placed.columns
+    about = point_of_reference(plant.flight.bases, plant.placed.poses)
+    contact_at, k, motion = plant.obstacles.contact_at, len(plant.obstacles.contact_at), local(6)
+    for b in range(len(closed)):
+        rate[b] = 0.0
+        if b < limits or not closed[b]:
+            continue
+        one = plant.obstacles.touch[b - limits]
+        x, y, z = one[4] - about[0], one[5] - about[1], one[6] - about[2]
+        motion[:] = 0.0
+        i = contact_at[(b - limits) % k, 1]
+        while i >= 0:
+            for a in range(6):
+                motion[a] += columns[i, a] * v[i]
+            i = plant.tree.rows[i, 1]
+        rate[b] = one[1] * (motion[0] + motion[4] * z - motion[5] * y)
+        rate[b] += one[2] * (motion[1] + motion[5] * x - motion[3] * z)
+        rate[b] += one[3] * (motion[2] + motion[3] * y - motion[4] * x)
+
+
+@compiled(Nothing, Row, Flag, OutDense, counted=False)
+def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
+    """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3).
+
+    On level ground the tangents are along +x, and +y.
+    """
+    x, y, z = normal[0], normal[1], normal[2]
+    axes[0, 0], axes[0, 1], axes[0, 2] = x, y, z
+    if planar:
+        axes[1, 0], axes[1, 1], axes[1, 2] = z, 0.0, -x
+        return
+    # The world axis less its normal part: x, or y where x is nearly along the normal.
+    if abs(x) < 0.9:
+        a, b, c = 1.0 - x * x, -x * y, -x * z
+    else:
+        a, b, c = -y * x, 1.0 - y * y, -y * z
+    size = sqrt(a * a + b * b + c * c)
+    a, b, c = a / size, b / size, c / size
+    axes[1, 0], axes[1, 1], axes[1, 2] = a, b, c
+    axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+
+
+@compiled(Nothing, OPENED, Flags, Count, OutDense, OutDense, OutPlaces, counted=False)
+def barrier_rows(
+    plant: Opened,
+    closed: BoolArray,
+    first: int,
+    matrix: FloatArray,
+    axes: FloatArray,
+    which: IntArray,
+) -> None:
+    """Write the rows of the closed barriers: limits, contact normals, contact tangents.
+
+    A ball touches a radius below its centre: its point of contact turns with the link, and rolls.
+
+    Args:
+        plant: whose poses, columns and touches stand where the robot is.
+        closed: (2 j + c,).
+        first: row of `matrix` at which they start.
+        matrix: (r, nv) to write.
+        axes: (closed contacts (1 + d), 3) to write.
+        which: numbers of the closed contact barriers to write.
+    """
+    limit_at, contact_at = plant.obstacles.limit_at, plant.obstacles.contact_at
+    columns, rows = plant.placed.columns, plant.tree.rows
+    about = point_of_reference(plant.flight.bases, plant.placed.poses)
+    j, k, row, count = len(limit_at), len(contact_at), first, 0
+    for i in range(2 * j):
+        if closed[i]:
+            matrix[row] = 0.0
+            matrix[row, limit_at[i % j, 1]] = 1.0 if i < j else -1.0
+            row += 1
+    for i in range(2 * j, len(closed)):
+        if closed[i]:
+            which[count] = i - 2 * j
+            count += 1
+    size = 1 + plant.obstacles.tangents
+    for c in range(count):
+        own, one = axes[size * c : size * (c + 1)], plant.obstacles.touch[which[c]]
+        contact_axes(one[1:4], size == 2, own)
+        x, y, z = one[4] - about[0], one[5] - about[1], one[6] - about[2]
+        for a in range(size):
+            at = row + c if a == 0 else row + count + c * (size - 1) + a - 1
+            matrix[at] = 0.0
+            u, v, w = own[a, 0], own[a, 1], own[a, 2]
+            p, q, r = y * w - z * v, z * u - x * w, x * v - y * u
+            i = contact_at[which[c] % k, 1]
+            while i >= 0:
+                column = columns[i]
+                matrix[at, i] = (
+                    u * column[0]
+                    + v * column[1]
+                    + w * column[2]
+                    + p * column[3]
+                    + q * column[4]
+                    + r * column[5]
+                )
+                i = rows[i, 1]
+
+
+@compiled(Nothing, OPENED, Number, Number, Dense, Places, OutRow, counted=False)
+def ground_speeds(
+    plant: Opened,
+    time: float,
+    later: float,
+    axes: FloatArray,
+    which: IntArray,
+    speed: FloatArray,
+) -> None:
+    """Write how fast the ground moves along the rows of closed contacts (k + k d,).
+
+    Args:
+        plant: whose touches stand at `time`.
+        time: [s].
+        later: [s] of the speed of what is touched then.
+        axes: (k (1 + d), 3).
+        which: (k,) numbers of the closed contact barriers.
+        speed: to write.
+    """
+    speed[:] = 0.0
+    if not plant.obstacles.moving:
+        return
+    ask(plant.obstacles.asked, SPEEDS, time, later)
+    ground, count, d = plant.obstacles.ground, len(which), plant.obstacles.tangents
+    for c in range(count):
+        for a in range(1 + d):
+            at = c if a == 0 else count + c * d + a - 1
+            for x in range(3):
+                speed[at] += axes[c * (1 + d) + a, x] * ground[which[c], x]
+
+
+@compiled(
+    Nothing, OPENED, Flags, Flags, Row, Row, Row, Number, Dense, OutRow, counted=False
+)  # fmt: skip
+def lowest_speeds(
+    plant: Opened,
+    closed: BoolArray,
+    kept: BoolArray,
+    rate: FloatArray,
+    gap: FloatArray,
+    speed: FloatArray,
+    step: float,
+    rows: FloatArray,
+    targets: FloatArray,
+) -> None:
+    """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
+
+    A barrier that was kept ahead of its closing may close, over the half step that is left. A limit
+    that is closed may not: the drift of its gap is a matter of place, not of speed. A contact may
+    close over the second half by what it opened over the first. A point that rests at the start of
+    a part moves in the middle, by the turning of its row; were it held at rest there, its force
+    would do work at the mean of both speeds. Held at minus that speed it does none, and comes to
+    rest where the part ends. It is never pushed out: with targets at or below zero contacts make no
+    energy, whatever else happens in the part.
+
+    Args:
+        plant: what moves.
+        closed: (2 j + c,).
+        kept: (2 j + c,) barriers that may close within the part.
+        rate: (2 j + c,) speed at which closed contacts opened at the start.
+        gap: (2 j + c,) in the middle.
+        speed: v (nv,) in the middle.
+        step: h [s].
+        rows: (l + k, nv) of the closed barriers.
+        targets: to write.
+    """
+    row, limits = 0, 2 * len(plant.obstacles.limit_at)
+    for i in range(len(closed)):
+        if closed[i]:
+            targets[row] = 0.0
+            if kept[i]:
+                targets[row] = -2.0 / step * max(gap[i], 0.0)
+            elif i >= limits:
+                drifted = -rate[i]
+                for c in range(len(speed)):
+                    drifted += rows[row, c] * speed[c]
+                targets[row] = -max(drifted, 0.0)
+            row += 1
+
+
+@compiled(Nothing, Row, Dense, Places, Count, OutDense, counted=False)
+def world_pushes(
+    solved: FloatArray, axes: FloatArray, which: IntArray, tangents: int, pushes: FloatArray
+) -> None:
+    """Write the impulse on every contact point (k, 3), world.
+
+    Args:
+        solved: normal impulses of the closed contacts, then their tangents' (c (1 + d),).
+        axes: (c (1 + d), 3), see `barrier_rows`.
+        which: (c,) numbers of the closed contact barriers.
+        tangents: d.
+        pushes: to write.
+    """
+    pushes[:] = 0.0
+    count = len(which)
+    for c in range(count):
+        for x in range(3):
+            push = solved[c] * axes[c * (1 + tangents), x]
+            for a in range(tangents):
+                along = axes[c * (1 + tangents) + 1 + a, x]
+                push += solved[count + c * tangents + a] * along
+            pushes[which[c] % len(pushes), x] += push

@@ -1,0 +1,459 @@
+"""A plant's constant numbers and memory as plain arrays, and the parts of a step on them."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.errors import SimulationError
+from wbc.mechanics.newton import UNSOLVED
+from wbc.mechanics.tree import tree_of
+from wbc.robot import Robot
+from wbc.sim.arrival import DRIFT, lift
+from wbc.sim.barriers import TOUCH, Barriers
+from wbc.sim.contacts import GAPS
+from wbc.sim.forces import EffectForces
+from wbc.sim.gears import FLANKS, Drivetrain
+from wbc.sim.ground import Terrain
+from wbc.sim.impact import HIT, WAY, gaps_of, impact_at, impact_in_rows
+from wbc.sim.motion import free_bases
+from wbc.sim.part import (
+    LANDED,
+    NO_INERTIA,
+    UNDECIDED,
+    UNSETTLED,
+    PartRows,
+    Solved,
+    first_half,
+    part_in_rows,
+    part_of_step,
+)
+from wbc.sim.program import (
+    TOLERANCE,
+    Elements,
+    StepProgram,
+    StepSolution,
+    Unilateral,
+    blown_up,
+    solve_rows,
+    tolerance_of,
+    unsolved,
+)
+from wbc.sim.state import SimState
+from wbc.sim.tables import Exchange, Obstacles, opened, packed_plant
+
+COUPLING_FAILED = (
+    "the inertial coupling of rotors and housings did not settle: a rotor is about as heavy as the "
+    "links that carry it. Model it as a joint of its own."
+)
+_NOTHING = np.zeros(0)
+_Answer = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_double, ctypes.c_double)
+
+
+class Ended:
+    """Where a part ended: slices of one array, cut when asked for.
+
+    Attributes:
+        closed: (2 j + c,) barriers that stay closed.
+        landed: whether a barrier that is not closed is passed.
+        left: whether some overlap is left to take back.
+        given: (r,) impulses of the rows where Python solved them, else empty.
+    """
+
+    __slots__ = ("_ends", "_out", "closed", "given", "landed", "left")
+
+    def __init__(
+        self, out: FloatArray, ends: tuple[int, ...], closed: BoolArray, result: int
+    ) -> None:
+        """Keep what `from_middle` wrote."""
+        self._out, self._ends, self.closed = out, ends, closed
+        self.landed, self.left, self.given = abs(result) == LANDED, result < 0, _NOTHING
+
+    @property
+    def position(self) -> FloatArray:
+        """q (nq,)."""
+        return self._out[: self._ends[0]]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """v (nv,)."""
+        return self._out[self._ends[0] : self._ends[1]]
+
+    @property
+    def motor_speed(self) -> FloatArray:
+        """(m,) of the motor outputs."""
+        return self._out[self._ends[1] : self._ends[2]]
+
+    @property
+    def impulse(self) -> FloatArray:
+        """Of the rows, in the plant's layout."""
+        return self._out[self._ends[2] : self._ends[3]]
+
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,)."""
+        return self._out[self._ends[3] : self._ends[4]]
+
+    @property
+    def after(self) -> FloatArray:
+        """v (nv,) at the middle, after forces and impulses."""
+        return self._out[self._ends[4] : self._ends[5]]
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self._out[self._ends[5] : self._ends[6]]
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth that is left to take back; empty where nothing is."""
+        return self._out[self._ends[6] : self._ends[7]] if self.left else _NOTHING
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return self._out[self._ends[7] : self._ends[8]].reshape(-1, 3)
+
+    @property
+    def deflection(self) -> FloatArray:
+        """(m,) [rad] of the motor outputs ahead of the joints."""
+        return self._out[self._ends[8] : self._ends[9]]
+
+    @property
+    def books(self) -> FloatArray:
+        """(10,) work and losses [J], MOTOR to KINETIC of `part`."""
+        return self._out[self._ends[9] : self._ends[10]]
+
+    @property
+    def iterations(self) -> int:
+        """Linear systems solved."""
+        return int(self._out[self._ends[10]])
+
+    @property
+    def middle(self) -> tuple[FloatArray, FloatArray]:
+        """q (nq,), v (nv,) in the middle."""
+        return _middle(self._out, self._ends)
+
+
+def _middle(out: FloatArray, ends: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+    return out[ends[11] : ends[12]], out[ends[12] : ends[13]]
+
+
+class Struck(NamedTuple):
+    """What barriers that are reached do.
+
+    Attributes:
+        kind: APART, RESTING or HIT.
+        fresh, closed: (2 j + c,) barriers that are reached, and that are closed afterwards.
+        after: v (nv,) after; this and the rest belong to HIT.
+        contact_impulse: (k, 3) [N s] on the robot, world axes.
+        impulse: (r,) of the rows.
+        aims: (l + k,) speeds at which they part.
+        found: numbers MESH to WAY of `impact`.
+    """
+
+    kind: int
+    fresh: BoolArray
+    closed: BoolArray
+    after: FloatArray
+    contact_impulse: FloatArray
+    impulse: FloatArray
+    aims: FloatArray
+    found: FloatArray
+
+
+class Core:
+    """The compiled work of one plant, with the memory that it works in.
+
+    Attributes:
+        exchange: views of what Python reads and writes between the loops.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        terrain: Terrain,
+        drive: Drivetrain,
+        barriers: Barriers,
+        return_speed: float,
+    ) -> None:
+        """Keep what does not change and make room for the rest."""
+        tree = tree_of(robot.model)
+        if tree is None:
+            kinds = sorted({joint.shortname() for joint in list(robot.model.joints)[1:]})
+            raise SimulationError(
+                f"'{robot.name}' has a joint of a kind that the plant does not know, among "
+                f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
+            )
+        bases = free_bases(robot)
+        nq, nv, m = robot.model.nq, robot.model.nv, drive.size
+        points, size, tangents = barriers.points, barriers.size, 1 if barriers.planar else 2
+        self._names, self._terrain = robot.transmission.joints, terrain
+        self._error: BaseException | None = None
+        solids = [solid.numbers() for solid in terrain.solids]
+        known = [numbers for numbers in solids if numbers is not None]
+        asked = 0
+        if len(known) < len(solids):
+            self._answer = _Answer(self._ask_ground)
+            asked = int(ctypes.cast(self._answer, ctypes.c_void_p).value or 0)
+        obstacles = Obstacles(
+            *barriers.tables(tree),
+            np.reshape(known, (-1, 20)),
+            np.zeros((points, 3)),
+            np.zeros((barriers.contacts, 7)),
+            np.zeros((barriers.contacts, 3)),
+            tangents,
+            barriers.moving,
+            asked,
+        )
+        stored = m + nv + size + tangents * barriers.contacts
+        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 10, 1, nq, nv, size)
+        ends = np.cumsum(sizes)
+        self._ends, self._most = tuple(ends.tolist()), m + size * (1 + tangents)
+        bounds = return_speed, TOLERANCE, DRIFT, TOUCH
+        gears = drive.tables(robot.rotors_turn_with_links)
+        self.packed = packed_plant(tree, bases, obstacles, gears, bounds, ends)
+        self.exchange = Exchange.of(*self.packed)
+        self._loose, self._drive, self._nv = drive.any_loose, drive, nv
+
+    def _ask_ground(self, what: int, time: float, later: float) -> None:
+        """Fill gaps and normals, or speeds, of ground that only Python knows."""
+        count, told = len(self.exchange.points), self.exchange
+        try:
+            for number, solid in enumerate(self._terrain.solids):
+                own = slice(number * count, (number + 1) * count)
+                if what == GAPS:
+                    gap, normal = solid.at(time).gap(told.points)
+                    told.touch[own, 0], told.touch[own, 1:4] = gap, normal
+                else:
+                    speed = solid.velocity(told.touch[own, 4:], time, later)
+                    told.ground[own] = 0.0 if speed is None else speed
+        except BaseException as error:
+            self._error, told.touch[:] = error, np.nan
+
+    def _heard(self) -> None:
+        """Raise what the ground raised."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def _tell_motion(self, state: SimState) -> None:
+        if self._loose:
+            deflection, speed = self._drive.motion(state)
+            self.exchange.motion[:, 0], self.exchange.motion[:, 1] = deflection, speed
+
+    def to_middle(self, state: SimState, half: float) -> FloatArray:
+        """Return what a part writes, with its first half written: see `Ended`.
+
+        The memory then stands in the middle, after `half` a step [s].
+        """
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        out = np.empty(self._ends[-1])
+        first_half(*self.packed, q, v, state.time, half, state.closed, out)
+        return out
+
+    def middle(self, out: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return q (nq,) and v (nv,) in the middle, of what `to_middle` returned."""
+        return _middle(out, self._ends)
+
+    def part(
+        self,
+        state: SimState,
+        half: FloatArray | None,
+        forces: EffectForces,
+        external: FloatArray | None,
+        kept: BoolArray,
+        step: float,
+    ) -> Ended:
+        """Return the end of a part.
+
+        Args:
+            state: at its start.
+            half: what `to_middle` returned, None where forces do not depend on the middle.
+            forces: of the effects there.
+            external: (nv,), None for none.
+            kept: (2 j + c,) barriers that may close within the part.
+            step: h [s].
+
+        Raises:
+            SimulationError: the part has no solution, or several.
+        """
+        self._tell_motion(state)
+        before = self._given(state, forces, external, kept, step, _NOTHING)
+        out = np.empty(self._ends[-1]) if half is None else half
+        closed, begun = np.empty(len(kept), dtype=np.bool_), half is not None
+        given, arguments = _NOTHING, (*before, begun, out, closed)
+        result = part_of_step(*arguments)
+        if result == 10 + UNDECIDED:
+            _, system, _, start, _ = part_in_rows(*before)
+            given, _, _ = solve_rows(system, start, self._names)
+            again = *before[:-1], given, False, out, closed
+            result = part_of_step(*again)
+        if self._error is not None:
+            self._heard()
+        ended = Ended(out, self._ends, closed, result)
+        ended.given = given
+        if result >= 10:
+            raise self._failure(result - 10, state, step, before, ended)
+        return ended
+
+    def _given(
+        self,
+        state: SimState,
+        forces: EffectForces,
+        external: FloatArray | None,
+        kept: BoolArray,
+        step: float,
+        given: FloatArray,
+    ) -> tuple[Any, ...]:
+        """Return the arguments that the loops of a part share."""
+        force = forces.joint if external is None else forces.joint + external
+        friction = _NOTHING if forces.friction is None else forces.friction
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        before = state.closed, kept, state.impulse, q, v
+        acting = forces.rotor, force, friction, state.time, step, given
+        return *self.packed, *before, *acting
+
+    def _failure(
+        self, way: int, state: SimState, step: float, before: tuple[Any, ...], ended: Ended
+    ) -> SimulationError:
+        inertia = opened(*self.packed).placed.inertia
+        if way == NO_INERTIA or not np.isfinite(inertia).all():
+            return blown_up(inertia, state.velocity)
+        if way == FLANKS:
+            worst = [self._names[i] for i in np.flatnonzero(np.isnan(ended.deflection)).tolist()]
+            return SimulationError(
+                f"the gear flanks of {', '.join(worst)} do not meet their law; shorten dt."
+            )
+        if way == UNSETTLED:
+            return SimulationError(COUPLING_FAILED)
+        _, system, solved, _, _ = part_in_rows(*before)
+        if not np.isfinite(system.free).all():
+            return blown_up(inertia, state.velocity)
+        return unsolved(system, solved.impulse, tolerance_of(system))
+
+    def solution(
+        self,
+        state: SimState,
+        forces: EffectForces,
+        external: FloatArray | None,
+        kept: BoolArray,
+        step: float,
+        given: FloatArray,
+    ) -> StepSolution:
+        """Return the program of a part and its solution; arguments as of `part`."""
+        self._tell_motion(state)
+        before = self._given(state, forces, external, kept, step, given)
+        rows, system, solved, _, inertia = part_in_rows(*before)
+        return _solution(rows, system, solved, inertia, bool(len(given)))
+
+    def gaps(self, position: FloatArray, time: float = 0.0) -> FloatArray:
+        """Return all gaps (2 j + c,) at q (nq,) and a time [s]."""
+        gap = np.empty(self._ends[4] - self._ends[3])
+        gaps_of(*self.packed, np.ascontiguousarray(position), time, gap)
+        self._heard()
+        return gap
+
+    def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
+        """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""
+        q, gap = np.array(position), np.empty(self._ends[4] - self._ends[3])
+        done = lift(opened(*self.packed), stiff, q, gap)
+        self._heard()
+        return done, q, gap
+
+    def impact(
+        self, state: SimState, closed: BoolArray, kept: BoolArray, back: FloatArray, left: float,
+        slow: float,
+    ) -> Struck:  # fmt: skip
+        """Return the impact on barriers that have just been reached.
+
+        Args:
+            state: where the robot is.
+            closed: (2 j + c,) barriers that are known to be.
+            kept: (2 j + c,) barriers that are rows of what is left of the step.
+            back: (2 j + c,) restitution.
+            left: of the step [s].
+            slow: speed up to which barriers that part stay closed.
+
+        Raises:
+            SimulationError: the impact has no solution, or several.
+        """
+        self._tell_motion(state)
+        size = len(closed)
+        fresh, after_closed = np.empty((2, size), dtype=np.bool_)
+        after, aims = np.empty(self._nv), np.empty(size)
+        pushes = np.empty(self._ends[8] - self._ends[7])
+        impulse, found = np.empty(self._most), np.empty(8)
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        before = *self.packed, closed, kept, back, q, v, state.time, slow, left
+        written = after, pushes, impulse, aims, found, fresh, after_closed
+        kind = impact_at(*before, -1.0, _NOTHING, *written)
+        self._heard()
+        together = closed | fresh | kept
+        if kind == HIT and found[WAY] == UNDECIDED:
+            for share in (1.0, 0.0):
+                impact_at(*before, share, _NOTHING, *written)
+                target = aims[: int(together.sum())]
+                _, system, _, _ = impact_in_rows(
+                    *self.packed, together, q, v, state.time, target, _NOTHING
+                )
+                start, m = np.zeros(len(system.free)), len(self._names)
+                start[:m] = state.impulse[:m] if len(state.impulse) else 0.0
+                given, _, _ = solve_rows(system, start, self._names)
+                impact_at(*before, share, given, *written)
+                if found[1] >= 0.0:
+                    break
+        if kind == HIT and found[WAY] >= UNSOLVED:
+            raise self._impact_failure(int(found[WAY]), state, together, aims)
+        rows = int(found[3])
+        return Struck(
+            kind, fresh, after_closed, after, pushes.reshape(-1, 3), impulse[:rows],
+            aims[: int(together.sum())], found,
+        )  # fmt: skip
+
+    def _impact_failure(
+        self, way: int, state: SimState, together: BoolArray, aims: FloatArray
+    ) -> SimulationError:
+        inertia = opened(*self.packed).placed.inertia
+        if way == NO_INERTIA or not np.isfinite(inertia).all():
+            return blown_up(inertia, state.velocity)
+        if way == UNSETTLED:
+            return SimulationError(COUPLING_FAILED)
+        found = self._impact_in_rows(state, together, aims[: int(together.sum())], _NOTHING)
+        return unsolved(found[1], found[2].impulse, tolerance_of(found[1]))
+
+    def _impact_in_rows(
+        self, state: SimState, together: BoolArray, aims: FloatArray, given: FloatArray
+    ) -> Any:
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        aims = np.ascontiguousarray(aims)
+        return impact_in_rows(*self.packed, together, q, v, state.time, aims, given)
+
+    def impact_solution(self, state: SimState, together: BoolArray, struck: Struck) -> StepSolution:
+        """Return the program of an impact of barriers (2 j + c,) and its solution."""
+        self._tell_motion(state)
+        rows, system, solved, inertia = self._impact_in_rows(
+            state, together, struck.aims, np.ascontiguousarray(struck.impulse)
+        )
+        return _solution(rows, system, solved, inertia, False)
+
+
+def _solution(
+    rows: PartRows, system: Any, solved: Solved, inertia: FloatArray, in_ranges: bool
+) -> StepSolution:
+    """Return a solution as public arrays."""
+    m, touching = len(rows.laws), len(rows.frictions)
+    normal = m + len(rows.targets) - touching
+    ground = rows.carried[normal:] if rows.carried.any() else None
+    matrix, last = rows.matrix, normal + touching
+    unilateral = Unilateral(
+        matrix[m:normal], matrix[normal:last], matrix[last:], rows.frictions, rows.targets, ground
+    )
+    program = StepProgram(inertia, rows.free, Elements.of(matrix[:m], system.laws), unilateral)
+    method = "ranges" if in_ranges else ("newton", "proximal", "sweeps")[min(solved.way, 2)]
+    return StepSolution(
+        solved.after, solved.impulse, solved.speed, solved.used, method, program, system
+    )

@@ -1,0 +1,364 @@
+"""The course of one step: smooth parts, and the impacts between them, until its time is over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.compiled import Count, Flags, Number, OutFlags, OutRow, Row, compiled
+from wbc.errors import SimulationError
+from wbc.sim.barriers import TOUCH
+from wbc.sim.core import Struck
+from wbc.sim.flow import Flow, PartInput, flow
+from wbc.sim.impact import APART, CONTACT, ENERGY, MESH, RESTING, SHARE, WORK
+from wbc.sim.program import StepSolution
+from wbc.sim.setup import Setup
+from wbc.sim.state import SimState
+
+_TRIES = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """One impact.
+
+    Attributes:
+        time: [s].
+        before: v (nv,) just before.
+        after: v (nv,) just after.
+        contact_impulse: (k, 3) [N s] on the robot, world axes.
+        mesh_loss: energy lost in the gears [J].
+        contact_loss: energy lost in the contacts [J].
+        restitution: normal speed after over before; the plant's, or as much less as friction
+            would otherwise have made energy.
+        details: returns the solution of the impact's program; called when asked for.
+        ground_work: energy that a moving ground gave [J].
+        kinetic: energy before [J], of rotors included.
+    """
+
+    time: float
+    before: FloatArray
+    after: FloatArray
+    contact_impulse: FloatArray
+    mesh_loss: float
+    contact_loss: float
+    restitution: float
+    details: Callable[[], StepSolution]
+    ground_work: float = 0.0
+    kinetic: float = 0.0
+
+    @cached_property
+    def solution(self) -> StepSolution:
+        """Of the impact's program."""
+        return self.details()
+
+
+class Course:
+    """What a step has done so far, and what is left of it.
+
+    Attributes:
+        state: at the end of what is done.
+        left: of the step [s].
+        over: whether all of it is done.
+        parts, impacts: what is done.
+        kept: (2 j + c,) barriers that are rows of what is left of the step: they may close within
+            it, but not be passed.
+        keeps: whether there are any.
+        struck: (2 j + c,) barriers that were reached within the step.
+        slow: (2 j + c,) barriers that land too slowly for a part of their own.
+    """
+
+    __slots__ = (
+        "_command", "_external", "_setup", "_step", "impacts", "keeps", "kept", "left", "over",
+        "parts", "slow", "state", "struck",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        setup: Setup,
+        state: SimState,
+        command: FloatArray,
+        step: float,
+        external: FloatArray | None,
+    ) -> None:
+        """Look which barriers are closed at the start, where the state does not know.
+
+        Args:
+            setup: the plant's.
+            state: at the start.
+            command: (m,) [N m] on the rotors.
+            step: h [s].
+            external: generalised force (nv,), None for none.
+
+        Raises:
+            SimulationError: a start inside the ground or beyond a joint limit.
+        """
+        self._setup, self._command, self._external = setup, command, external
+        self._step = self.left = step
+        self.state, self.over, self.keeps = state, False, False
+        self.kept = self.slow = self.struck = setup.none
+        self.parts: list[Flow] = []
+        self.impacts: list[Impact] = []
+        if len(state.closed) != setup.barriers.size:
+            self.state, impact, fresh = settle(setup, state, step)
+            if impact is not None:
+                self.impacts, self.struck = [impact], fresh
+
+    def flow_on(self) -> None:
+        """Flow smoothly to the end of the step, or to the next touchdown."""
+        part = self._flow(self.left)
+        while part.landed:
+            landing, start = (
+                np.empty_like(self.kept),
+                self._setup.core.gaps(self.state.position, self.state.time),
+            )
+            if self._lands_slowly(part, start, landing):
+                self.slow = self.slow | landing
+                self._keep(landing)
+            else:
+                found, jumped = self._until_landing(part, start)
+                if jumped is not None:
+                    self._keep(jumped)
+                if found is not None:
+                    part = found
+                    break
+            part = self._flow(self.left)
+        self.parts.append(part)
+        self.left -= part.state.time - self.state.time
+        self.state, self.over = part.state, self.left <= 1e-9 * self._step
+
+    def take_impact(self) -> None:
+        """Stop at the barriers that the part before has reached.
+
+        A kept row closes at some speed, which an impact is to take: at the end of the step for
+        all, and before it for those that close faster than what is left of it can stop.
+        """
+        if self.over and not self.keeps:
+            return
+        setup, state, rows = self._setup, self.state, None
+        again = self.struck is not setup.none
+        if self.keeps:
+            state = state.replace(closed=state.closed & ~self.kept)
+            rows = None if self.over else self.kept
+        springy = ~(self.struck | self.slow) if setup.restitution > 0.0 else None
+        following = self._step if self.over else self.left
+        self.state, impact, fresh = settle(setup, state, following, springy, rows)
+        self.impacts += [impact] if impact is not None else []
+        if again:
+            self._keep(self.struck & fresh)
+        self.struck = self.struck | fresh if again else fresh
+
+    def _keep(self, more: BoolArray) -> None:
+        """Keep barriers (2 j + c,) as rows of what is left of the step."""
+        self.kept = self.kept | more
+        self.keeps = bool(self.kept.any())
+
+    def _flow(self, step: float) -> Flow:
+        return flow(
+            PartInput(self._setup, self.state, self._command, step, self._external, self.kept)
+        )
+
+    def _lands_slowly(self, part: Flow, start: FloatArray, landing: BoolArray) -> bool:
+        """Write which barriers land; return whether only points do, and all of them slowly.
+
+        Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
+        so such a landing needs no part of its own. With a restitution e, slow is also no more than
+        g h (1 - e) / (2 e), from which on all bounces would be over within the step.
+        """
+        setup = self._setup
+        springy = 2.0 * setup.restitution
+        share = min(1.0, (1.0 - setup.restitution) / springy) if springy > 0.0 else 1.0
+        short, limits = share * setup.gravity * self.left**2, setup.barriers.limits
+        how = landing_of(self.state.closed, self.kept, start, part.gap, limits, short, landing)
+        return how == SLOW
+
+    def _until_landing(self, part: Flow, start: FloatArray) -> tuple[Flow | None, BoolArray | None]:
+        """Return the flow that ends where the first barrier is reached (regula falsi).
+
+        The whole part where none is. A gap may jump with the length of the part, for example
+        where a contact lets go and is no longer pulled back. There is no place of landing then.
+        The flow ends before the jump, or is None where that is at once. The second value says
+        which barriers (2 j + c,) jump; it is None where there is a place of landing.
+        """
+        closed, kept, before = self.state.closed, self.kept, None
+        ahead, gap_early, gap_late = np.empty((3, len(start)))
+        nearest(closed, kept, start, start, gap_early)
+        if not nearest(closed, kept, start, part.gap, gap_late) < 0.0:
+            return part, None  # What overlaps now did so at the start and is moving out.
+        early, late = 0.0, self.left
+        for i in range(_TRIES):
+            # Every third try halves, lest one end of the interval never move.
+            share = 0.5 if i % 3 == 2 else first_crossing(gap_early, gap_late)
+            trial = early + share * (late - early)
+            part = self._flow(trial)
+            least = nearest(closed, kept, start, part.gap, ahead)
+            if abs(least) <= 0.5 * TOUCH:
+                return part, None
+            if least > 0.0:
+                early, before = trial, part
+                ahead, gap_early = gap_early, ahead
+            else:
+                late = trial
+                ahead, gap_late = gap_late, ahead
+        return before, gap_late < 0.0
+
+
+def settle(
+    setup: Setup,
+    state: SimState,
+    left: float,
+    springy: BoolArray | None = None,
+    kept: BoolArray | None = None,
+) -> tuple[SimState, Impact | None, BoolArray]:
+    """Take the impact on barriers that have just been reached.
+
+    A barrier counts as reached where its gap is closed and the state does not know it to be. After
+    the impact those stay closed that part so slowly that gravity would bring them back within what
+    is left of the step: their rows let them open, and spare them an impact and a part of their own.
+
+    A kept barrier is a row of the rest of the step, and the row acts from the middle on. An impact
+    elsewhere must not drive the robot through it before: where it closes faster than 2 gap/left it
+    takes part in the impact, and then closes at that speed.
+
+    Args:
+        setup: the plant's.
+        state: where the robot is.
+        left: of the step [s].
+        springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
+        kept: (2 j + c,) barriers that are rows of what is left of the step, None for none.
+
+    Returns:
+        the state after it, the impact if there was any, and which barriers (2 j + c,) were reached.
+
+    Raises:
+        SimulationError: a state whose closed barriers are not known starts inside the ground or
+            beyond a joint limit.
+    """
+    closed, ahead = state.closed, setup.none if kept is None else kept
+    if len(closed) != setup.barriers.size:
+        check_outside(setup, setup.core.gaps(state.position, state.time))
+        closed = setup.none
+    back = np.full(len(closed), setup.restitution)
+    if springy is not None:
+        back[~springy] = 0.0
+    setup.tell_coupling(state.position, state.velocity)
+    slow = 0.5 * setup.gravity * left
+    struck = setup.core.impact(state, closed, ahead, back, left, slow)
+    if struck.kind == APART:
+        return _with(state, state.velocity, closed), None, struck.fresh
+    if struck.kind == RESTING:
+        return _with(state, state.velocity, struck.closed), None, struck.fresh
+    found, together = struck.found, closed | struck.fresh | ahead
+    impact = Impact(
+        state.time,
+        state.velocity,
+        struck.after,
+        struck.contact_impulse,
+        float(found[MESH]),
+        float(found[CONTACT]),
+        float(found[SHARE]) * setup.restitution,
+        lambda: _impact_solution(setup, state, together, struck),
+        float(found[WORK]),
+        float(found[ENERGY]),
+    )
+    return _with(state, struck.after, struck.closed), impact, struck.fresh
+
+
+def _impact_solution(
+    setup: Setup, state: SimState, together: BoolArray, struck: Struck
+) -> StepSolution:
+    setup.tell_coupling(state.position, state.velocity)
+    return setup.core.impact_solution(state, together, struck)
+
+
+def _with(state: SimState, velocity: FloatArray, closed: BoolArray) -> SimState:
+    """Return a state with another velocity and other closed barriers (faster than `replace`)."""
+    return SimState(
+        state.position, velocity, state.time, closed, state.impulse, state.deflection,
+        state.motor_velocity, state.memory,
+    )  # fmt: skip
+
+
+def check_outside(setup: Setup, gap: FloatArray) -> None:
+    """Refuse a start inside the ground or beyond a joint limit.
+
+    Args:
+        setup: the plant's.
+        gap: (2 j + c,).
+
+    Raises:
+        SimulationError: an overlap beyond TOUCH; it names the place and the depth.
+    """
+    depth = -float(gap.min(initial=0.0))
+    if depth <= TOUCH:
+        return
+    place = int(np.argmin(gap))
+    where = setup.barriers.names[place]
+    beyond = f"{depth:.3g} rad (m) beyond its stop"
+    inside = f"{1e3 * depth:.3g} mm inside the ground"
+    raise SimulationError(
+        f"the start of '{setup.robot.name}' overlaps: {where} is "
+        f"{beyond if place < setup.barriers.limits else inside}. Place the robot outside, or "
+        "let the plant do it: plant.state(position, lifted=True)."
+    )
+
+
+FAST, SLOW = range(2)
+
+
+@compiled(Count, Flags, Flags, Row, Row, Count, Number, OutFlags, counted=False)
+def landing_of(
+    closed: BoolArray,
+    kept: BoolArray,
+    start: FloatArray,
+    end: FloatArray,
+    limits: int,
+    short: float,
+    landing: BoolArray,
+) -> int:
+    """Write which barriers land; return SLOW where only points do, none from farther than `short`.
+
+    Args:
+        closed, kept: (2 j + c,) barriers that hold already.
+        start, end: (2 j + c,) gaps.
+        limits: 2 j, of the joint limits, which come first.
+        short: [m].
+        landing: (2 j + c,) to write.
+    """
+    found, slowly = False, True
+    for i in range(len(end)):
+        landing[i] = not closed[i] and not kept[i] and end[i] < -TOUCH
+        if landing[i]:
+            found = True
+            slowly = slowly and i >= limits and start[i] - end[i] <= short
+    return SLOW if found and slowly else FAST
+
+
+@compiled(Number, Flags, Flags, Row, Row, OutRow, counted=False)
+def nearest(
+    closed: BoolArray, kept: BoolArray, start: FloatArray, gap: FloatArray, ahead: FloatArray
+) -> float:
+    """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
+
+    An overlap at the start is on its way out; what is written counts from there.
+    """
+    least = np.inf
+    for i in range(len(gap)):
+        ahead[i] = np.inf if closed[i] or kept[i] else gap[i] - min(start[i], 0.0)
+        least = min(least, ahead[i])
+    return least
+
+
+@compiled(Number, Row, Row, counted=False)
+def first_crossing(early: FloatArray, late: FloatArray) -> float:
+    """Return the share of the way at which the first gap closes, linearly between two ends."""
+    first = 1.0
+    for i in range(len(late)):
+        if late[i] < 0.0:
+            gap = max(early[i], 0.0)
+            first = min(first, gap / (gap - late[i]))
+    return min(max(first, 1e-4), 1.0 - 1e-4)

@@ -1,1 +1,0 @@
-"""Work, losses and stored energy of steps."""

@@ -1,0 +1,270 @@
+"""The ground: how far a point is from it, and which way is out of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray, checked, frozen
+from wbc.errors import SimulationError
+
+
+class Terrain(ABC):
+    """A rigid ground.
+
+    A ground is made of solids. Each solid is a barrier of its own for every contact point, so that
+    a point in a corner touches two of them, and one that slides from one solid to the next lands
+    on it. The gap of one solid should be continuous.
+    """
+
+    @abstractmethod
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return distance and normal at points.
+
+        Args:
+            points: (k, 3) [m], world.
+
+        Returns:
+            gap (k,) [m], negative inside the ground, and the unit normal (k, 3) out of the ground.
+        """
+
+    @property
+    def solids(self) -> tuple[Terrain, ...]:
+        """What the ground is made of; one solid unless a ground says more."""
+        return (self,)
+
+    def numbers(self) -> FloatArray | None:
+        """Return the solid (20,) as compiled loops know it (`contacts`); None where they do not.
+
+        The plant then asks `gap` itself, once for all contact points.
+        """
+        return None
+
+    def at(self, time: float) -> Terrain:
+        """Return the ground as it lies at a time [s]; itself unless it moves."""
+        return self
+
+    def velocity(self, points: FloatArray, time: float, later: float) -> FloatArray | None:
+        """Return how fast ground moves that lies at points (k, 3) at a time: (k, 3) [m/s], world.
+
+        None for ground that never moves.
+
+        Args:
+            points: (k, 3) [m], world.
+            time: [s] at which the ground lies there.
+            later: [s] of the velocity.
+        """
+        return None
+
+
+class Solid(Terrain):
+    """A ground that compiled loops know by its numbers."""
+
+    @abstractmethod
+    def numbers(self) -> FloatArray:
+        """See `Terrain.numbers`."""
+
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Terrain.gap`."""
+        from wbc.sim.contacts import solid_gaps  # who only draws a ground waits for no loops
+
+        gaps, normals = np.empty(len(points)), np.empty((len(points), 3))
+        solid_gaps(self.numbers(), np.ascontiguousarray(points), gaps, normals)
+        return gaps, normals
+
+
+def _numbered(kind: float, *numbers: ArrayLike) -> FloatArray:
+    """Return the numbers (20,) of a solid of a kind."""
+    found = np.zeros(20)
+    flat = np.concatenate([np.ravel(number) for number in numbers])
+    found[0], found[1 : 1 + len(flat)] = kind, flat
+    return found
+
+
+_PLANE, _BOX, _BALL = 0.0, 1.0, 2.0
+"""Kinds of `contacts`, whose compiled loops this file does not load."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Plane(Solid):
+    """The half space below a plane.
+
+    Attributes:
+        normal: (3,) direction out of the ground, world; made a unit vector.
+        height: z [m] at which the plane passes the world's origin line x = y = 0.
+    """
+
+    normal: FloatArray = field(default_factory=lambda: frozen([0.0, 0.0, 1.0]))
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check and normalise."""
+        normal = checked(self.normal, (3,), "normal of the plane", SimulationError)
+        if not normal[2] > 0.0:
+            raise SimulationError(f"the normal of the plane must point up (z > 0), got {normal}.")
+        object.__setattr__(self, "normal", frozen(normal / np.linalg.norm(normal)))
+
+    @classmethod
+    def slope(cls, angle: float, height: float = 0.0) -> Plane:
+        """Return a plane that rises by tan(angle) along +x; angle in rad."""
+        direction: ArrayLike = [-np.sin(angle), 0.0, np.cos(angle)]
+        return cls(frozen(direction), height)
+
+    def numbers(self) -> FloatArray:
+        """See `Terrain.numbers`."""
+        return _numbered(_PLANE, self.normal, self.height * self.normal[2])
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Box(Solid):
+    """A solid box. Let one that stands on other ground reach into it: seams then catch nothing.
+
+    Attributes:
+        center: (3,) [m], world.
+        size: (3,) [m], whole lengths along its own axes.
+        rotation: (3, 3) from its axes to the world's.
+    """
+
+    center: FloatArray
+    size: FloatArray
+    rotation: FloatArray = field(default_factory=lambda: frozen(np.eye(3)))
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        for name, shape in (("center", (3,)), ("size", (3,)), ("rotation", (3, 3))):
+            value = checked(getattr(self, name), shape, f"{name} of the box", SimulationError)
+            object.__setattr__(self, name, value)
+        if not np.all(self.size > 0.0):
+            raise SimulationError(f"the size of the box must be positive, got {self.size}.")
+        if not np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-9):
+            raise SimulationError("the rotation of the box is no rotation matrix.")
+
+    def numbers(self) -> FloatArray:
+        """See `Terrain.numbers`."""
+        half = 0.5 * self.size
+        return _numbered(_BOX, self.center, self.rotation, -half, half)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Sphere(Solid):
+    """A solid sphere.
+
+    Attributes:
+        center: (3,) [m], world.
+        radius: [m].
+    """
+
+    center: FloatArray
+    radius: float
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        center = checked(self.center, (3,), "center of the sphere", SimulationError)
+        object.__setattr__(self, "center", center)
+        if not self.radius > 0.0:
+            raise SimulationError(f"the radius of the sphere must be positive, got {self.radius}.")
+
+    def numbers(self) -> FloatArray:
+        """See `Terrain.numbers`; at the centre itself the way out is up."""
+        return _numbered(_BALL, self.center, self.radius)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Stairs(Terrain):
+    """Level treads with vertical risers between them.
+
+    Attributes:
+        edges: (s,) x [m] of the risers, increasing.
+        heights: (s + 1,) z [m] of the treads, from x = -inf to x = +inf.
+    """
+
+    edges: FloatArray
+    heights: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        edges = checked(self.edges, (None,), "edges of the stairs", SimulationError)
+        heights = checked(self.heights, (len(edges) + 1,), "heights of the stairs", SimulationError)
+        if np.any(np.diff(edges) <= 0.0):
+            raise SimulationError(f"the edges of the stairs must increase, got {edges.tolist()}.")
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "heights", heights)
+
+    @cached_property
+    def solids(self) -> tuple[Terrain, ...]:
+        """One solid per tread: all that lies below it, as far as no tread nearby is lower.
+
+        No face of one of these lies inside another, so that nothing can catch on a seam.
+        """
+        ends = [-np.inf, *self.edges.tolist(), np.inf]
+        columns = {}
+        for i, height in enumerate(self.heights.tolist()):
+            first = last = i
+            while first > 0 and self.heights[first - 1] >= height:
+                first -= 1
+            while last + 1 < len(self.heights) and self.heights[last + 1] >= height:
+                last += 1
+            columns[first, last] = _Column(ends[first], ends[last + 1], height)
+        return tuple(columns.values())
+
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Terrain.gap`; of the nearest solid."""
+        return nearest(self.solids, points)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Column(Solid):
+    """Everything below `height` between x = `low` and x = `high`."""
+
+    low: float
+    high: float
+    height: float
+
+    def numbers(self) -> FloatArray:
+        """See `Terrain.numbers`."""
+        lowest, highest = (self.low, -np.inf, -np.inf), (self.high, np.inf, self.height)
+        return _numbered(_BOX, np.zeros(3), np.eye(3), lowest, highest)
+
+
+@final
+class Together(Terrain):
+    """Several grounds as one: a plane with boxes on it, say."""
+
+    def __init__(self, parts: Sequence[Terrain]) -> None:
+        """Collect the solids of `parts`.
+
+        Raises:
+            SimulationError: no parts.
+        """
+        if not parts:
+            raise SimulationError("a ground is made of at least one part.")
+        self._solids = tuple(solid for part in parts for solid in part.solids)
+
+    @property
+    def solids(self) -> tuple[Terrain, ...]:
+        """See `Terrain.solids`."""
+        return self._solids
+
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Terrain.gap`; of the nearest solid."""
+        return nearest(self._solids, points)
+
+
+def nearest(solids: tuple[Terrain, ...], points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return gap (k,) and normal (k, 3) of the solid nearest to each point (k, 3)."""
+    found = [solid.gap(points) for solid in solids]
+    gaps = np.array([gap for gap, _ in found])
+    first, every = np.argmin(gaps, axis=0), np.arange(len(points))
+    normals = np.array([normal for _, normal in found])
+    return gaps[first, every], normals[first, every]

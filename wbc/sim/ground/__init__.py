@@ -1,1 +1,0 @@
-"""What the robot stands on and stops at: grounds, contact rows, joint limits."""

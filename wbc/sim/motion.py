@@ -1,0 +1,227 @@
+"""From the start of a part to its middle, and on to its end, with the momentum of free bases.
+
+Over a step the forces change the momentum of the whole tree, not the coordinates in which its base
+happens to be described: p' = p + h (weight + outer forces), and the same for the angular momentum
+about the centre of mass. A smooth part of a step therefore takes linear and angular momentum from
+its start, finds the velocity that carries them at the middle, lets the forces and impulses change
+them there, and finds the velocity that carries the result at the end. The centre of mass moves in
+a straight line over each half. In free flight both momenta are exact to rounding, for any step,
+any base frame and any motion of the joints; what is left of the Coriolis and centrifugal terms is
+their part on the joints.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Flags,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    Row,
+    Table,
+    compiled,
+    local,
+)
+from wbc.mechanics.inertia import bodies_at, inertia_at
+from wbc.mechanics.kinematics import columns_at, moved_along, place
+from wbc.mechanics.momentum import momentum_at, velocity_at
+from wbc.mechanics.tree import Tree
+from wbc.robot import Robot
+from wbc.sim.contacts import rates_at, touch_ground
+from wbc.sim.tables import (
+    FIRST,
+    FLIGHT,
+    FRAME,
+    JOINT,
+    OPENED,
+    PLACED,
+    PLACES,
+    PLANAR,
+    TREE,
+    Flight,
+    Opened,
+    PlacedTree,
+    point_of_reference,
+)
+
+_PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
+
+
+def free_bases(robot: Robot) -> IntArray:
+    """Return the free bases (b, 5) of `robot`: free flyers, and planar ones of PX, PZ, RY joints.
+
+    They are roots that no gear drives and nothing holds; columns JOINT to PLACES. None where rotors
+    couple to their housings: part of the momentum is then in their spin, and the velocity terms
+    stay explicit.
+    """
+    found: list[tuple[int, int, int, int, int]] = []
+    model, driven = robot.model, set(robot.actuated.tolist())
+    for number in range(1, model.njoints):
+        joint = model.joints[number]
+        if model.parents[number] != 0 or robot.rotors_turn_with_links:
+            continue
+        if joint.shortname() == "JointModelFreeFlyer":
+            found.append((number - 1, number - 1, joint.idx_v, 0, joint.idx_q))
+        elif _planar(model, number) and not driven & set(range(joint.idx_v, joint.idx_v + 3)):
+            found.append((number - 1, number + 1, joint.idx_v, 1, joint.idx_q))
+    return np.array(found, dtype=np.int64).reshape(-1, 5)
+
+
+def _planar(model: Any, number: int) -> bool:
+    """Return whether a PX, PZ and RY joint follow each other from `number`, along world axes."""
+    if number + 2 >= model.njoints:
+        return False
+    chain = range(number, number + 3)
+    names = tuple(model.joints[i].shortname() for i in chain)
+    inner = [i for i in range(1, model.njoints) if model.parents[i] in (number, number + 1)]
+    level = all(np.allclose(model.jointPlacements[i].rotation, np.eye(3)) for i in chain)
+    return names == _PLANAR_ORDER and level and inner == [number + 1, number + 2]
+
+
+@compiled(Nothing, TREE, FLIGHT, Count, PLACED, counted=False)
+def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
+    """Write columns, bodies, the first `upto` rows of H_l and the bases' frames in given poses."""
+    poses, bases = placed.poses, flight.bases
+    about = point_of_reference(bases, poses)
+    columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
+    bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies, placed.composite)
+    inertia_at(tree.rows, placed.composite, placed.columns, upto, placed.inertia)
+    for i in range(len(bases)):
+        pose, frame = poses[bases[i, FRAME]], flight.frames[i]
+        all_behind = placed.composite[bases[i, JOINT]]
+        for k in range(9):
+            frame[k] = pose[k]
+        for k in range(3):
+            frame[9 + k] = about[k] + all_behind[1 + k] / all_behind[0] - pose[9 + k]
+
+
+@compiled(Count, Table, counted=False)
+def base_rows(bases: IntArray) -> int:
+    """Return how many rows of H_l the momenta of the free bases need: up to the last base's."""
+    upto = 0
+    for i in range(len(bases)):
+        upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
+    return upto
+
+
+@compiled(Nothing, FLIGHT, PLACED, Row, counted=False)
+def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
+    """Keep the momentum (6) that every tree has at v (nv,)."""
+    bases = flight.bases
+    for i in range(len(bases)):
+        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
+        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
+        momentum_at(placed.inertia, turn, lever, first, planar, v, flight.carried[i, :6])
+
+
+@compiled(Nothing, FLIGHT, PLACED, counted=False)
+def keep_centers(flight: Flight, placed: PlacedTree) -> None:
+    """Keep the centre of mass (3) and mass of every tree on a free base."""
+    bases, frames, poses = flight.bases, flight.frames, placed.poses
+    for i in range(len(bases)):
+        flight.carried[i, 9] = placed.composite[bases[i, JOINT], 0]
+        for k in range(3):
+            flight.carried[i, 6 + k] = poses[bases[i, FRAME], 9 + k] + frames[i, 9 + k]
+
+
+@compiled(Nothing, FLIGHT, PLACED, OutRow, counted=False)
+def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
+    """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
+    bases = flight.bases
+    for i in range(len(bases)):
+        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
+        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
+        velocity_at(placed.inertia, turn, lever, first, planar, flight.carried[i, :6], v)
+
+
+@compiled(Nothing, TREE, FLIGHT, Number, OutRow, OutDense, counted=False)
+def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: FloatArray) -> None:
+    """Move the bases in q and poses so that each centre of mass has moved in a straight line.
+
+    Args:
+        tree: what moves.
+        flight: momentum and centres of mass; the latter are moved.
+        half: time [s] that the centres of mass move on.
+        q: (nq,), changed.
+        poses: (n, 12), changed.
+    """
+    joints, shapes, bases, carried = tree.joints, tree.shapes, flight.bases, flight.carried
+    for i in range(len(bases)):
+        joint, missing = bases[i, JOINT], local(3)
+        missing[:] = 0.0
+        for body in range(len(joints)):
+            if joints[body, 4] == joint:
+                pose, shape = poses[body], shapes[body]
+                for k in range(3):
+                    way = pose[3 * k] * shape[16] + pose[3 * k + 1] * shape[17]
+                    way += pose[3 * k + 2] * shape[18]
+                    missing[k] -= shape[15] * (pose[9 + k] + way)
+        for k in range(3):
+            carried[i, 6 + k] += half / carried[i, 9] * carried[i, k]
+            missing[k] = carried[i, 6 + k] + missing[k] / carried[i, 9]
+        if bases[i, PLANAR] == 1:
+            missing[1] = 0.0
+            q[bases[i, PLACES]] += missing[0]
+            q[bases[i, PLACES] + 1] += missing[2]
+        else:
+            for k in range(3):
+                q[bases[i, PLACES] + k] += missing[k]
+        for body in range(len(joints)):
+            if joints[body, 4] == joint:
+                for k in range(3):
+                    poses[body, 9 + k] += missing[k]
+
+
+@compiled(Nothing, OPENED, Row, Row, Number, Number, Flags, OutRow, OutRow, OutRow, counted=False)
+def to_middle(
+    plant: Opened,
+    q: FloatArray,
+    v: FloatArray,
+    time: float,
+    half: float,
+    closed: BoolArray,
+    middle: FloatArray,
+    speed: FloatArray,
+    rate: FloatArray,
+) -> None:
+    """Write q (nq,) and v (nv,) half a step later with the momentum that the robot has.
+
+    The attitude goes by the velocity of the middle (one correction), which makes free rotation of
+    second order. The memory then stands at the middle, with all of H_l. How fast the closed
+    contacts open at the start (`time`) is written beside it, see `rates_at`.
+    """
+    tree, flight, placed = plant.tree, plant.flight, plant.placed
+    joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
+    upto, touching = base_rows(bases), False
+    for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
+        touching = touching or closed[i]
+    rate[:] = 0.0
+    if len(bases) or touching:
+        place(joints, shapes, q, poses)
+        look(tree, flight, upto, placed)
+    if touching:
+        touch_ground(plant, time)
+        rates_at(plant, closed, v, rate)
+    for i in range(len(v)):
+        speed[i] = v[i]
+    if len(bases):
+        carry(flight, placed, v)
+        keep_centers(flight, placed)
+        moved_along(joints, q, v, half, middle)
+        place(joints, shapes, middle, poses)
+        look(tree, flight, upto, placed)
+        set_momentum(flight, placed, speed)
+    moved_along(joints, q, speed, half, middle)
+    place(joints, shapes, middle, poses)
+    advance(tree, flight, half, middle, poses)
+    look(tree, flight, len(v), placed)
+    for i in range(len(v)):
+        speed[i] = v[i]
+    set_momentum(flight, placed, speed)

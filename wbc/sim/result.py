@@ -1,0 +1,211 @@
+"""What one step of the plant returns, and what it has to say beside its state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.sim.barriers import TOUCH
+from wbc.sim.course import Impact
+from wbc.sim.energy import EnergyAudit, EnergyFlow, mechanical_energy
+from wbc.sim.flow import Flow
+from wbc.sim.part import KINETIC, NORMAL, TRAFFIC
+from wbc.sim.program import StepSolution
+from wbc.sim.setup import Setup
+from wbc.sim.state import SimState
+
+_ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
+_COARSE = 0.01  # share of the energy in play
+
+
+@dataclass(frozen=True, slots=True)
+class StepEvent:
+    """One thing that a user of a step should know.
+
+    Attributes:
+        kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
+            where the step's energy balance gained more than a hundredth of the energy in play,
+            which a shorter step mends; "overlap", where a barrier was overrun further than the
+            plant's return speed takes back in one step; "sunk", where a joint of a robot with a
+            free base is under the ground, because its link has no contact there.
+        time: [s], at the end of the part it happened in.
+        size: [J], or depth [m, rad].
+        text: the same as a sentence.
+    """
+
+    kind: str
+    time: float
+    size: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class StepResult:
+    """The next state and what led there.
+
+    Attributes:
+        state: at the end of the step.
+        duration: dt [s].
+        command: (m,) [N m] on the rotors that the motors took, within their bounds; as a mean where
+            several steps are joined.
+        parts: the smooth parts of the step; more than one where something landed in between.
+        impacts: those that happened in the step.
+        start: the state it started from.
+        setup: the plant's.
+    """
+
+    state: SimState
+    duration: float
+    command: FloatArray
+    parts: tuple[Flow, ...]
+    impacts: tuple[Impact, ...]
+    start: SimState
+    setup: Setup
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes, impacts excluded."""
+        return _sum([part.contact_impulse for part in self.parts])
+
+    @property
+    def contact_force(self) -> FloatArray:
+        """Mean force (k, 3) [N] on the robot over the step, impacts included, world axes."""
+        hits = [impact.contact_impulse for impact in self.impacts]
+        return np.asarray(_sum([self.contact_impulse, *hits]) / self.duration)
+
+    @property
+    def mesh_torque(self) -> FloatArray:
+        """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
+        return np.asarray(_sum([part.mesh_impulse for part in self.parts]) / self.duration)
+
+    @property
+    def rotor_torque(self) -> FloatArray:
+        """(m,) [N m] that the drives delivered, mean over the step."""
+        return np.asarray(_sum([part.rotor_impulse for part in self.parts]) / self.duration)
+
+    @cached_property
+    def energy(self) -> EnergyFlow:
+        """Work and losses."""
+        total = EnergyFlow()
+        for part in self.parts:
+            total = total + part.energy
+        for impact in self.impacts:
+            lost = {"impact_mesh": impact.mesh_loss, "impact": impact.contact_loss}
+            total = total + EnergyFlow(ground=impact.ground_work, **lost)
+        return total
+
+    @cached_property
+    def balance(self) -> EnergyAudit:
+        """Work in, energy stored, losses, and what they do not close by."""
+        stored = mechanical_energy(self.setup, self.state)
+        return EnergyAudit(self.energy, stored - mechanical_energy(self.setup, self.start))
+
+    @cached_property
+    def events(self) -> tuple[StepEvent, ...]:
+        """Energy that the step made, overlaps that are left; empty in a good step."""
+        return events_of(self.setup, self.parts, self.impacts, self.balance)
+
+    @property
+    def solutions(self) -> tuple[StepSolution, ...]:
+        """Of the step programs, one per part of the step."""
+        return tuple(part.solution for part in self.parts)
+
+    @staticmethod
+    def joined(results: Sequence[StepResult]) -> StepResult:
+        """Return several steps in a row as one."""
+        duration = sum(result.duration for result in results)
+        return StepResult(
+            state=results[-1].state,
+            duration=duration,
+            command=_sum([result.duration / duration * result.command for result in results]),
+            parts=tuple(part for result in results for part in result.parts),
+            impacts=tuple(impact for result in results for impact in result.impacts),
+            start=results[0].start,
+            setup=results[0].setup,
+        )
+
+
+def _sum(several: Sequence[FloatArray]) -> FloatArray:
+    total = several[0]
+    for more in several[1:]:
+        total = total + more
+    return total
+
+
+def events_of(
+    setup: Setup, parts: Sequence[Flow], impacts: Sequence[Impact], balance: EnergyAudit
+) -> tuple[StepEvent, ...]:
+    """Return what happened in the parts and impacts of a step with an energy `balance`."""
+    found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1])]
+    kinetic = max((float(part.end.books[KINETIC]) for part in parts), default=0.0)
+    play = kinetic + abs(balance.flow.work) + balance.flow.lost
+    if -balance.residual > _COARSE * play + 1e-9:
+        gain = -balance.residual
+        found.append(
+            StepEvent(
+                "coarse",
+                parts[-1].state.time,
+                gain,
+                f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from "
+                "nowhere; shorten dt",
+            )
+        )
+    return tuple(found)
+
+
+def _overlaps(setup: Setup, parts: Sequence[Flow]) -> Iterator[StepEvent]:
+    for part in parts:
+        if len(part.overlap):
+            worst = int(np.argmax(part.overlap))
+            depth = float(part.overlap[worst])
+            yield StepEvent(
+                "overlap",
+                part.state.time,
+                depth,
+                f"{setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is taken back "
+                f"at {setup.return_speed:g} m/s (rad/s)",
+            )
+
+
+def _sunk(setup: Setup, last: Flow) -> Iterator[StepEvent]:
+    """Yield the deepest joint under the ground at the end of a step."""
+    state, (model, data) = last.state, (setup.space.model, setup.space.data)
+    if not setup.flies or not setup.robot.contacts:
+        return
+    pin.forwardKinematics(model, data, state.position)
+    links = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0.0]
+    gaps = setup.barriers.gaps_of(np.array([data.oMi[i].translation for i in links]), state.time)
+    deepest = int(np.argmin(gaps))
+    # Contacts may be as deep as a step leaves them.
+    allowed = max((float(np.max(last.overlap)) if len(last.overlap) else 0.0), TOUCH)
+    if gaps[deepest] < -allowed:
+        yield StepEvent(
+            "sunk",
+            state.time,
+            -float(gaps[deepest]),
+            f"joint '{model.names[links[deepest]]}' is {-gaps[deepest]:.3g} m under the ground: no "
+            'contact holds its link. Give the robot contacts there, or the plant bodies="all"',
+        )
+
+
+def _made(parts: Sequence[Flow], impacts: Sequence[Impact]) -> Iterator[StepEvent]:
+    """Yield the parts and impacts one of whose losses is negative beyond rounding."""
+    for part in parts:
+        losses, books = part.energy.losses, part.end.books
+        losses["normal"] = -float(books[NORMAL])
+        cause = min(losses, key=lambda name: losses[name])
+        if losses[cause] < -_ROUNDING * float(books[KINETIC] + books[TRAFFIC]) - 1e-12:
+            yield _energy(part.state.time, -losses[cause], cause.replace("_", " "))
+    for impact in impacts:
+        for loss, cause in ((impact.mesh_loss, "mesh"), (impact.contact_loss, "contact")):
+            if loss < -_ROUNDING * impact.kinetic - 1e-12:
+                yield _energy(impact.time, -loss, f"impact, {cause}")
+
+
+def _energy(time: float, size: float, cause: str) -> StepEvent:
+    return StepEvent("energy", time, size, f"the step made {size:.3g} J ({cause})")

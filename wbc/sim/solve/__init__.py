@@ -1,1 +1,0 @@
-"""Solving one step program: every row on its law at once."""

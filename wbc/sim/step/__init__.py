@@ -1,1 +1,0 @@
-"""One time step: smooth parts, impacts, and the program that each of them solves."""

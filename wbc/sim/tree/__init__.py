@@ -1,1 +1,0 @@
-"""The tree of rigid bodies in compiled loops: places, inertia, velocity terms, free bases."""
