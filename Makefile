@@ -54,9 +54,10 @@ docs: $(READY)
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
-# The pictures of the pages, from the studies and commands that they show; needs Chromium.
+# The pictures of the pages, from the studies and commands that they show, and what notebooks show; needs Chromium.
 pictures: $(READY)
 	$(BIN)/python docs/pictures.py
+	$(BIN)/python docs/notebooks.py
 
 clean:
 	rm -rf $(VENV) .venv-* out docs/_build

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import base64
 import json
 import sys
 from pathlib import Path
@@ -46,6 +47,29 @@ def test_the_notebook_finds_what_the_sample_logs_hide(shown: list[Any], found: D
     assert keys == {("transmission_efficiency", "knee"), ("coulomb_friction", "hip")}
     before, after = (value for value in shown if isinstance(value, Comparison))
     assert before.error > 30.0 > 1.5 > after.error
+
+
+@pytest.mark.parametrize("name", ["first_answer", "quadruped"])
+def test_a_notebook_holds_what_its_cells_show(name: str) -> None:
+    """Its plots were printed as the names of figures, and nothing was kept."""
+    cells = json.loads(NOTEBOOK.with_stem(name).read_text(encoding="utf-8"))["cells"]
+    kept = [out for c in cells if c["cell_type"] == "code" for out in c["outputs"]]
+    pictures = [o["data"]["image/png"] for o in kept if "image/png" in o.get("data", {})]
+    assert pictures
+    for picture in pictures:
+        assert base64.b64decode(picture).startswith(b"\x89PNG")
+
+
+def test_the_quadruped_of_the_notebook_squats() -> None:
+    pytest.importorskip("example_robot_data")
+    namespace: dict[str, Any] = {"__name__": "notebook"}
+    cells = json.loads(NOTEBOOK.with_stem("quadruped").read_text(encoding="utf-8"))["cells"]
+    sources = ["".join(c["source"]) for c in cells if c["cell_type"] == "code"]
+    figures = [run_cell(source.replace(", 2.0)", ", 0.2)"), namespace) for source in sources]
+    assert figures[-1]._repr_png_().startswith(b"\x89PNG")
+    height = namespace["run"].log.column("base.position.z")
+    # After 0.2 s the centre of mass is to be 0.02 (1 - cos(0.4 pi)) m lower.
+    assert height[0] - height[-1] == pytest.approx(0.0138, abs=0.002)
 
 
 def test_answers_show_themselves(shown: list[Any], found: Diagnosis) -> None:

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from wbc.arrays import FloatArray
 from wbc.errors import ViewError
 from wbc.files import atomic_write
+from wbc.identification.answer.figure import ShownFigure
 from wbc.transmission import Direction
 from wbc.view.channels import RecordedImpact, window_mean
 from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS, LIGHT, Theme
@@ -77,7 +78,7 @@ def new_figure(
         share_x: one x axis per column.
         heights: (rows,) relative heights; all alike when left out.
     """
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = ShownFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(
         rows, columns, squeeze=False, sharex="col" if share_x else False, height_ratios=heights

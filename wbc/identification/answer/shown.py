@@ -65,9 +65,9 @@ def torque_figure(
         MissingPackageError: matplotlib is not installed.
     """
     with needs("view", "plot()"):
-        from matplotlib.figure import Figure
+        from wbc.identification.answer.figure import ShownFigure
     count = len(outputs)
-    figure = Figure(figsize=(8.0, 2.6 * count + 0.5), layout="constrained")
+    figure = ShownFigure(figsize=(8.0, 2.6 * count + 0.5), layout="constrained")
     axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.0, 1.0] * count)
     for k, (output, unit) in enumerate(outputs.items()):
         torque, rest = axes[2 * k], axes[2 * k + 1]
