@@ -205,7 +205,7 @@ def test_constant_logs_other_joints_and_logs_without_torque_are_named(
 
     still = {name: np.full(len(right), values[0]) for name, values in right.columns.items()}
     assert "no joint moves in this log" in said(Log(right.time, still))
-    stops("no joint moves in these logs")
+    stops("no joint moves in this log")
     moving = right.select([name for name in right.names if "torque" not in name])
     assert "no torque of hip, knee" in said(moving)
     stops("no torque of joint 'hip'")

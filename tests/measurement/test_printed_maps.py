@@ -165,6 +165,7 @@ class Case:
 CASES = {
     "a time stamp twice": Case(repeated, reading),
     "a hole": Case(holed, reading),
+    "a hole that is needed": Case(holed, finding("missing")),
     "a misspelt column": Case(renamed("hip.position", "hip.positon"), reading),
     "a misspelt clock": Case(renamed("time", "tme"), reading),
     "no clock": Case(renamed("time", "stamp"), reading, (("CLOCK", "stamp"), ("100", "500"))),

@@ -89,6 +89,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "how the base of a model file is held",
     },
     "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
+    "--html/look": _option("FILE", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
     "--ground": _option("X,Z ...", "slopes and steps: their profile [m], x rising"),
@@ -195,6 +196,11 @@ as a guess, with the reason: joints by name, motion and torque, units by
 derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
 motion of a joint and of its motor. What the logs lack is named, with the way to add
 it. Correct the guesses, then run wbc check.""",
+    ),
+    "look": Subcommand(
+        "every column of files over time, on a page, before they are mapped",
+        "logs/plain --columns --html/look",
+        "example: wbc look run*.csv --html look.html",
     ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",

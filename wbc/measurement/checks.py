@@ -20,7 +20,7 @@ from wbc.measurement.filters import VelocityFit, velocity_fits
 from wbc.measurement.findings import LogFinding, LogQuality, by_severity
 from wbc.measurement.log import Log
 from wbc.measurement.map_lines import Mend, in_degrees, say_so
-from wbc.measurement.mistakes import find_suspicions, single_ratios
+from wbc.measurement.mistakes import find_suspicions, motionless, single_ratios
 from wbc.measurement.robot_checks import check_robot
 from wbc.robot import Robot
 
@@ -56,6 +56,9 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
     suspected = find_suspicions(logs, robot)
     each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
     together = check_set(logs)
+    still = motionless(robot, logs) if robot is not None else None
+    if still is not None:
+        together.append(still)
     if each and together:
         first = each[0]
         findings = by_severity([*first.findings, *together])
@@ -110,7 +113,8 @@ def _reading(log: Log, said: Sequence[LogFinding]) -> list[LogFinding]:
         text = log.source.unusable[columns[0]]
         if len(columns) > 1:
             text += f" The same rows lack {', '.join(columns[1:])}."
-        found.append(LogFinding("warning", "missing", ", ".join(columns), text, ""))
+        if not any(finding.kind == "missing" for finding in said):
+            found.append(LogFinding("warning", "missing", ", ".join(columns), text, ""))
     told = "".join(finding.way_out for finding in said)
     ignored = [name for name in log.source.ignored if f"'{name}'" not in told]
     if ignored:

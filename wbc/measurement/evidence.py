@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ import pinocchio as pin
 from scipy import stats
 from scipy.special import logsumexp
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.measurement.filters import derivative, differentiate, low_pass, residual_noise
 from wbc.measurement.log import Log
@@ -32,7 +33,7 @@ GAIN_SPREAD = float(np.log(4.0)) / 2.0
 """Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
 in 95 of 100 machines."""
 
-_GAINS = np.exp(np.linspace(-4.0, 4.0, 73) * GAIN_SPREAD)
+_GAINS = np.exp(np.linspace(-2.5, 2.5, 46) * GAIN_SPREAD)
 _PRIOR = -0.5 * (np.log(_GAINS) / GAIN_SPREAD) ** 2
 _PRIOR -= logsumexp(_PRIOR)
 _RATIOS = np.exp(np.linspace(-2.5, 2.5, 101))
@@ -262,6 +263,8 @@ def _positive(causes: FloatArray, targets: FloatArray) -> tuple[FloatArray, Floa
     return left[best, each], found[best, :, each].T
 
 
+_LAGS = (0.02, 0.03, 0.05, 0.08, 0.12)  # [s] of torques that a bus or a filter holds back
+_SHOWN_LAG = 0.02  # of a period of the band's edge, below which a lag does not show
 _ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
 _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
 _HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
@@ -288,6 +291,9 @@ class LogRows:
         forces: contact -> (N, 3) [N].
         quantities: (m,) which column each torque was read from.
         samples: (m,) independent samples that each report amounts to.
+        sensed: (N, m) what a torque sensor behind the gear measured [N m], NaN where none is: then
+            it stands for the need of the links.
+        late: lag [s] -> (N, m) `torque` read as that much late.
     """
 
     label: str
@@ -300,31 +306,53 @@ class LogRows:
     forces: Mapping[str, FloatArray]
     quantities: tuple[str, ...]
     samples: FloatArray
+    sensed: FloatArray
+    late: Mapping[float, FloatArray]
 
-    def need(self, order: np.ndarray, factor: FloatArray) -> Need:
+    @cached_property
+    def weighs(self) -> bool:
+        """Whether gravity is part of what the links need, and no sensor stands for them."""
+        robot = self.robot
+        still = Motion(self.position, 0.0 * self.velocity, 0.0 * self.velocity)
+        held = link_torque(robot, still)[:, robot.actuated]
+        known = np.isnan(self.sensed).all() and not robot.floating_size
+        return bool(known and np.any(np.std(held, axis=0) > _ROUNDING))
+
+    def need(
+        self,
+        order: np.ndarray,
+        factor: FloatArray,
+        weight: float = 1.0,
+        offset: FloatArray | None = None,
+    ) -> Need:
         """Return what the motion needs if the single joints' columns are read differently.
 
         Args:
             order: (n,) single joint i has the column of single joint order[i] ...
             factor: (n,) ... times this.
+            weight: share of gravity that is part of the need.
+            offset: (n,) added to the positions of the single joints; None for nothing.
         """
         robot = self.robot
         q, v, a = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
         at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
         to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
-        q[:, at] = factor * self.position[:, at[order]]
+        q[:, at] = factor * self.position[:, at[order]] + (0.0 if offset is None else offset)
         v[:, to] = factor * self.velocity[:, to[order]]
         a[:, to] = factor * self.acceleration[:, to[order]]
         contacts = contact_torque(robot, q, self.forces)
         motion = Motion(q, v, a)
         if robot.has_free_flyer:
             motion = Motion(q, v, _as_the_base_must(robot, motion, contacts))
-        rotor, _ = rotor_torque(robot, motion, link_torque(robot, motion), contacts)
+        links = link_torque(robot, motion)
+        if weight != 1.0:
+            links = links - (1.0 - weight) * link_torque(robot, Motion(q, 0.0 * v, 0.0 * a))
+        rotor, _ = rotor_torque(robot, motion, links, contacts)
         gears = robot.transmission
         lift = gears.motor_from_joint.T
         speed, change = v[:, robot.actuated] @ lift, a[:, robot.actuated] @ lift
         links = rotor * gears.gear_ratio - gears.reflected_inertia * change
-        return Need(links, speed, change)
+        return Need(np.where(np.isnan(self.sensed), links, self.sensed), speed, change)
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,8 +375,9 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
 
     That is so for a log without the positions and torques that the robot has, for one without the
     forces on a robot that stands on them, for one too short to be filtered, for one without motion,
-    and for one whose drives report nothing but noise: then every reading explains next to nothing,
-    and the one that needs least torque, such as degrees, would be called the best.
+    for links that need no torque, such as the shaft of a bench without a torque sensor, and for
+    drives that report nothing but noise: then every reading explains next to nothing, and the one
+    that needs least torque, such as degrees, would be called the best.
     """
     robot = robot if log.machine is None else log.machine.of(robot)
     joints = robot.transmission.joints
@@ -371,15 +400,16 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     on_grid = np.stack([np.interp(grid, log.time, column) for column in reported.T], axis=1)
     rate = 1.0 / float(grid[1] - grid[0])
     torque = low_pass(on_grid, cutoff, rate, _ORDER)
-    held = {
-        name: low_pass(
-            np.stack([np.interp(grid, log.time, f) for f in _force(log, name)], axis=1),
-            cutoff,
-            rate,
-            _ORDER,
-        )
-        for name in forces
-    }
+
+    def slow(columns: Sequence[FloatArray]) -> FloatArray:
+        even = np.stack([np.interp(grid, log.time, column) for column in columns], axis=1)
+        return low_pass(even, cutoff, rate, _ORDER)
+
+    held = {name: slow(_force(log, name)) for name in forces}
+    sensed = np.full_like(torque, np.nan)
+    sensors = [k for k, joint in enumerate(joints) if log.has(f"{joint}.joint_torque")]
+    if sensors and np.array_equal(robot.transmission.topology, np.eye(len(joints))):
+        sensed[:, sensors] = slow([log.column(f"{joints[k]}.joint_torque") for k in sensors])
     inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
     pairs = zip(on_grid[inside].T, torque[inside].T, strict=True)
     if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
@@ -397,8 +427,29 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         forces={name: force[thin] for name, force in held.items()},
         quantities=quantities,
         samples=np.array([_samples(column) for column in torque[inside].T]),
+        sensed=sensed[thin],
+        late=_late(torque, rate, thin, cutoff),
     )
+    single = len(robot.single_joints)
+    need = rows.need(np.arange(single), np.ones(single)).links
+    if np.all(np.std(need, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
+        return None
     return _behind_unknown_gears(rows)
+
+
+def _late(
+    torque: FloatArray, rate: float, rows: IntArray, cutoff: float
+) -> dict[float, FloatArray]:
+    """Return the torque at some rows, read as if it were late by each of `_LAGS`.
+
+    Within a tenth of a period of the band's edge a lag does not show.
+    """
+    place = np.arange(len(torque))
+    return {
+        lag: np.stack([np.interp(rows + lag * rate, place, column) for column in torque.T], axis=1)
+        for lag in _LAGS
+        if lag * cutoff > _SHOWN_LAG
+    }
 
 
 def _follows(reported: FloatArray, slow: FloatArray, band: float) -> bool:

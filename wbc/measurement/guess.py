@@ -44,6 +44,7 @@ _OF_MOTION = (
     "gear_side",
     "degrees",
 )
+_LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
 _EXPLAINED = 0.99
 """Share of the motor's motion that the joint's must explain: play, flexible gears and noise leave
 little, and at this share the ratio is off by no more than a hundredth."""
@@ -168,9 +169,12 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         logs = _read(paths, table, robot)
         doubts = [
             finding
-            for own in find_suspicions(logs, robot)
+            for own in [*find_suspicions(logs, robot), *(check_robot(log, robot) for log in logs)]
             for finding in own
-            if finding.likeliest and finding.probability >= LIKELY and not _denied(finding, table)
+            if finding.likeliest
+            and finding.kind not in _LACKS
+            and finding.probability >= LIKELY
+            and not _denied(finding, table)
         ]
         # What contradicts itself within a log comes before what the torques say.
         doubts = [f for f in doubts if f.kind in _OF_MOTION] or doubts

@@ -10,6 +10,8 @@ from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
+from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.clocks import find_repeats
 from wbc.measurement.column_mistakes import (
     MotionMistake,
     magnitudes,
@@ -28,6 +30,13 @@ from wbc.measurement.readings import Bench, Reading, as_it_stands, listed, readi
 from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
+_GRAVITY = {
+    "no_gravity": "Record the whole torque (an option of the driver). For torques that never held "
+    "gravity, robot.toml must hold none, at its top:\n"
+    '    gravity = { value = [0, 0, 0], unit = "m/s^2", source = "the driver takes it out" }',
+    "upside_down": "If so, robot.toml must say so, at its top:\n"
+    '    gravity = { value = [0, 0, 9.81], unit = "m/s^2", source = "hangs upside down" }',
+}
 _MORE = "Record more logs in which every joint moves, and give all of them together."
 
 
@@ -83,7 +92,9 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
             what a column map must say; that the columns are trusted, if they are right. Or no joint
             moves in any of the logs.
     """
-    _require_motion(robot, logs)
+    still = motionless(robot, logs)
+    if still is not None:
+        raise SuspiciousLogError(f"{still.text} {still.way_out}", [still])
     each = find_suspicions(logs, robot)
     found: dict[str, LogFinding] = {}
     where: dict[str, list[str]] = {}
@@ -107,17 +118,31 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
     return [f"{text} {found[key].way_out}" for key, text in texts.items()]
 
 
-def _require_motion(robot: Robot, logs: Sequence[Log]) -> None:
-    """Raise where no joint moves, neither within the logs nor from one to the next."""
-    names = [f"{joint}.position" for joint in robot.single_joints]
-    held = [[log.column(name) for log in logs if log.has(name)] for name in names]
-    known = [values for values in held if values]
-    if not known or any(np.ptp(np.concatenate(values)) > 0.0 for values in known):
-        return
-    text = "no joint moves in these logs: every position is constant."
-    way = "Record the robot in motion; if it moved, the position columns are not connected."
-    finding = LogFinding("error", "constant_log", "", text, way)
-    raise SuspiciousLogError(f"{logs[0].source.label}: {text} {way}", [finding])
+def motionless(robot: Robot, logs: Sequence[Log]) -> LogFinding | None:
+    """Return what to do about logs without motion, None where there is some.
+
+    A log whose every channel is constant is no measurement. Where joints only flicker by the noise
+    of their sensors, they must at least stand elsewhere in another log.
+    """
+    way = "Record the robot in motion; if it moved, the columns are not connected."
+    dead = [log for log in logs if log.columns and not any(map(np.ptp, log.columns.values()))]
+    joints = [j for j in robot.single_joints if any(log.has(f"{j}.position") for log in logs)]
+    held = [
+        [log.column(f"{j}.position") for log in logs if log.has(f"{j}.position")] for j in joints
+    ]
+    moves = not joints or any(
+        set(joints) & set(log.with_quantity("position")) - resting_joints(log) for log in logs
+    )
+    apart = [np.ptp([np.mean(v) for v in each]) > 3.0 * max(map(np.ptp, each)) for each in held]
+    if moves or any(apart):
+        if not dead:
+            return None
+        names = ", ".join(log.source.label for log in dead)
+        text = f"{names}: every channel is constant, and no joint moves in this log."
+        return LogFinding("error", "constant_log", "", text, f"Leave it out. {way}")
+    which = "this log" if len(logs) == 1 else "these logs"
+    text = f"no joint moves in {which}: every position is constant, but for noise."
+    return LogFinding("error", "constant_log", "", f"{logs[0].source.label}: {text}", way)
 
 
 def require_plausible_units(log: Log) -> None:
@@ -230,6 +255,8 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
     if mistake.kind == "gear_ratio":
         seen = f"{mistake.text}?"
         way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
+    elif mistake.kind in _GRAVITY and not mistake.others:
+        seen, way = f"{_suspected(mistake)} {_seen(mistake)}", _GRAVITY[mistake.kind]
     else:
         if mistake.others or mistake.probability < LIKELY:
             rivals = ((mistake.text, mistake.mend), *mistake.others)
@@ -286,6 +313,7 @@ _TIED = 2.0  # nats: odds of seven to one
 _PAIRS = 7  # driven joints up to which many may be exchanged: a third of a second per log
 _OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
+_MOST_PARTS = 0.6  # of the logs, in which a correction must bring reports closer to the need
 _MOST = 3  # mistakes that are looked for one after another
 
 
@@ -354,6 +382,7 @@ class _Judged:
     reading: Reading
     reports: tuple[Report, ...]
     unrelated: FloatArray
+    strays: FloatArray
 
 
 _Table = dict[str, _Judged]
@@ -363,7 +392,8 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> dict[int, _Table]:
     """Return every reading of each log that can be held against the robot, by its text."""
     each = {k: rows_of(robot, log) for k, log in enumerate(logs)}
     known = {k: rows for k, rows in each.items() if rows is not None}
-    benches = {k: Bench(rows) for k, rows in known.items()}
+    alike = {k: len(group) for group in find_repeats(logs) for k in group}
+    benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
     least = _LOST_OF_FEW if robot.transmission.size <= _PAIRS else _LOST
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
     lost = np.zeros(robot.transmission.size, dtype=bool)
@@ -371,7 +401,9 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> dict[int, _Table]:
         lost |= [one.left > least for one in bench.reports(as_it_stands(known[k]))]
     return {
         k: {
-            reading.text: _Judged(reading, bench.reports(reading), bench.unrelated(reading))
+            reading.text: _Judged(
+                reading, bench.reports(reading), bench.unrelated(reading), bench.strays(reading)
+            )
             for reading in readings(known[k], logs[k], lost)
         }
         for k, bench in benches.items()
@@ -404,8 +436,27 @@ def _better_alone(judged: Mapping[int, _Table], shared: Mistake) -> bool:
 
 def _score(text: str, judged: Mapping[int, _Table], beside: Sequence[_Judged] = ()) -> float:
     """Return the log of prior times evidence of a reading of some logs, beside others as is."""
+    if not _closer(text, judged):
+        return -np.inf
     each = [*(table[text] for table in judged.values()), *beside]
     return each[0].reading.prior + evidence([(one.reports, one.unrelated) for one in each])
+
+
+def _closer(text: str, judged: Mapping[int, _Table]) -> bool:
+    """Whether a reading brings reports closer to the need: in all, and in most parts of the logs.
+
+    A correction that does not, explains the reports by its gain and friction, and not by the links.
+    """
+    if not text:
+        return True
+    before, after = [], []
+    for table in judged.values():
+        as_is, read = table[""], table[text]
+        other = [one is not two for one, two in zip(as_is.reports, read.reports, strict=True)]
+        before += list(as_is.strays[:, other].sum(axis=1))
+        after += list(read.strays[:, other].sum(axis=1))
+    better = np.array(after) < np.array(before)
+    return bool(sum(after) < sum(before) and np.mean(better) > _MOST_PARTS)
 
 
 def _another_ratio(

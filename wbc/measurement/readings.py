@@ -23,6 +23,7 @@ from wbc.robot.coordinates import slides
 _EVERYWHERE = ln(0.02)
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
+_PARTS = 3  # of a log, in each of which a correction must bring the reports closer to the need
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
@@ -48,6 +49,9 @@ class Reading:
         torque_factor: (m,) ... times this, in the unit of the column.
         mend: what a column map says about it.
         columns: the columns that are wrong.
+        weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
+        offset: (n,) added to the positions of the single joints [rad, m].
+        lag: by how much the torques are late [s].
     """
 
     kind: str
@@ -59,11 +63,21 @@ class Reading:
     torque_factor: FloatArray
     mend: Mend
     columns: tuple[str, ...] = ()
+    weight: float = 1.0
+    lag: float = 0.0
+    offset: FloatArray | None = None
+
+    @property
+    def place(self) -> bytes:
+        """What the need of the links depends on."""
+        zero = b"" if self.offset is None else self.offset.tobytes()
+        return b"".join((self.order.tobytes(), self.factor.tobytes(), zero, b"%g" % self.weight))
 
     def torque(self, rows: LogRows) -> FloatArray:
         """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
         factor = self.torque_factor * rows.conversion / rows.conversion[self.torque_order]
-        return np.asarray(rows.torque[:, self.torque_order] * factor)
+        torque = rows.late[self.lag] if self.lag else rows.torque
+        return np.asarray(torque[:, self.torque_order] * factor)
 
 
 def readings(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
@@ -81,6 +95,8 @@ def readings(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
     yield from _units(rows, log, as_is)
     yield from _sides(rows, as_is)
     yield from _exchanges(rows, log, lost, as_is)
+    yield from _left_out(rows, as_is)
+    yield from _zeros(rows, log, as_is)
 
 
 def as_it_stands(rows: LogRows) -> Reading:
@@ -256,6 +272,57 @@ def _exchanges(rows: LogRows, log: Log, lost: BoolArray, as_is: Reading) -> Iter
             )
 
 
+def _left_out(rows: LogRows, as_is: Reading) -> Iterator[Reading]:
+    """Yield torques without what gravity needs, and torques that are late.
+
+    A low-pass is a delay for what is slower than it.
+    """
+    names = _torque_columns(rows)
+    if rows.weighs:
+        yield replace(
+            as_is,
+            kind="no_gravity",
+            text=f"{listed(names)} {_hold(names)} no gravity: the driver takes it out",
+            prior=_EVERYWHERE,
+            weight=0.0,
+            columns=tuple(names),
+        )
+        yield replace(
+            as_is,
+            kind="upside_down",
+            text="gravity acts the other way: the robot hangs upside down",
+            prior=_SOMEWHERE,
+            weight=-1.0,
+        )
+    for lag in rows.late:
+        yield replace(
+            as_is,
+            kind="torque_late",
+            text=f"{listed(names)} lag by {1e3 * lag:.0f} ms: a delay, or a low-pass as long",
+            prior=_SOMEWHERE - ln(len(rows.late)),
+            lag=lag,
+            **_with({name: {"lag": lag} for name in names}),
+        )
+
+
+def _zeros(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
+    """Yield positions whose zero is another one: off by a quarter or half a turn."""
+    for i, joint in enumerate(rows.robot.single_joints):
+        if slides(rows.robot, joint) or not rows.weighs:
+            continue
+        for degrees in (90, -90, 180):
+            turn = degrees * pi / 180.0
+            names = [n for n in encoder_columns(log, joint) if n.endswith("position")]
+            yield replace(
+                as_is,
+                kind="position_zero",
+                text=f"the zero of {joint}.position is off by {-degrees} degrees",
+                prior=_RARE,
+                offset=_put(np.zeros_like(as_is.factor), [i], 1.0, turn),
+                **_with({name: {"offset": turn} for name in names}),
+            )
+
+
 def _with(columns: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
     return {"mend": {"columns": columns}, "columns": tuple(columns)}
 
@@ -269,9 +336,11 @@ def _all_or_one(count: int) -> list[list[int]]:
     return [list(range(count)), *([k] for k in range(count) if count > 1)]
 
 
-def _put(values: FloatArray, places: Sequence[int], factor: float | FloatArray) -> FloatArray:
+def _put(
+    values: FloatArray, places: Sequence[int], factor: float | FloatArray, added: float = 0.0
+) -> FloatArray:
     changed = values.copy()
-    changed[list(places)] *= factor
+    changed[list(places)] = changed[list(places)] * factor + added
     return changed
 
 
@@ -282,7 +351,11 @@ def _exchanged(order: IntArray, a: int, b: int) -> IntArray:
 
 
 def _holds(names: Sequence[str]) -> str:
-    return f"{listed(names)} {'holds' if len(names) == 1 else 'hold'}"
+    return f"{listed(names)} {_hold(names)}"
+
+
+def _hold(names: Sequence[str]) -> str:
+    return "holds" if len(names) == 1 else "hold"
 
 
 def listed(texts: Sequence[str]) -> str:
@@ -301,9 +374,15 @@ def encoder_columns(log: Log, joint: str) -> list[str]:
 class Bench:
     """Holds one log against its robot; each need and each report is computed once."""
 
-    def __init__(self, rows: LogRows) -> None:
-        """Start with nothing computed."""
+    def __init__(self, rows: LogRows, share: float = 1.0) -> None:
+        """Start with nothing computed.
+
+        Args:
+            rows: of the log.
+            share: of its samples that count: a run that is repeated n times says the nth part.
+        """
         self._rows = rows
+        self._share = share
         self._inertia = _inertia(rows)
         self._needs: dict[bytes, Need] = {}
         self._reports: dict[bytes, Report] = {}
@@ -319,15 +398,17 @@ class Bench:
     def reports(self, reading: Reading) -> tuple[Report, ...]:
         """Return the report of every driven joint, read in one way."""
         rows = self._rows
-        place = reading.order.tobytes() + reading.factor.tobytes()
+        place = reading.place
         if place not in self._needs:
-            self._needs[place] = rows.need(reading.order, reading.factor)
+            self._needs[place] = rows.need(
+                reading.order, reading.factor, reading.weight, reading.offset
+            )
         torque = reading.torque(rows)
         found = []
         for k in range(torque.shape[1]):
             key = place + torque[:, k].tobytes() + bytes([k])
             if key not in self._reports:
-                samples = float(rows.samples[reading.torque_order[k]])
+                samples = self._share * float(rows.samples[reading.torque_order[k]])
                 self._reports[key] = report(
                     torque[:, k],
                     self._needs[place],
@@ -339,6 +420,22 @@ class Bench:
                 )
             found.append(self._reports[key])
         return tuple(found)
+
+    def strays(self, reading: Reading) -> FloatArray:
+        """Return (parts, m) how far the reports stray from the need in thirds of the log.
+
+        Power of the difference over the geometric mean of the powers of both: nothing is fitted, so
+        no gain, friction or inertia can take the place of what the links need.
+        """
+        rows = self._rows
+        self.reports(reading)
+        need = self._needs[reading.place]
+        whole = need.links + rows.robot.transmission.reflected_inertia * need.change
+        torque = reading.torque(rows)
+        size = np.sqrt(np.mean(torque**2, axis=0) * np.mean(whole**2, axis=0))
+        parts = np.array_split((torque - whole) ** 2, _PARTS)
+        powers = np.array([part.mean(axis=0) for part in parts])
+        return np.asarray(powers / np.maximum(size, 1e-300))
 
 
 def _inertia(rows: LogRows) -> FloatArray:

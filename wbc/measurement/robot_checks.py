@@ -19,7 +19,6 @@ from wbc.measurement.read import mended
 from wbc.measurement.readings import Bench, as_it_stands
 from wbc.measurement.torque import (
     REPORTED,
-    joint_position,
     makes_torque,
     placeless_joints,
     torque_channels,
@@ -42,23 +41,24 @@ def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     base = unknown_base(log, robot)
     found = [*([base] if base is not None else _without_force(log, robot))]
     found += _without_torque(log, robot)
-    speeds = without_position(robot, log)
-    positions = [
-        joint_position(log, name)
-        for name in robot.single_joints
-        if log.has(f"{name}.position") or name in speeds
-    ]
-    if positions and all(np.ptp(values) == 0.0 for values in positions):
-        found.append(
-            LogFinding(
-                "error",
-                "constant_log",
-                "",
-                "no joint moves in this log: every position is constant.",
-                "Record the robot in motion; if it moved, the position columns are not connected.",
-            )
-        )
-    return found
+    return [*found, *_with_holes(log, robot)]
+
+
+def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
+    """Return what to do about channels that the robot needs and that hold NaN."""
+    needed = [f"{joint}.position" for joint in robot.single_joints]
+    for joint in robot.transmission.joints:
+        names = [f"{joint}.{quantity}" for quantity in _TORQUES]
+        if not any(log.has(name) for name in names):
+            needed += names
+    held = [name for name in needed if name in log.source.unusable]
+    if not held:
+        return []
+    mend: Mend = {"columns": {name: {"missing": "drop_rows"} for name in held}}
+    rows = log.source.unusable[held[0]].partition(". ")[0]
+    text = f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} needed, and {rows}."
+    way = say_so(mend, "To drop these rows, say so")
+    return [LogFinding("error", "missing", held[0], text, way, mend)]
 
 
 def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:

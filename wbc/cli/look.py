@@ -1,0 +1,169 @@
+"""`wbc look`: every column of files over time, before anybody maps them, as one offline page."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from html import escape
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.files import write_text
+from wbc.measurement.channel_checks import plateau, resolution
+from wbc.measurement.clocks import gaps, restarts
+from wbc.measurement.filters import jumps
+from wbc.measurement.map_lines import read_table
+from wbc.measurement.names import guess_name
+from wbc.measurement.read import split_path
+from wbc.measurement.schema import TIME
+from wbc.measurement.tables import Table, open_table
+
+_WIDTH, _HEIGHT, _BINS = 640, 54, 320
+_KINDS = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
+_UNNAMED = ("no name that is known", "constant", "text")
+_STYLE = """
+body { font: 14px system-ui, sans-serif; margin: 24px; max-width: 1060px; color: #1b1b1b }
+h1 { font-size: 20px } h2 { font-size: 16px; margin: 22px 0 4px } table { border-spacing: 8px 2px }
+td { vertical-align: top } td.name { width: 200px; overflow-wrap: anywhere; font-weight: 600 }
+td.said { width: 190px; font-size: 12px; color: #444 } svg { background: #f6f7f9 }
+.line { fill: #2166ac; stroke: #2166ac; stroke-width: 1 } .gap { fill: #f4a582; opacity: .7 }
+.again { stroke: #b2182b; stroke-width: 1.5 } .mark { fill: #b2182b }
+"""
+_LEGEND = (
+    "Blue: the range of the values in each slice of time. Orange: samples are missing. Red lines: "
+    "the clock starts again. Red dots: jumps. To the right: range, step, and what is odd about it."
+)
+
+
+def run(options: argparse.Namespace, console: Console) -> int:
+    """Draw the columns of files, and write the page."""
+    rows = read_table(options.columns).get("rows", {})
+    parts = []
+    for path in options.logs:
+        file, _ = split_path(path)
+        parts.append(_file(open_table(file, rows.get("topic", ""), rows.get("header", ()))))
+    page = (
+        f"<!doctype html><meta charset='utf-8'><title>wbc look</title><style>{_STYLE}</style>"
+        f"<p>{_LEGEND}</p>{''.join(parts)}"
+    )
+    console.print(f"wrote {write_text(Path(options.html), page)}", soft_wrap=True)
+    return 0
+
+
+def _file(table: Table) -> str:
+    """Return the part of the page about one file."""
+    clock, time = _clock(table)
+    holes, again = gaps(np.sort(time)), restarts(time)
+    shared = int(np.count_nonzero(np.diff(time) == 0.0))
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else float("nan")
+    said = [f"{table.rows} rows", f"clock: {clock}, usual step {usual:.6g}"]
+    said += [f"{shared} rows share a stamp with the row before"] if shared else []
+    said += [f"{again.size + 1} runs: the clock starts again"] if again.size else []
+    said += [f"samples are missing in {holes.size} places"] if holes.size and not again.size else []
+    said += list(table.notes)
+    order = {name: _kind(table, name) for name in table.names}
+    ranks = (*_KINDS, *_UNNAMED)
+    ranked = sorted(table.names, key=lambda n: ranks.index(order[n]) if order[n] in ranks else 6)
+    # Rows in the order of the file: a clock that starts again would draw runs upon each other.
+    place = time if not again.size and np.all(steps >= 0.0) else np.arange(table.rows, dtype=float)
+    body = ""
+    for kind, names in groupby(ranked, key=order.__getitem__):
+        lines = "".join(_column(table, name, place, holes, again) for name in names)
+        body += f"<h2>{escape(kind.replace('_', ' '))}</h2><table>{lines}</table>"
+    return f"<h1>{escape(str(table.path))}</h1><p>{escape('; '.join(said))}</p>{body}"
+
+
+def _clock(table: Table) -> tuple[str, FloatArray]:
+    names = [n for n in table.names if n == TIME or guess_name(n).quantity == TIME]
+    for name in names:
+        if table.holds_numbers(name) and np.isfinite(table.numbers(name)).all():
+            return f"'{name}'", table.numbers(name)
+    return "none found, rows are counted", np.arange(table.rows, dtype=np.float64)
+
+
+def _kind(table: Table, name: str) -> str:
+    """Return the group of a column: what its name says, else what its values look like."""
+    if not table.holds_numbers(name):
+        return "text"
+    quantity = guess_name(name).quantity or (TIME if name == TIME else "")
+    if quantity.startswith(("target", "goal")):
+        return "target"
+    values = table.numbers(name)
+    if np.nanmin(values, initial=np.inf) == np.nanmax(values, initial=-np.inf):
+        return "constant"
+    return quantity or "no name that is known"
+
+
+def _column(table: Table, name: str, place: FloatArray, holes: IntArray, again: IntArray) -> str:
+    """Return the row of the page about one column: its name, its picture, what is odd."""
+    if not table.holds_numbers(name):
+        kinds = list(dict.fromkeys(table.texts(name)))
+        picture, said = "", [f"{len(kinds)} values: {', '.join(kinds[:4])}"]
+    else:
+        values = table.numbers(name)
+        known = np.isfinite(values)
+        picture, said = _picture(values, place, holes, again), _odd(values[known])
+        if not known.all():
+            said.append(f"{np.count_nonzero(~known)} empty cells")
+    return (
+        f"<tr><td class='name'>{escape(name)}</td><td>{picture}</td>"
+        f"<td class='said'>{escape('; '.join(said))}</td></tr>"
+    )
+
+
+def _odd(values: FloatArray) -> list[str]:
+    """Return what a column says of itself: range, step, plateaus, jumps, sign."""
+    if not values.size:
+        return ["empty"]
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        return [f"{low:.5g} throughout"]
+    said = [f"{low:.5g} to {high:.5g}"]
+    step, rows = resolution(values), jumps(values)[0]
+    share = plateau(values)[2]
+    said += [f"steps of {step:.4g}"] if step else []
+    said += [f"{rows.size} jumps"] if rows.size else []
+    said += [f"{100.0 * share:.1f} % at an end"] if share > 0.005 else []
+    said += ["never below zero"] if low == 0.0 else []
+    return said
+
+
+def _picture(values: FloatArray, place: FloatArray, holes: IntArray, again: IntArray) -> str:
+    """Return the range of a column in each slice of time as SVG, with gaps, restarts and jumps."""
+    known = np.isfinite(values)
+    if np.count_nonzero(known) < 2:
+        return ""
+    start, span = float(place[0]), max(float(place[-1] - place[0]), 1e-300)
+    low, high = float(np.min(values[known])), float(np.max(values[known]))
+    scale = (_HEIGHT - 6.0) / max(high - low, 1e-300)
+
+    def x(at: Sequence[float] | FloatArray) -> FloatArray:
+        return (np.asarray(at) - start) / span * _WIDTH
+
+    def y(value: FloatArray) -> FloatArray:
+        return np.asarray(_HEIGHT - 3.0 - (value - low) * scale)
+
+    bins = np.minimum((x(place[known]) / _WIDTH * _BINS).astype(int), _BINS - 1)
+    first = np.flatnonzero(np.diff(bins, prepend=-1))
+    upper = np.maximum.reduceat(values[known], first)
+    lower = np.minimum.reduceat(values[known], first)
+    across = (bins[first] + 0.5) * _WIDTH / _BINS
+    ring = [*zip(across, y(upper), strict=True), *zip(across[::-1], y(lower)[::-1], strict=True)]
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in ring)
+    marks = ""
+    if not again.size:
+        for left, right in zip(x(place[holes]), x(place[holes + 1]), strict=True):
+            width = max(right - left, 1.5)
+            marks += f"<rect class='gap' x='{left:.1f}' width='{width:.1f}' height='{_HEIGHT}'/>"
+    for at in x(place[again]):
+        marks += f"<line class='again' x1='{at:.1f}' x2='{at:.1f}' y2='{_HEIGHT}'/>"
+    rows = np.flatnonzero(known)[jumps(values[known])[0]][:_BINS]
+    for a, b in zip(x(place[rows]), y(values[rows]), strict=True):
+        marks += f"<circle class='mark' cx='{a:.1f}' cy='{b:.1f}' r='2'/>"
+    size = f"width='{_WIDTH}' height='{_HEIGHT}'"
+    return f"<svg {size}>{marks}<polygon class='line' points='{points}'/></svg>"
