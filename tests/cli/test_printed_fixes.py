@@ -287,6 +287,10 @@ ELSEWHERE = {
     "Why: the same command without --quiet.": "more_is_printed_where_a_line_says_so",
     "(printed without --quiet).": "more_is_printed_where_a_line_says_so",
     "and {} more (--verbose)": "the_answer_comes_first_and_fits_a_screen",
+    'source = "the driver takes it out" }': "gravity_that_is_another_is_named_and_the_printed_line"
+    "_mends_the_robot",
+    'source = "hangs upside down" }': "gravity_that_is_another_is_named_and_the_printed_line"
+    "_mends_the_robot",
     "(--verbose, --json and --report have all)": "the_answer_comes_first_and_fits_a_screen",
 }
 # No way out: the name of an option before what is wrong with its value, or what wrote a file.

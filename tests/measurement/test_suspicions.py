@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -161,18 +162,25 @@ def slow(log: Log, _: int, torque: np.ndarray) -> np.ndarray:
     return lfilter([share], [1.0, share - 1.0], torque, zi=[(1.0 - share) * torque[0]])[0]
 
 
-def test_a_torque_without_gravity_is_named(arm: tuple[Robot, tuple[Log, ...]]) -> None:
+@pytest.mark.parametrize(("kind", "share"), [("no_gravity", 1.0), ("upside_down", 2.0)])
+def test_gravity_that_is_another_is_named_and_the_printed_line_mends_the_robot(
+    kind: str, share: float, arm: tuple[Robot, tuple[Log, ...]], tmp_path: Path
+) -> None:
     robot, logs = arm
     assert find_suspicions(logs, robot) == [[], [], []]
 
     def weight(log: Log, k: int, torque: np.ndarray) -> np.ndarray:
         q = log.stack("position", JOINTS)
-        return torque - link_torque(robot, Motion(q, 0.0 * q, 0.0 * q))[:, k]
+        return torque - share * link_torque(robot, Motion(q, 0.0 * q, 0.0 * q))[:, k]
 
-    for own in find_suspicions([changed(log, weight) for log in logs], robot):
-        (finding,) = own
-        assert (finding.kind, finding.severity) == ("no_gravity", "error")
-        assert "gravity = { value = [0, 0, 0]" in finding.way_out
+    wrong = [changed(log, weight) for log in logs]
+    (finding,) = find_suspicions(wrong, robot)[0]
+    assert (finding.kind, finding.severity) == (kind, "error")
+    line = next(line.strip() for line in finding.way_out.splitlines() if "gravity = " in line)
+    folder = outside("strangers/14_missing_knee_ratio")
+    text = (folder / "robot.toml").read_text().replace("arm.urdf", str(folder / "arm.urdf"))
+    (tmp_path / "robot.toml").write_text(f"{line}\n{text}")
+    assert find_suspicions(wrong, load_robot(tmp_path / "robot.toml")) == [[], [], []]
 
 
 @pytest.mark.parametrize(

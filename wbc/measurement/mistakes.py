@@ -31,10 +31,10 @@ from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
 _GRAVITY = {
-    "no_gravity": "Record the whole torque (an option of the driver). For torques that never held "
+    "no_gravity": "record the whole torque (an option of the driver). For torques that never held "
     "gravity, robot.toml must hold none, at its top:\n"
     '    gravity = { value = [0, 0, 0], unit = "m/s^2", source = "the driver takes it out" }',
-    "upside_down": "If so, robot.toml must say so, at its top:\n"
+    "upside_down": "robot.toml must say so, at its top:\n"
     '    gravity = { value = [0, 0, 9.81], unit = "m/s^2", source = "hangs upside down" }',
 }
 _MORE = "Record more logs in which every joint moves, and give all of them together."
@@ -256,11 +256,14 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
         seen = f"{mistake.text}?"
         way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
     elif mistake.kind in _GRAVITY and not mistake.others:
-        seen, way = f"{_suspected(mistake)} {_seen(mistake)}", _GRAVITY[mistake.kind]
+        seen, way = f"{_suspected(mistake)} {_seen(mistake)}", f"If so, {_GRAVITY[mistake.kind]}"
     else:
         if mistake.others or mistake.probability < LIKELY:
             rivals = ((mistake.text, mistake.mend), *mistake.others)
-            known = [f"If you know that {text}, {say_so(mend)}" for text, mend in rivals if mend]
+            known = [
+                f"If you know that {text}, {say_so(mend) if mend else _of_robot(text)}"
+                for text, mend in rivals
+            ]
             way = "\n".join((_MORE, *known))
         if len(mistake.logs) < len(logs):
             way = "Read these logs with a map of their own. " + way
@@ -275,6 +278,11 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
         mistake.probability,
         mistake.mend,
     )
+
+
+def _of_robot(text: str) -> str:
+    """Return what the description of the robot must say where no column map mends a mistake."""
+    return _GRAVITY["upside_down" if "upside down" in text else "no_gravity"]
 
 
 def _suspected(mistake: Mistake) -> str:
