@@ -119,7 +119,10 @@ def noise_floor(
     drawn: Sequence[FloatArray],
     repeats: Sequence[tuple[int, int]],
 ) -> NoiseFloor:
-    """Return the floor from repeated runs where there are any, else from the sensors' noise.
+    """Return the floor from repeated runs where there are any, never below the sensors' noise.
+
+    The steps of an encoder repeat with the motion: two runs of an arm differed by 0.018 N m where
+    they leave 0.056.
 
     Args:
         records: the logs.
@@ -133,7 +136,8 @@ def noise_floor(
     differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in repeats]
     repeated = _covariance(np.concatenate(differences))
     covariance = _over_all(records, repeats, repeated, sensors)
-    return NoiseFloor(covariance, sensors, tuple(repeats))
+    raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
+    return NoiseFloor(covariance * np.outer(raised, raised), sensors, tuple(repeats))
 
 
 def _over_all(

@@ -1,0 +1,88 @@
+"""What must hold of every diagnosis, whatever the method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from tests.swinging_leg import swing
+from wbc import load_robot
+from wbc.effects import CoulombFriction, TransmissionEfficiency, ViscousFriction
+from wbc.identification import Diagnosis, compare, diagnose
+from wbc.measurement import Log
+
+LEG = load_robot("planar_leg_fixed").lossless()
+HIDDEN = [CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.3)]
+KINDS = [CoulombFriction, ViscousFriction, TransmissionEfficiency]
+RUNS = tuple(swing(LEG.with_effects(*HIDDEN), k, float(k), seconds=4.0) for k in (1, 2, 3))
+
+
+def numbers(diagnosis: Diagnosis) -> dict[tuple[str, str, str], float]:
+    return {
+        (*f.effect.key, name): e.value for f in diagnosis.findings for name, e in f.numbers.items()
+    }
+
+
+def answer(logs: Sequence[Log]) -> dict[tuple[str, str, str], float]:
+    return numbers(diagnose(LEG, logs, KINDS))
+
+
+TRUTH = {
+    ("coulomb_friction", "hip", "level"): 0.5,
+    ("viscous_friction", "knee", "coefficient"): 0.3,
+}
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_more_logs_never_turn_a_right_answer_wrong(count: int) -> None:
+    assert answer(RUNS[:count]) == pytest.approx(TRUTH, rel=0.05)
+
+
+def test_the_order_of_logs_and_columns_changes_nothing() -> None:
+    turned = [log.select(reversed(log.names)) for log in reversed(RUNS)]
+    assert answer(turned) == pytest.approx(answer(RUNS), rel=1e-3)
+
+
+def test_a_copy_of_a_run_counts_once() -> None:
+    assert answer([*RUNS, RUNS[0]]) == pytest.approx(answer(RUNS), rel=1e-9)
+
+
+def test_a_column_that_no_cause_needs_changes_nothing() -> None:
+    more = [log.with_columns({"hip.temperature": np.full(len(log), 30.0)}) for log in RUNS]
+    assert answer(more) == pytest.approx(answer(RUNS), rel=1e-9)
+
+
+def test_the_side_of_the_gear_on_which_torque_is_told_changes_nothing() -> None:
+    ratio = dict(zip(LEG.transmission.joints, LEG.transmission.gear_ratio, strict=True))
+    told = []
+    for log in RUNS:
+        rotor = [f"{joint}.rotor_torque" for joint in ratio]
+        kept = log.select(name for name in log.names if name not in rotor)
+        torques = {
+            f"{j}.motor_torque": n * log.column(f"{j}.rotor_torque") for j, n in ratio.items()
+        }
+        told.append(kept.with_columns(torques))
+    assert answer(told) == pytest.approx(answer(RUNS), rel=1e-6)
+
+
+def test_repeats_never_lower_the_noise_floor() -> None:
+    """What an encoder's steps do repeats with the motion, and cancels between two such runs."""
+    coarse = []
+    for run, seed in ((RUNS[0], 0), (RUNS[1], 1)):
+        step = 2.0 * np.pi / 2**12
+        positions = {
+            f"{j}.position": step * np.round(run.column(f"{j}.position") / step)
+            for j in LEG.transmission.joints
+        }
+        random = np.random.default_rng(seed)
+        torque = run.column("hip.rotor_torque")
+        noisy = {"hip.rotor_torque": torque + 1e-6 * random.standard_normal(len(run))}
+        coarse.append(run.with_columns(positions | noisy))
+    repeat = coarse[0].with_columns(
+        {"knee.rotor_torque": coarse[0].column("knee.rotor_torque") * (1.0 + 1e-9)}
+    )
+    alone = {o.output: o.floor for o in compare(LEG, coarse).outputs}
+    repeated = {o.output: o.floor for o in compare(LEG, [*coarse, repeat]).outputs}
+    assert all(repeated[name] > 0.95 * alone[name] for name in alone)
