@@ -22,11 +22,15 @@ class Usual:
     spread: float
     factor: bool = False
 
-    def cost(self, value: float) -> float:
-        """Return by how much less likely a number is than one in the range [nats]."""
+    def departure(self, value: float) -> float:
+        """Return how many standard deviations a number lies outside the range."""
         nearest = min(max(value, self.low), self.high)
         off = float(np.log(value / nearest)) if self.factor else value - nearest
-        return 0.5 * (off / self.spread) ** 2
+        return off / self.spread
+
+    def cost(self, value: float) -> float:
+        """Return by how much less likely a number is than one in the range [nats]."""
+        return 0.5 * self.departure(value) ** 2
 
 
 @dataclass(frozen=True)

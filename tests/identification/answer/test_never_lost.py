@@ -71,7 +71,8 @@ def test_an_effect_that_fails_is_left_out_and_named(bad: type[Effect]) -> None:
 
 def test_a_search_without_time_says_so() -> None:
     diagnosis = diagnose(LEG, LOGS, budget=0.0)
-    assert diagnosis.effects == ()
+    assert not any(finding.probability > 0.5 for finding in diagnosis.findings)
+    assert diagnosis.error.after < 0.1 * diagnosis.error.before  # the plain fits, at least
     assert any("best answer so far" in text for text in diagnosis.warnings)
 
 

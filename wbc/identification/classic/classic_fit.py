@@ -9,12 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.drive.rotor_inertia import RotorInertia
-from wbc.effects.drive.torque_offset import TorqueOffset
-from wbc.effects.friction.coulomb_friction import CoulombFriction
-from wbc.effects.friction.rotor_coulomb_friction import RotorCoulombFriction
-from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
-from wbc.effects.friction.viscous_friction import ViscousFriction
+from wbc.identification.choice.plain_models import JOINTS
 from wbc.identification.classic.base_parameters import base_columns, combination, link_names
 from wbc.identification.model.columns.inertial_columns import inertial_columns
 from wbc.identification.model.derivatives import derivatives, evaluate
@@ -25,16 +20,6 @@ from wbc.identification.records.outputs import output_names
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
-
-KINDS: tuple[type[Effect], ...] = (
-    ViscousFriction,
-    CoulombFriction,
-    RotorViscousFriction,
-    RotorCoulombFriction,
-    TorqueOffset,
-    RotorInertia,
-)
-"""What is fitted at every joint beside the links; rotor friction where gears are coupled."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +175,7 @@ class _Columns:
     @classmethod
     def of(cls, problem: EstimationProblem) -> _Columns:
         robot, records = problem.robot, problem.records
-        effects = [_small(kind, robot, where) for kind in KINDS for where in kind.places(robot)]
+        effects = [_small(kind, robot, where) for kind in JOINTS for where in kind.places(robot)]
         slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
         at = evaluate(robot, effects, records, problem.whitening)
         joint = derivatives(robot, at, slots, records, problem.whitening)

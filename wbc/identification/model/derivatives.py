@@ -29,7 +29,7 @@ from wbc.identification.model.residual import (
     Asked,
     asked_of_gears,
     condensed_residual,
-    noise_sizes,
+    drive_slopes,
     swinging_torque,
 )
 from wbc.identification.model.yielding import deflects
@@ -83,7 +83,7 @@ def evaluate(
     if not np.isfinite(condensed).all():
         names = ", ".join(f"{effect.name} at '{effect.where}'" for effect in effects)
         raise DynamicsError(f"'{robot.name}' with {names} needs torque that is not finite.")
-    sizes = noise_sizes(whole, records)
+    sizes = drive_slopes(whole, records)
     whitened = condensed @ whitening
     return Evaluation(tuple(effects), whole, condensed, whitened, swinging, sizes, asked)
 

@@ -63,8 +63,8 @@ def raw_residual(
     gears (measured minus what the links need); see `records.outputs`.
 
     Reported torque goes through the robot's drives forward, so that a drive that clips, sags or
-    lags needs no inverse; the result is divided by what the drive's slope does to the size of the
-    noise, or else a factor that shrinks everything would explain everything.
+    lags needs no inverse; the result is divided by the drive's slope, so that it stands in the
+    torque that is reported, or else a factor that shrinks everything would explain everything.
 
     Args:
         robot: with its effects.
@@ -76,7 +76,7 @@ def raw_residual(
     if asked is not None:
         delivered, slope = _delivered(robot, asked.motion, record.torque)
         rows = _rows_of_gears(robot, record, asked, delivered)
-        return _in_one(robot, record, rows, slope)
+        return _in_one(robot, rows, slope)
     motion, links, contacts = _loads(robot, record, swinging)
     return _unexplained(robot, record, motion, links, contacts)
 
@@ -184,13 +184,13 @@ def _unexplained(
 ) -> FloatArray:
     delivered, slope = _delivered(robot, motion, record.torque)
     rows = _rows(robot, record.along(motion), links, contacts, delivered)
-    return _in_one(robot, record, rows, slope)
+    return _in_one(robot, rows, slope)
 
 
-def _in_one(robot: Robot, record: Record, rows: _Rows, slope: FloatArray) -> FloatArray:
-    """Return (N, m + b + s): those of the gears at their outputs, over what drives do to noise."""
+def _in_one(robot: Robot, rows: _Rows, slope: FloatArray) -> FloatArray:
+    """Return (N, m + b + s): those of the gears at their outputs, in reported torque."""
     gears, base, sensors = rows
-    driven = gears * (np.abs(robot.transmission.gear_ratio) / _noise_size(record, slope))
+    driven = gears * (np.abs(robot.transmission.gear_ratio) / np.maximum(slope, _LEAST_GAIN))
     return np.concatenate([driven, base, sensors], axis=1)
 
 
@@ -254,22 +254,13 @@ def _mesh_slope(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
     return np.asarray(more * gears.gear_ratio / step)
 
 
-def _noise_size(record: Record, slope: FloatArray) -> FloatArray:
-    """Return (m,) what drives of these slopes do to the size of the residual's noise."""
-    share = record.reported_share
-    return np.asarray(np.sqrt(share * np.maximum(slope, _LEAST_GAIN) ** 2 + 1.0 - share))
-
-
-def noise_sizes(robot: Robot, records: Sequence[Record]) -> FloatArray:
-    """Return (rows, m + b) by what the drives of a robot divide what it leaves unexplained.
-
-    The drives act on the motion as measured: the robot has no effect on its encoders.
-    """
+def drive_slopes(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (rows, m + b) by what the drives of a robot divide what it leaves unexplained."""
     parts = []
     for record in records:
         _, slope = _delivered(robot, record.motion, record.torque)
         others = np.ones(output_count(robot) - robot.transmission.size)
-        sizes = np.concatenate([_noise_size(record, slope), others])
+        sizes = np.concatenate([np.maximum(slope, _LEAST_GAIN), others])
         parts.append(np.broadcast_to(sizes, (record.rows, sizes.size)))
     return np.concatenate(parts)
 

@@ -53,7 +53,7 @@ class UsualRows:
         """
         parts, ends = [], [0]
         for effect in effects:
-            parts.append(effect.search.departures(effect))
+            parts.append(_departures(effect))
             ends.append(ends[-1] + parts[-1].size)
         residual = np.concatenate([np.zeros(0), *parts])
         jacobian = np.zeros((residual.size, len(slots)))
@@ -130,8 +130,18 @@ def _log_det(matrix: FloatArray) -> float:
     return float(np.linalg.slogdet(matrix)[1])
 
 
+def _departures(effect: Effect) -> FloatArray:
+    """Return how far an effect is from what is usual, and each of its numbers that has a range.
+
+    Beside open drawings no log tells a torque constant: it scales with all masses.
+    """
+    values = effect.values
+    own = [p.usual.departure(values[p.name]) for p in effect.parameters if p.usual is not None]
+    return np.concatenate([effect.search.departures(effect), own])
+
+
 def _slope(effect: Effect, parameter: Parameter, before: FloatArray) -> FloatArray:
     value = effect.values[parameter.name]
     step = STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
-    after = effect.search.departures(effect.with_values({parameter.name: value + step}))
+    after = _departures(effect.with_values({parameter.name: value + step}))
     return np.asarray((after - before) * (parameter.scale / step))

@@ -142,7 +142,6 @@ def _record(
         rate=rate / every,
         bandwidth=band,
         noise=noise,
-        reported_share=np.ones(robot.transmission.size),
         certainty=np.ones(output_count(robot)),
         load_band=np.full(robot.transmission.size, np.inf),
         inertia=channels.inertia,
@@ -166,9 +165,7 @@ def _with_noise_shared(record: Record) -> Record:
     partners &= record.weight.any(axis=0)  # one that is not judged here speaks for no other
     np.fill_diagonal(partners, True)
     weight = np.stack([record.weight[:, row].min(axis=1) for row in partners], axis=1)
-    m = record.torque.shape[1]
-    share = np.mean(reported[:, :m] ** 2, axis=0) / size[:m] ** 2
-    return replace(record, weight=frozen(weight), reported_share=frozen(np.clip(share, 0.0, 1.0)))
+    return replace(record, weight=frozen(weight))
 
 
 def _smooth_motion(

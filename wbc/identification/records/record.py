@@ -51,8 +51,6 @@ class Record:
         rate: [Hz] of this grid.
         bandwidth: cut-offs.
         noise: white noise of the sensors.
-        reported_share: (m,) share of the residual's noise variance that comes from the reported
-            torque; the rest comes from what the model needs.
         certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
             those that the noise floor is taken from.
         load_band: (m,) frequency from which on the load of a driven joint is noise [Hz].
@@ -73,7 +71,6 @@ class Record:
     rate: float
     bandwidth: Bandwidth
     noise: NoiseDensity
-    reported_share: FloatArray
     certainty: FloatArray
     load_band: FloatArray
     inertia: FloatArray | None = None

@@ -21,7 +21,7 @@ from wbc.identification.choice.weighing.trials import Trials
 
 
 @dataclass(frozen=True)
-class BelievedAnswer:
+class Answer:
     """A hypothesis, judged.
 
     Attributes:
@@ -44,7 +44,7 @@ class BelievedAnswer:
         return least_believed({key: s.group_probability for key, s in self.support.items()})
 
 
-def believed(found: SearchResult) -> BelievedAnswer:
+def believed(found: SearchResult) -> Answer:
     """Return the hypothesis with those causes only that are more probable than not.
 
     It is that with the most evidence where all of it is believed, else the end of the search where
@@ -60,25 +60,32 @@ def believed(found: SearchResult) -> BelievedAnswer:
         doubted.add(least)
         end = best_without(trials, end, doubted)
     best = best_without(trials, end, doubted)
-    answer = _judged(trials, best, doubted)
+    answer = judged(trials, best, doubted)
     if answer.doubted and best is not end:
-        other = _judged(trials, end, doubted)
+        other = judged(trials, end, doubted)
         answer = answer if other.doubted else other
     while least := answer.doubted:
         doubted.add(least)
-        answer = _judged(trials, best_without(trials, answer.hypothesis, doubted), doubted)
+        answer = judged(trials, best_without(trials, answer.hypothesis, doubted), doubted)
     # Where something was found and nothing of it is believed, something else is there, unless the
     # logs hardly speak against the robot as given.
     missing = not answer.hypothesis.effects and 1.0 - odds_of(trials).nothing >= BELIEVED
     return replace(answer, more=answer.more or missing)
 
 
-def _judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> BelievedAnswer:
+def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
+    """Return a hypothesis with what speaks for its causes.
+
+    Args:
+        trials: of the search.
+        h: the hypothesis.
+        doubted: causes that are not believed: what holds them is no evidence.
+    """
     # What rests on a cause that is not believed is no evidence for others.
     odds = odds_of(trials, [k for k in trials.known if doubted.isdisjoint(k.keys)], h)
     level = attainable(trials.problem, trials.fit(h))
     more = unexplained(trials.nothing.error, h, level.excess)
-    return BelievedAnswer(h, odds, level, support_of(trials, h, odds, level.excess, not more), more)
+    return Answer(h, odds, level, support_of(trials, h, odds, level.excess, not more), more)
 
 
 def best_without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:

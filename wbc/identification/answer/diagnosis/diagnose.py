@@ -9,10 +9,10 @@ from math import inf
 import numpy as np
 
 from wbc.effects import EFFECTS
-from wbc.identification.answer.diagnosis.believed import believed
 from wbc.identification.answer.diagnosis.correlation import correlation_of
 from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.diagnosis.findings import describe_findings
+from wbc.identification.answer.diagnosis.model_to_use import model_to_use
 from wbc.identification.answer.diagnosis.ranking import rank_hypotheses, with_covariances
 from wbc.identification.answer.diagnosis.verdict import (
     NOTHING_MOVES,
@@ -102,7 +102,7 @@ def diagnose(
     trials = found.trials
     trials.until = inf  # the search is over: what the answer still needs is fitted
     problem, first = trials.problem, trials.nothing
-    answer = believed(found)
+    answer = model_to_use(found, classes)
     final, odds, support = answer.hypothesis, answer.odds, answer.support
     verdict = verdict_of(problem, first, final, list(support.values()), answer.more)
     rivals = dict(zip(final.keys, odds.rivals(final), strict=True))

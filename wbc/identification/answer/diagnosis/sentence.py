@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.numbers import plain
-from wbc.identification.choice.weighing.certainty import CERTAIN
+from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN
 from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
@@ -39,8 +39,27 @@ _CAUSES = 4
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """Return what a diagnosis says, in one or two sentences with its numbers."""
-    found = _sum_up(diagnosis.findings)
+    """Return what a diagnosis says: which causes, how far the error falls, what is doubtful."""
+    doubtful = [f for f in diagnosis.findings if f.support.group_probability < EVEN]
+    return " ".join(part for part in (_verdict_sentence(diagnosis), _doubt(doubtful)) if part)
+
+
+def _doubt(findings: Sequence[Finding]) -> str:
+    """Say which causes are in the model for their torque, whatever their name; empty for none."""
+    if not findings:
+        return ""
+    places = {f.effect.name: 0 for f in findings}
+    for finding in findings:
+        places[finding.effect.name] += 1
+    said = joined([spoken(n) + (f" at {k} places" if k > 1 else "") for n, k in places.items()])
+    return (
+        f"Doubtful: {said}. The model predicts better with this torque, but the name may stand in "
+        "for something else."
+    )
+
+
+def _verdict_sentence(diagnosis: Diagnosis) -> str:
+    found = _sum_up([f for f in diagnosis.findings if f.support.group_probability >= EVEN])
     match diagnosis.verdict:
         case "none":
             floors = plain(diagnosis.error.after, 2)
@@ -53,9 +72,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             return f"{what} in the model: {found}. {_progress(diagnosis)}."
         case "ambiguous":
             rivals = _rivals(diagnosis.findings)
-            return (
-                f"It would be enough to add {found}. {_progress(diagnosis)}. But these logs cannot "
-                f"tell {rivals}."
+            return f"It would be enough to add {found}. {_progress(diagnosis)}." + (
+                f" But these logs cannot tell {rivals}." if rivals else " No cause is certain."
             )
         case "partial":
             sure = certain_findings(diagnosis)
@@ -69,10 +87,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             noise = only_noise(diagnosis.silent)
             if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
                 return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
-            added = f"{found} would help. {_progress(diagnosis)}." if found else ""
+            used = f"Use the model found all the same. {_progress(diagnosis)}."
+            used = used if diagnosis.findings else ""
+            added = f"{found} would help. " if found else ""
             rest = f"that no known effect explains ({_left(diagnosis)})"
             left = f"Something is missing in the model {rest}."
-            said = (left, added[:1].upper() + added[1:], f"{noise}." if noise else "")
+            said = (left, added[:1].upper() + added[1:] + used, f"{noise}." if noise else "")
             return " ".join(sentence for sentence in said if sentence)
         case "not_repeatable":
             return (

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.identification.answer.diagnosis.diagnosis import Finding, Verdict
 from wbc.identification.answer.diagnosis.sentence import joined, only_noise
 from wbc.identification.answer.remainder.remainder import Remainder
-from wbc.identification.choice.weighing.certainty import CERTAIN, Support
+from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN, Support
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.noise.noise_floor import NoiseFloor
@@ -45,7 +45,10 @@ def verdict_of(
         return "partial" if certain and _substantial(first, final) else "unknown"
     if not final.effects:
         return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
-    return "ambiguous" if any(s.group > s.odds for s in support) else "named"
+    if not any(s.group_probability >= EVEN for s in support):
+        return "unknown"
+    certain = any(s.group_probability >= CERTAIN for s in support)
+    return "named" if certain and not any(s.group > s.odds for s in support) else "ambiguous"
 
 
 def _substantial(first: Hypothesis, final: Hypothesis) -> bool:

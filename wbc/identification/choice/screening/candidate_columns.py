@@ -26,7 +26,7 @@ from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.residual import (
     Asked,
     asked_of_gears,
-    noise_sizes,
+    drive_slopes,
     raw_residual,
     swinging_torque,
 )
@@ -274,7 +274,7 @@ def _added_columns(
     """
     if not keeps_motion(robot):
         return {}
-    lossy, sizes = np.flatnonzero(lossy_gears(robot)), noise_sizes(robot, [record])[0]
+    lossy, sizes = np.flatnonzero(lossy_gears(robot)), drive_slopes(robot, [record])[0]
 
     def added() -> Iterator[tuple[int, AddedTorque]]:
         """Yield what each unit of an offer adds, with the number of the offer."""

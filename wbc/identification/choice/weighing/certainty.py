@@ -36,6 +36,8 @@ UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
 
 BELIEVED = 2.0 / 3.0
 """A cause in the answer is at least twice as probable as not."""
+EVEN = 0.5
+"""Probability below which a cause stands for its torque only: it may be something else."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
 _NONE = 1e-3  # of what a cause explains, that filters distort at least: no remainder is smaller

@@ -22,13 +22,14 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
 
     The log density of what is left on held-out data, plus the log prior:
 
-        sum over folds f and outputs o of  n_fo (-1/2 log v_fo - 1/2 s_fo / v_fo)  +  log prior
+        sum over folds f and outputs o of  n_fo (-1/2 log v_o - 1/2 s_fo / v_o)  +  log prior
 
-    with s_fo the held-out mean square in floors, and v_fo the variance that the other folds show,
-    never below that of the sensors (1), plus what filters and simulations distort. n_fo counts
-    the independent samples of the fold. What is left is autocorrelated; at each output the
-    hypothesis that leaves least there says how much, for all of them, or else the differences
-    would mean nothing. What filters distort is the same in all folds: with N samples altogether,
+    with s_fo the held-out mean square in floors, and v_o the variance that all folds show together,
+    never below that of the sensors (1), plus what filters and simulations distort: what leaves less
+    in every fold has more density. n_fo counts the independent samples of the fold. What is left is
+    autocorrelated; at each output the hypothesis that leaves least there says how much, for all of
+    them, or else the differences would mean nothing. What filters distort is the same in all folds:
+    with N samples altogether,
     n_fo is divided by 1 + N (a d first)^2 / v, a being the share that may look like one cause.
     Where no sensor measured the forces of contacts, what makes these contacts move is less
     probable, too (`HeldContacts.evidence`).
@@ -62,12 +63,13 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
 def _log_density(
     h: Hypothesis, samples: FloatArray, distorted: FloatArray, simulated: bool
 ) -> FloatArray:
-    total = h.rows @ h.beside
-    others = (total - h.rows[:, None] * h.beside) / (h.rows.sum() - h.rows)[:, None]
-    left, variance = h.beside, np.maximum(others, 1.0) + distorted
     if simulated:
         # A simulated link is off by as much in a way of its own: nothing below that is evidence.
-        left, variance = (np.maximum(squares, 1.0 + distorted) for squares in (h.beside, others))
+        left = np.maximum(h.beside, 1.0 + distorted)
+        variance = h.rows @ left / h.rows.sum()
+    else:
+        left = h.beside
+        variance = np.maximum(h.rows @ left / h.rows.sum(), 1.0) + distorted
     return np.asarray(-0.5 * np.sum(samples * (np.log(variance) + left / variance), axis=0))
 
 

@@ -1,0 +1,149 @@
+"""The model to use: the one that predicts best, whatever is thought of the names of its causes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.identification.answer.diagnosis.believed import Answer, believed, judged
+from wbc.identification.choice.plain_models import plain_models
+from wbc.identification.choice.search.find_causes import SearchResult
+from wbc.identification.choice.weighing.certainty import EVEN
+from wbc.identification.choice.weighing.drop_screen import losses
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.records.folds import block_means
+from wbc.robot import Effect, Parameter
+
+_ALIKE = 1.01  # ratio of two errors (rms) up to which they are one: half of what is promised
+_SEEN = 1e-9  # of the longest column: shorter ones are rounding
+
+
+def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer:
+    """Return the model that predicts held-out data best, with the odds of each of its causes.
+
+    The causes that are believed, if nothing else leaves less: joint by joint, beyond a standard
+    error. Else the end of the search with what is not believed; else what was found beside the
+    plain fits, or one of these alone. A cause that is not believed stays in a model that predicts
+    better with it: its torque is real, only its name is not.
+
+    Args:
+        found: the search.
+        classes: effects that may be used.
+    """
+    trials, names = found.trials, believed(found)
+    if not classes:
+        return names
+    ordered = _in_order(trials, dict.fromkeys((names.hypothesis, found.final)), classes)
+    used = _best(*ordered)
+    if used is names.hypothesis:
+        return names
+    return _doubting(trials, judged(trials, used, set()), names)
+
+
+def _best(tried: Iterable[_Prediction], rivals: Sequence[_Prediction]) -> Hypothesis:
+    """Return the first of those tried that no other is better than; else the one least behind."""
+    known = list(rivals)
+    for one in tried:
+        known.append(one)
+        if all(one.behind(other) <= _ALIKE for other in known):
+            return one.hypothesis
+    return min(known, key=lambda one: max(one.behind(other) for other in known)).hypothesis
+
+
+def _in_order(
+    trials: Trials, found: Iterable[Hypothesis], classes: Sequence[type[Effect]]
+) -> tuple[Iterator[_Prediction], list[_Prediction]]:
+    """Return what may be used, in the order of belief, and the plain fits that it must match.
+
+    Last come the plain fits beside what was found. Links that swing are simulated: beside them no
+    plain fit is tried.
+    """
+    starts = plain_models(trials.problem, classes)
+    plain = [_without_idle(trials, h) for h in trials.all_of(starts)]
+    rivals = [_Prediction.of(trials, h) for h in (trials.nothing, *plain)]
+
+    def tried() -> Iterator[_Prediction]:
+        yield from (known := [_Prediction.of(trials, h) for h in found])
+        last = known[-1].hypothesis
+        for own in () if last.swings else plain:
+            more = [effect for effect in own.effects if effect.key not in last.keys]
+            if more and (both := trials.of((*last.effects, *more))) is not None:
+                yield _Prediction.of(trials, _without_idle(trials, both))
+
+    return tried(), rivals
+
+
+def _without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
+    """Return a hypothesis without the causes that change nothing on these logs."""
+    fit = trials.fit(h)
+    size = np.sqrt(np.einsum("rop,rop->p", fit.jacobian, fit.jacobian))
+    busy = {
+        k
+        for (k, parameter), own in zip(fit.parameters, size, strict=True)
+        if own > _SEEN * size.max() and _at_work(trials, fit.effects[k], parameter)
+    }
+    kept = [effect for k, effect in enumerate(h.effects) if k in busy]
+    return trials.of(kept) or h
+
+
+def _at_work(trials: Trials, effect: Effect, parameter: Parameter) -> bool:
+    given = effect.null_values(trials.problem.robot, effect.where)
+    return effect.values[parameter.name] != given.get(parameter.name, parameter.null)
+
+
+def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
+    """Return an answer that believes in no more names than the search does.
+
+    What came in for its torque is at most as probable as not, and not more than it is beside all
+    others: no hypothesis that lacks one of them was tried.
+    """
+    h = answer.hypothesis
+    each = [(np.inf, 0.0)] * len(h.effects)
+    if not h.swings:
+        each = losses(trials.problem, trials.fit(h), h, [(effect,) for effect in h.effects])
+    support = {}
+    for key, (loss, gain) in zip(h.keys, each, strict=True):
+        own = answer.support[key]
+        alone = float(EVEN / (1.0 + np.exp(np.clip(gain - loss, -500.0, 500.0))))
+        doubted = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
+        support[key] = names.support.get(key, doubted)
+    return replace(answer, support=support)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prediction:
+    """What a hypothesis leaves of data that it did not see.
+
+    Attributes:
+        hypothesis: the causes.
+        squares: (blocks, outputs) held-out mean squares in the outputs' units, the logs resampled
+            by blocks. Where a fit did not reach its end, it leaves more itself than a step further
+            would leave held out: that counts.
+        floor: (outputs,) mean squares of the noise floor: below it nothing is told apart.
+    """
+
+    hypothesis: Hypothesis
+    squares: FloatArray
+    floor: FloatArray
+
+    @classmethod
+    def of(cls, trials: Trials, h: Hypothesis) -> _Prediction:
+        problem = trials.problem
+        kept = [k for k in range(len(problem.whitening)) if k not in problem.floor.aside]
+        fit, units = trials.fit(h), np.linalg.inv(problem.whitening[kept])
+        both = [
+            np.stack([block_means(own**2, problem.blocks) for own in (left @ units).T], axis=1)
+            for left in (fit.held_out_residual(problem.folds), fit.residual)
+        ]
+        return cls(h, np.maximum(*both), problem.floor.values[kept] ** 2)
+
+    def behind(self, other: _Prediction) -> float:
+        """Return the largest ratio of two outputs' errors, less a standard error of the first."""
+        own = self.squares.mean(axis=0)
+        beside = np.maximum(other.squares.mean(axis=0), self.floor)
+        error = np.std(self.squares - other.squares, axis=0, ddof=1) / np.sqrt(len(self.squares))
+        return float(np.sqrt(np.max(np.maximum(own - error, 0.0) / np.maximum(beside, 1e-300))))

@@ -1,0 +1,73 @@
+"""The plain fits that every answer has to match: nothing is chosen in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.effects.drive.rotor_inertia import RotorInertia
+from wbc.effects.drive.torque_constant import TorqueConstant
+from wbc.effects.drive.torque_offset import TorqueOffset
+from wbc.effects.friction.coulomb_friction import CoulombFriction
+from wbc.effects.friction.load_friction import LoadFriction
+from wbc.effects.friction.rotor_coulomb_friction import RotorCoulombFriction
+from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
+from wbc.effects.friction.viscous_friction import ViscousFriction
+from wbc.effects.links.link_inertia import LinkInertia
+from wbc.effects.links.link_inertias import LinkInertias
+from wbc.identification.log_warnings import still_joints
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.robot import Effect
+
+FRICTION: tuple[type[Effect], ...] = (
+    ViscousFriction,
+    CoulombFriction,
+    RotorViscousFriction,
+    RotorCoulombFriction,
+    TorqueOffset,
+)
+"""Friction and offset of each joint; rotor friction where it differs from that of the joint."""
+JOINTS: tuple[type[Effect], ...] = (*FRICTION, RotorInertia)
+"""What the classic fit has at every joint beside the links."""
+
+
+def plain_models(
+    problem: EstimationProblem, classes: Sequence[type[Effect]]
+) -> tuple[tuple[Effect, ...], ...]:
+    """Return the starts of the plain fits, each with more than the one before.
+
+    Friction and offsets; the classic fit; it with a torque constant, and with load friction, at
+    every joint. The classic fit has the inertias of all links. As numbers of a robot they are those
+    of bodies that can exist, and friction takes power. Free base parameters are not bound to that:
+    where torques are wrong by a factor at some joints, they take it up. On a recorded six-axis arm
+    bodies that can exist leave 0.97 to 1.5 times what free base parameters leave held out, 0.94 to
+    1.1 times with torque constants, and 0.84 to 1.02 times with load friction.
+
+    Args:
+        problem: the logs.
+        classes: effects that may be used.
+    """
+    robot = problem.robot
+    links = LinkInertias if LinkInertias.places(robot) else LinkInertia
+    drawn = [links.at(w, links.null_values(robot, w)) for w in links.places(robot)]
+    parts = (
+        _at_all_joints(problem, FRICTION),
+        (*_at_all_joints(problem, (RotorInertia,)), *drawn),
+        _at_all_joints(problem, (TorqueConstant,)),
+        _at_all_joints(problem, (LoadFriction,)),
+    )
+    allowed = [tuple(e for e in part if isinstance(e, tuple(classes))) for part in parts]
+    growing = [sum(allowed[: k + 1], ()) for k in range(len(allowed))]
+    return tuple(dict.fromkeys(offer for offer in growing if offer))
+
+
+def _at_all_joints(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> tuple[Effect, ...]:
+    robot = problem.robot
+    moving = np.setdiff1d(problem.judged_joints, still_joints(problem.records)).tolist()
+    return tuple(
+        kind.at(where, kind.null_values(robot, where))
+        for kind in kinds
+        for where in kind.places(robot)
+        if where in moving
+    )
