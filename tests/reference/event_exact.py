@@ -22,7 +22,7 @@ from wbc.errors import SimulationError
 from wbc.mechanics.rows import branch_of
 from wbc.robot import Robot
 from wbc.sim import Elements, StepProgram, Unilateral, solve_program
-from wbc.sim.forces import EffectForces, effect_forces, first_memory
+from wbc.sim.forces import EffectForces, PlantEffects
 from wbc.sim.gears import Drivetrain
 
 _MAX_PIECES = 2000
@@ -48,7 +48,7 @@ class Mechanism:
     def __init__(self, robot: Robot, torque: Input, external: Input | None) -> None:
         """Prepare `robot` under inputs that are functions of time."""
         self.robot, self.torque, self.external = robot, torque, external
-        self.drive = Drivetrain.of(robot)
+        self.drive, self.effects = Drivetrain.of(robot), PlantEffects.of(robot)
         self.data = robot.model.createData()
         self.nv = robot.model.nv
 
@@ -60,7 +60,7 @@ class Mechanism:
         model = self.robot.model
         inertia = np.array(pin.crba(model, self.data, q))
         inertia = np.triu(inertia) + np.triu(inertia, 1).T
-        forces = effect_forces(self.robot, (q, v, time), self.torque(time))
+        forces = self.effects.forces((q, v, time), self.torque(time))
         force = forces.joint - pin.nonLinearEffects(model, self.data, q, v)
         if self.external is not None:
             force = force + self.external(time)
@@ -200,7 +200,7 @@ def integrate_exactly(
     """
     model, drive = robot.model, Drivetrain.of(robot)
     coupled = drive.any_loose or robot.rotors_turn_with_links
-    if model.nq != model.nv or coupled or first_memory(robot):
+    if model.nq != model.nv or coupled or PlantEffects.of(robot).first:
         raise SimulationError(
             f"'{robot.name}' cannot be integrated event by event: that needs joints of one degree "
             "of freedom each, rigid gears, rotors without inertial coupling and effects without a "

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.sim.core import Ended
 from wbc.sim.energy import EnergyFlow
-from wbc.sim.forces import EffectForces, effect_forces
+from wbc.sim.forces import EffectForces
 from wbc.sim.part import CONTACT, FRICTION, GEAR, GROUND, MESH, MOTOR, ROTOR
 from wbc.sim.program import StepSolution
 from wbc.sim.setup import Setup
@@ -198,7 +198,7 @@ def _once(given: PartInput) -> Flow:
         half = core.to_middle(state, 0.5 * step)
         position, velocity = core.middle(half)
         at, of_motor = (position, velocity, state.time + 0.5 * step), (setup.temperature, mesh)
-        forces = effect_forces(setup.robot, at, command, state.memory, step, *of_motor)
+        forces = setup.effects.forces(at, command, state.memory, step, *of_motor)
         setup.tell_losses(position, velocity)
         setup.tell_coupling(position, velocity)
     else:

@@ -1,12 +1,20 @@
-"""What the effects of a robot exert in the plant, through their generic hooks alone."""
+"""What the effects of a robot exert in the plant: laws of tables, and hooks, once per kind."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.effects.tables import (
+    EffectTable,
+    effect_table,
+    fill_delivered,
+    fill_joint_torques,
+    left_for_hooks,
+)
 from wbc.errors import SimulationError
 from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
@@ -35,84 +43,111 @@ class EffectForces(NamedTuple):
     stores: tuple[tuple[Effect, Motion], ...] = ()
 
 
-def first_memory(robot: Robot) -> EffectMemory:
-    """Return the states of their own that the effects of `robot` start with."""
-    held = tuple(effect.first_memory(robot) for effect in robot.effects)
-    return held if any(memory is not None for memory in held) else ()
+@dataclass(frozen=True, eq=False, slots=True)
+class PlantEffects:
+    """The effects of a robot, prepared for stepping.
 
-
-def checked_memory(robot: Robot, first: EffectMemory, given: EffectMemory) -> EffectMemory:
-    """Return `given`, or `first` where it is empty.
-
-    Raises:
-        SimulationError: `given` belongs to other effects than those of `robot`.
+    Attributes:
+        robot: whose they are.
+        table: those that compiled loops evaluate.
+        hooks: the others, one per kind; `SimState.memory` has one entry for each of them.
+        first: what these start with; empty where none has a state of its own.
+        on_drives: whether the table changes what drives give.
     """
-    if not given:
-        return first
-    if [memory is None for memory in given] != [memory is None for memory in first]:
-        own = [e.name for e in robot.effects if e.first_memory(robot) is not None]
-        raise SimulationError(
-            f"the memory of the state does not fit '{robot.name}' (effects with a memory: "
-            f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
-            "empty to start anew."
+
+    robot: Robot
+    table: EffectTable
+    hooks: tuple[Effect, ...]
+    first: EffectMemory
+    on_drives: bool
+
+    @classmethod
+    def of(cls, robot: Robot) -> PlantEffects:
+        """Return the effects of `robot`."""
+        table, hooks = effect_table(robot), left_for_hooks(robot)
+        held = tuple(effect.first_memory(robot) for effect in hooks)
+        first = held if any(memory is not None for memory in held) else ()
+        return cls(robot, table, hooks, first, table.act_on_drives)
+
+    def checked(self, given: EffectMemory) -> EffectMemory:
+        """Return a memory `given`, or the first one where it is empty.
+
+        Raises:
+            SimulationError: `given` belongs to other effects than these.
+        """
+        if not given:
+            return self.first
+        if [memory is None for memory in given] != [memory is None for memory in self.first]:
+            own = [e.name for e in self.hooks if e.first_memory(self.robot) is not None]
+            raise SimulationError(
+                f"the memory of the state does not fit '{self.robot.name}' (effects with a memory: "
+                f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
+                "empty to start anew."
+            )
+        return given
+
+    def forces(
+        self,
+        at: tuple[FloatArray, FloatArray, float],
+        command: FloatArray,
+        memory: EffectMemory = (),
+        step: float = 0.0,
+        temperature: FloatArray | None = None,
+        mesh: FloatArray | None = None,
+    ) -> EffectForces:
+        """Return what the effects do with a commanded rotor torque (m,) over a step.
+
+        Args:
+            at: q (nq,), v (nv,) and time [s] in the middle of the step.
+            command: rotor torque (m,) [N m].
+            memory: of the effects at the start of the step; empty where none has any.
+            step: h [s].
+            temperature: (m,) of the motors [deg C], None where it is not known.
+            mesh: T (m,) [N m] that the gears give, None for what effects remember of it.
+        """
+        joint, dry = np.empty(len(at[1])), np.empty(len(at[1]))
+        fill_joint_torques(self.table.joints, self.table.numbers, at[0], at[1], joint, dry)
+        if not self.hooks:
+            return EffectForces(joint, dry, self._delivered(command), ())
+        motion = Motion(at[0], at[1], time=np.asarray(at[2]), temperature=temperature)
+        motion = motion.replace(mesh_torque=mesh)
+        kept_joint, kept_rotor = np.zeros(len(joint)), np.zeros(len(command))
+        rotor, seen = command, [motion] * len(self.hooks)
+        following: list[FloatArray | None] = []
+        stores = []
+        for i, effect in enumerate(self.hooks):
+            own = memory[i] if memory else None
+            if own is not None:
+                seen[i] = motion.replace(memory=Memory(own, step))
+                own = effect.next_memory(self.robot, seen[i], rotor)
+                if type(effect).memory_energy is not Effect.memory_energy:
+                    stores.append((effect, seen[i]))
+            if memory:
+                following.append(own)
+            rotor = effect.drive(self.robot, seen[i], rotor)
+            smooth = effect.joint_torque(self.robot, seen[i])
+            if smooth is not None:
+                joint += smooth
+                if stores and stores[-1][0] is effect:
+                    kept_joint += smooth
+            level = effect.joint_friction(self.robot, seen[i])
+            if level is not None:
+                dry += level
+        rotor = self._delivered(np.ascontiguousarray(rotor))
+        for effect, view in zip(self.hooks, seen, strict=True):
+            added = effect.rotor_torque(self.robot, view)
+            if added is not None:
+                rotor = rotor + added
+                if any(effect is own for own, _ in stores):
+                    kept_rotor = kept_rotor + added
+        return EffectForces(
+            joint, dry, rotor, tuple(following), kept_joint, kept_rotor, tuple(stores)
         )
-    return given
 
-
-def effect_forces(
-    robot: Robot,
-    at: tuple[FloatArray, FloatArray, float],
-    command: FloatArray,
-    memory: EffectMemory = (),
-    step: float = 0.0,
-    temperature: FloatArray | None = None,
-    mesh: FloatArray | None = None,
-) -> EffectForces:
-    """Return what the effects do with a commanded rotor torque (m,) over a step.
-
-    Args:
-        robot: whose effects.
-        at: q (nq,), v (nv,) and time [s] in the middle of the step.
-        command: rotor torque (m,) [N m].
-        memory: of the effects at the start of the step; empty where none has any.
-        step: h [s].
-        temperature: (m,) of the motors [deg C], None where it is not known.
-        mesh: T (m,) [N m] that the gears give, None for what effects remember of it.
-    """
-    joint = np.zeros(robot.model.nv)
-    if not robot.effects:
-        return EffectForces(joint, None, command, ())
-    motion = Motion(at[0], at[1], time=np.asarray(at[2]), temperature=temperature)
-    motion = motion.replace(mesh_torque=mesh)
-    friction: FloatArray | None = None
-    kept_joint, kept_rotor = np.zeros(robot.model.nv), np.zeros(len(command))
-    rotor, seen = command, [motion] * len(robot.effects)
-    following: list[FloatArray | None] = []
-    stores = []
-    for i, effect in enumerate(robot.effects):
-        own = memory[i] if memory else None
-        if own is not None:
-            seen[i] = motion.replace(memory=Memory(own, step))
-            own = effect.next_memory(robot, seen[i], rotor)
-            if type(effect).memory_energy is not Effect.memory_energy:
-                stores.append((effect, seen[i]))
-        if memory:
-            following.append(own)
-        rotor = effect.drive(robot, seen[i], rotor)
-        smooth = effect.joint_torque(robot, seen[i])
-        if smooth is not None:
-            joint += smooth
-            if stores and stores[-1][0] is effect:
-                kept_joint += smooth
-        level = effect.joint_friction(robot, seen[i])
-        if level is not None:
-            friction = level if friction is None else friction + level
-    for effect, view in zip(robot.effects, seen, strict=True):
-        added = effect.rotor_torque(robot, view)
-        if added is not None:
-            rotor = rotor + added
-            if any(effect is own for own, _ in stores):
-                kept_rotor = kept_rotor + added
-    return EffectForces(
-        joint, friction, rotor, tuple(following), kept_joint, kept_rotor, tuple(stores)
-    )
+    def _delivered(self, command: FloatArray) -> FloatArray:
+        """Return what the drives of the table give for a command (m,)."""
+        if not self.on_drives:
+            return command
+        rotor = np.empty(len(command))
+        fill_delivered(self.table.drives, command, rotor)
+        return rotor

@@ -15,7 +15,6 @@ from wbc.errors import SimulationError
 from wbc.robot import Robot, body_contacts
 from wbc.sim.course import Course
 from wbc.sim.energy import mechanical_energy
-from wbc.sim.forces import checked_memory
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup, prepare
@@ -138,8 +137,8 @@ class Plant:
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
         setup, command = self._setup, self._command(state, rotor_torque, dt)
-        if state.memory or setup.memory:
-            state = state.replace(memory=checked_memory(setup.robot, setup.memory, state.memory))
+        if state.memory or setup.effects.first:
+            state = state.replace(memory=setup.effects.checked(state.memory))
         course = Course(setup, state, command, dt, external)
         while not course.over:
             course.flow_on()

@@ -10,16 +10,16 @@ from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.dynamics import RotorCoupling, Terms, Workspace, rotor_coupling
+from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
 from wbc.sim.barriers import Barriers
 from wbc.sim.core import Core
-from wbc.sim.forces import first_memory
+from wbc.sim.forces import PlantEffects
 from wbc.sim.gears import Drivetrain
 from wbc.sim.ground import Terrain
 from wbc.sim.motion import free_bases
 from wbc.sim.program import NOT_POSITIVE
-from wbc.sim.state import EffectMemory
 from wbc.sim.tables import BACKWARD, INVERSE
 
 
@@ -34,7 +34,7 @@ class Setup:
         barriers: its limits and contacts.
         restitution: normal speed after over before an impact.
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
-        memory: what the robot's effects start with.
+        effects: of the robot.
         still: (nv,) zeros, the forces of no effects.
         none: (2 j + c,) no barrier.
         least: (m,) [N m] least rotor torque, by the robot's torque limits.
@@ -53,7 +53,7 @@ class Setup:
     barriers: Barriers
     restitution: float
     return_speed: float
-    memory: EffectMemory
+    effects: PlantEffects
     still: FloatArray
     none: BoolArray
     least: FloatArray
@@ -67,9 +67,17 @@ class Setup:
 
     def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
         """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""
-        if self.varying:
-            motion, drive = Motion(position, velocity), self.drive
+        if not self.varying:
+            return
+        drive, table = self.drive, self.effects.table
+        if not table.act_on_gears:
+            motion = Motion(position, velocity)
             self._write(*self.robot.gear_efficiencies(motion, drive.forward, drive.backward))
+            return
+        forward, backward, turning = np.empty((3, drive.size))
+        turning[:] = drive.rows @ velocity
+        fill_efficiencies(table.gears, turning, drive.forward, drive.backward, forward, backward)
+        self._write(forward, backward)
 
     def forget_losses(self) -> None:
         """Give the loops the efficiencies that gears have without effects."""
@@ -120,7 +128,7 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         barriers,
         restitution,
         return_speed,
-        first_memory(robot),
+        PlantEffects.of(robot),
         frozen(np.zeros(space.model.nv)),
         frozen(np.zeros(barriers.size), bool),
         -robot.transmission.torque_limit,

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 
 EffectMemory: TypeAlias = tuple[FloatArray | None, ...]
-"""Own states of a robot's effects, one per effect, None where it has none."""
+"""Own states of a robot's effects, one per kind that is no row of a table; None without one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
