@@ -80,15 +80,9 @@ def design_metrics(
         load: force [N] to hold along the direction; each design's own weight when left out.
 
     Raises:
-        DynamicsError: axes that do not exist, a direction of zero, rotors that couple inertially
-            with the links (evaluate such robots one by one).
+        DynamicsError: axes that do not exist, a direction of zero.
         RobotError: no such contact.
     """
-    if designs.robot.rotors_turn_with_links:
-        raise DynamicsError(
-            f"'{designs.robot.name}' couples rotors and links inertially; the metrics of many "
-            "designs leave that out. Evaluate its designs one by one."
-        )
     rows, n = _direction(direction, axes)
     designs.robot.contact(contact)
     blocks = [
@@ -196,6 +190,11 @@ def _mobility(
     select = _select(designs)
     rotors = np.swapaxes(select[None] * (eta * _reflected(designs))[:, :, None], 1, 2) @ select
     inertia = terms.mass_matrix + rotors
+    if terms.spin is not None:  # K' E_s H_s K with the rotor rows I_r a'J_omega of H_s
+        coupled = terms.spin * designs.gears["rotor_inertia"][:, :, None]
+        turned = designs.gears["gear_ratio"][:, :, None] * select
+        inertia = inertia + np.swapaxes(coupled, 1, 2) @ turned
+        inertia = inertia + np.swapaxes(eta[:, :, None] * turned, 1, 2) @ coupled
     if free is not None:
         if free.shape[1] == 0:
             return np.zeros((1, jacobian.shape[1], jacobian.shape[1]))
@@ -217,7 +216,10 @@ def _backward_mobility(
         members = np.flatnonzero((locked == pattern).all(axis=1))
         chosen = _take(designs, members)
         part = LinkTerms(
-            _rows(terms.mass_matrix, members), terms.gravity, terms.jacobian, terms.mass
+            _rows(terms.mass_matrix, members),
+            terms.jacobian,
+            terms.mass,
+            None if terms.spin is None else _rows(terms.spin, members),
         )
         J = _rows(jacobian, members)
         eta = 1.0 / np.where(pattern, 1.0, backward[members])

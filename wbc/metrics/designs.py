@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +10,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked, frozen
-from wbc.errors import DynamicsError, unknown_name
+from wbc.errors import DynamicsError, TransmissionError, unknown_name
 from wbc.robot import Robot
 from wbc.transmission import wedge_backward_efficiency
+from wbc.transmission.transmission import GEAR_RULES
 
 GEAR_FIELDS = (
     "gear_ratio",
@@ -67,10 +68,11 @@ class Designs:
             masses: link -> (k,) [kg].
 
         Raises:
-            DynamicsError: different numbers of designs, an unknown field or link, a value outside
-                its range, a link without length or mass.
+            DynamicsError: different numbers of designs, an unknown field or link, a link without
+                length or mass.
+            TransmissionError: a number of a gear outside its range.
         """
-        joints, m = robot.model.njoints - 1, robot.transmission.size
+        joints = robot.model.njoints - 1
         q = checked(np.atleast_2d(position), (None, robot.model.nq), "position", DynamicsError)
         given = _gears(robot, gears or {})
         length_scale = _scales(robot, lengths or {}, "length", joints)
@@ -86,7 +88,7 @@ class Designs:
             name: given.get(name, np.array(getattr(robot.transmission, name))[None])
             for name in GEAR_FIELDS
         }
-        _check_gears(full, m)
+        _check_gears(full)
         size = sizes.pop() if sizes else 1
         return cls(robot, size, q, full, length_scale, mass_scale)
 
@@ -145,6 +147,42 @@ def link_length(robot: Robot, body: str) -> float:
     return length
 
 
+class Stretching:
+    """Changes a model's links in place, each time from how they are drawn.
+
+    `Designs` says what a scale means. Frames move with the links that carry them.
+    """
+
+    def __init__(self, model: pin.Model, frames: Iterable[int]) -> None:
+        """Keep the links of `model` as they are now, and the frames that shall move with them."""
+        joints = range(model.njoints)
+        self._bodies = [
+            (body, body.mass, np.array(body.lever), np.array(body.inertia))
+            for body in model.inertias
+        ]
+        self._places: list[list[tuple[pin.SE3, FloatArray]]] = [[] for _ in joints]
+        for child in joints[1:]:
+            place = model.jointPlacements[child]
+            self._places[model.parents[child]].append((place, np.array(place.translation)))
+        for frame in (model.frames[number] for number in frames):
+            place = frame.placement
+            self._places[frame.parentJoint].append((place, np.array(place.translation)))
+        self._now = [(1.0, 1.0)] * model.njoints
+
+    def to(self, length_scale: FloatArray, mass_scale: FloatArray) -> None:
+        """Give each link its scales (joints,), one per moving joint."""
+        pairs = zip(length_scale.tolist(), mass_scale.tolist(), strict=True)
+        for joint, (scale, share) in enumerate(pairs, start=1):
+            before, self._now[joint] = self._now[joint], (scale, share)
+            if before == (scale, share):
+                continue
+            body, mass, lever, inertia = self._bodies[joint]
+            body.mass, body.lever = mass * share, scale * lever
+            body.inertia = share * scale**2 * inertia
+            for place, drawn in self._places[joint]:
+                place.translation = scale * drawn
+
+
 def stretched(robot: Robot, length_scale: FloatArray, mass_scale: FloatArray) -> Robot:
     """Return the robot with scaled links; see `Designs` for what a scale means.
 
@@ -153,22 +191,7 @@ def stretched(robot: Robot, length_scale: FloatArray, mass_scale: FloatArray) ->
         length_scale, mass_scale: (joints,), one per moving joint.
     """
     model = robot.model.copy()
-    for joint in range(1, model.njoints):
-        scale, mass = float(length_scale[joint - 1]), float(mass_scale[joint - 1])
-        old = model.inertias[joint]
-        model.inertias[joint] = pin.Inertia(
-            old.mass * mass, scale * old.lever, mass * scale**2 * old.inertia
-        )
-        parent = int(model.parents[joint])
-        if parent > 0:
-            place = model.jointPlacements[joint]
-            moved = float(length_scale[parent - 1]) * np.asarray(place.translation)
-            model.jointPlacements[joint] = pin.SE3(place.rotation, moved)
-    for frame in model.frames:
-        if frame.parentJoint > 0:
-            place = frame.placement
-            moved = float(length_scale[frame.parentJoint - 1]) * np.asarray(place.translation)
-            frame.placement = pin.SE3(place.rotation, moved)
+    Stretching(model, range(len(model.frames))).to(length_scale, mass_scale)
     contacts = tuple(
         replace(contact, offset=contact.offset * _scale_at(robot, contact.frame, length_scale))
         for contact in robot.contacts
@@ -200,24 +223,16 @@ def _gears(robot: Robot, gears: Mapping[str, ArrayLike]) -> dict[str, FloatArray
     return found
 
 
-def _check_gears(gears: Mapping[str, FloatArray], m: int) -> None:
-    forward, backward = gears["forward_efficiency"], gears["backward_efficiency"]
-    rules = {
-        "gear_ratio": (gears["gear_ratio"] != 0.0, "other than 0"),
-        "forward_efficiency": ((forward > 0.0) & (forward <= 1.0), "in (0, 1]"),
-        "backward_efficiency": (
-            forward * backward <= 1.0 + 1e-12,
-            "at most 1/forward_efficiency (the two together must not create power)",
-        ),
-        "rotor_inertia": (gears["rotor_inertia"] >= 0.0, ">= 0"),
-        "rotor_coulomb_friction": (gears["rotor_coulomb_friction"] >= 0.0, ">= 0"),
-        "torque_limit": (gears["torque_limit"] > 0.0, "> 0"),
-    }
-    for name, (holds, rule) in rules.items():
-        wrong = np.argwhere(~holds)
-        if len(wrong):
-            row, column = (int(i) for i in wrong[0])
-            raise DynamicsError(f"{name} of design {row}, gear {column} must be {rule}.")
+def _check_gears(gears: Mapping[str, FloatArray]) -> None:
+    for name, values in gears.items():
+        for holds, rule in GEAR_RULES[name]:
+            wrong = np.argwhere(~holds(values))
+            if len(wrong):
+                row, column = (int(i) for i in wrong[0])
+                raise TransmissionError(
+                    f"{name} of design {row}, gear {column} is {values[row, column]:g}; it must be "
+                    f"{rule}."
+                )
 
 
 def _scales(robot: Robot, given: Mapping[str, ArrayLike], what: str, joints: int) -> FloatArray:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import ContactTask, contact_task
-from wbc.metrics.force_capability import ForceRange, force_capability
-from wbc.metrics.inertia import impact_mitigation
+from wbc.metrics.design_metrics import design_metrics
+from wbc.metrics.designs import Designs
 from wbc.robot import Robot
-from wbc.transmission import Direction, wedge_backward_efficiency
-
-_LOCKED = 1e-12  # share of the conservative mobility below which there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,21 +76,13 @@ def efficiency_sweep(
         DynamicsError: a singular pose, arrays of different length.
     """
     forward = checked(forward_efficiencies, (None,), "forward_efficiencies", DynamicsError)
-    given = (
-        wedge_backward_efficiency(forward)
-        if backward_efficiencies is None
-        else backward_efficiencies
-    )
-    backward = checked(given, (len(forward),), "backward_efficiencies", DynamicsError)
-    one = np.ones(robot.transmission.size)
-    robots = [
-        robot.with_transmission(
-            robot.transmission.replace(forward_efficiency=f * one, backward_efficiency=b * one)
+    gears = {"forward_efficiency": forward}
+    if backward_efficiencies is not None:
+        gears["backward_efficiency"] = checked(
+            backward_efficiencies, (len(forward),), "backward_efficiencies", DynamicsError
         )
-        for f, b in zip(forward, backward, strict=True)
-    ]
-    tasks = [contact_task(variant, position, contact, axes) for variant in robots]
-    return _sweep("forward_efficiency", forward, tasks, direction)
+    designs = Designs.of(robot, position, gears)
+    return _sweep("forward_efficiency", forward, designs, contact, direction, axes)
 
 
 def gear_ratio_sweep(
@@ -123,13 +110,8 @@ def gear_ratio_sweep(
         DynamicsError: a singular pose.
     """
     ratios = checked(gear_ratios, (None,), "gear_ratios", DynamicsError)
-    one = np.ones(robot.transmission.size)
-    robots = [
-        robot.with_transmission(robot.transmission.replace(gear_ratio=ratio * one))
-        for ratio in ratios
-    ]
-    tasks = [contact_task(variant, position, contact, axes) for variant in robots]
-    return _sweep("gear_ratio", ratios, tasks, direction)
+    designs = Designs.of(robot, position, {"gear_ratio": ratios})
+    return _sweep("gear_ratio", ratios, designs, contact, direction, axes)
 
 
 def pose_sweep(
@@ -141,35 +123,24 @@ def pose_sweep(
         DynamicsError: a singular pose among them.
     """
     poses = checked(positions, (None, robot.model.nq), "positions", DynamicsError)
-    tasks = [contact_task(robot, pose, contact, axes) for pose in poses]
-    return _sweep("position", poses, tasks, direction)
+    return _sweep("position", poses, Designs.of(robot, poses), contact, direction, axes)
 
 
 def _sweep(
-    name: str, values: FloatArray, tasks: Sequence[ContactTask], direction: ArrayLike
+    name: str,
+    values: FloatArray,
+    designs: Designs,
+    contact: str,
+    direction: ArrayLike,
+    axes: str,
 ) -> Sweep:
-    forces: list[ForceRange] = []
-    rows = np.zeros((len(tasks), 3))
-    for row, task in zip(rows, tasks, strict=True):
-        robot, pose = task.robot, task.terms.position
-        forces.append(force_capability(robot, pose, task.contact, task.axes).along(direction))
-        n = task.direction(direction)
-        free, driven = (
-            n @ task.mobility(mode) @ n for mode in (Direction.STUCK, Direction.BACKWARD)
+    found = design_metrics(designs, contact, direction, axes).columns()
+    free = np.flatnonzero(np.isinf(found["conventional"]))
+    if free.size and np.isfinite(designs.gears["torque_limit"]).all():
+        raise DynamicsError(
+            f"a force on '{contact}' along {np.asarray(direction).tolist()} (axes {axes}) loads no "
+            f"motor at point {free[0]} of the sweep: leave the singular pose, or choose the axes "
+            "that the leg's motors act on."
         )
-        locked = driven <= _LOCKED * free
-        row[0] = 1.0 / free if free > 0.0 else np.inf
-        row[1] = np.inf if locked else 1.0 / driven
-        row[2] = np.nan
-        if not locked or free <= 0.0:
-            row[2] = impact_mitigation(robot, pose, task.contact, task.axes).along(direction)
-    return Sweep(
-        name=name,
-        values=frozen(values),
-        conventional=frozen([force.conventional for force in forces]),
-        lift=frozen([force.lift for force in forces]),
-        hold=frozen([force.hold for force in forces]),
-        inertia=frozen(rows[:, 0]),
-        backward_inertia=frozen(rows[:, 1]),
-        impact_mitigation=frozen(rows[:, 2]),
-    )
+    kept = {f.name: frozen(found[f.name]) for f in fields(Sweep) if f.name in found}
+    return Sweep(name=name, values=frozen(values), **kept)

@@ -29,7 +29,7 @@ _POSITIVE: tuple[_Rule, ...] = ((lambda x: x > 0.0, "> 0"),)
 _NOT_NEGATIVE: tuple[_Rule, ...] = ((lambda x: x >= 0.0, ">= 0"),)
 _POSITIVE_OR_UNKNOWN: tuple[_Rule, ...] = ((lambda x: ~(x <= 0.0), "> 0, or NaN where unknown"),)
 _NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"
-_RULES: Mapping[str, tuple[_Rule, ...]] = {
+GEAR_RULES: Mapping[str, tuple[_Rule, ...]] = {
     "forward_efficiency": (*_POSITIVE, (lambda x: x <= 1.0, "<= 1")),
     "backward_efficiency": ((lambda x: x <= 1.0, _NO_POWER),),
     "gear_ratio": ((lambda x: x != 0.0, "other than 0"),),
@@ -162,7 +162,7 @@ class Transmission:
             object.__setattr__(self, name, frozen(array))
         else:
             object.__setattr__(self, name, checked(array, (m,), label, TransmissionError))
-        for holds, rule in _RULES[name]:
+        for holds, rule in GEAR_RULES[name]:
             _require(self, name, holds(getattr(self, name)), rule)
 
     @property
@@ -221,7 +221,7 @@ class Transmission:
 
         A search for causes asks for a hundred thousand copies that differ in one number.
         """
-        if not changes.keys() <= _RULES.keys() or any(v is None for v in changes.values()):
+        if not changes.keys() <= GEAR_RULES.keys() or any(v is None for v in changes.values()):
             return replace(self, **changes)
         copy: Transmission = object.__new__(type(self))
         for one in fields(self):
