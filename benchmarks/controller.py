@@ -32,7 +32,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.controller_parts import parts
 from benchmarks.controller_scenes import URDF, controller, scene
 from benchmarks.peer_scene import write_scene
 from benchmarks.peers.process import Peer
@@ -55,7 +54,6 @@ def main():
     console, messages = Console(width=110), set()
     console.print(machine())
     times = Table("robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio")
-    breakdown = Table("robot", "check", "targets", "inertia", "state to torques", "command", "rest")
     for name in names:
         robot, states = scene(name, TICKS)
         found = compare(robot, states, rounds, messages, only_peers)
@@ -72,10 +70,7 @@ def main():
                 f"{middle / base:.2f}",
             )
         times.add_section()
-        breakdown.add_row(name, *(f"{part:.0f}" for part in parts(robot, states)))
     console.print(times)
-    console.print("Median tick of the dissipative controller by parts [us]")
-    console.print(breakdown)
     for message in sorted(messages):
         console.print(message)
 

@@ -33,8 +33,8 @@ from wbc.control import (
     Task,
 )
 from wbc.control.checking import check_contact, check_joint_limit, check_task, check_torque_limit
+from wbc.control.directions import DirectionSearch
 from wbc.control.kinematics import Kinematics
-from wbc.control.program.contact_force_program import ContactForceProgram
 from wbc.effects import load_robot
 
 SOLO = load_robot("solo12")
@@ -165,13 +165,13 @@ def check_of_rotor_torque_limit():
 def test_limit_checker_sees_torque_rows_that_are_off(monkeypatch):
     q = next(iter(SOLO.poses.values()))
     motion = (q, *(0.1 * part for part in random_motion(SOLO, 3)[1:]))
-    write = ContactForceProgram.assemble_torque_limits
+    write = DirectionSearch.direct
 
-    def wrong(self, slopes, lower, upper):
-        write(self, slopes, lower, upper)
-        self.rows.C[self.rows.torque][0] *= 1.001
+    def wrong(self, positive):
+        write(self, positive)
+        self._program.memory.solver.C[0] *= 1.001
 
-    monkeypatch.setattr(ContactForceProgram, "assemble_torque_limits", wrong)
+    monkeypatch.setattr(DirectionSearch, "direct", wrong)
     assert (
         check_torque_limit(SOLO, RotorTorqueLimit(), *motion, contacts=feet(SOLO)).gradient > 1e-4
     )
@@ -193,8 +193,8 @@ def test_limit_checker_sees_a_motor_that_gives_torque_beyond_its_speed_limit():
 
 def test_limit_checker_sees_a_joint_that_brakes_too_late():
     class Late(JointLimit):
-        def bounds(self, position, velocity, step, strength=None):
-            low, high = super().bounds(position, velocity, step, strength)
+        def bounds(self, position, velocity, step):
+            low, high = super().bounds(position, velocity, step)
             return low, np.maximum(high, -20.0)
 
     good = narrow(JointLimit.of(SOLO, acceleration=60.0))
@@ -206,8 +206,10 @@ def test_limit_checker_sees_a_joint_that_brakes_too_late():
 def check_of_motor_braking():
     """M b = |T| + c with eta_b |T| + N^2 I_r b = share U, from the numbers of the gears."""
     gears = SOLO.transmission
-    rows, load, inertia = np.arange(12), np.linspace(-0.5, 0.5, 12), np.full(12, 0.01)
-    up, down = MotorBraking(share=0.9, least=1e-9).strength(gears, rows, inertia, load)
+    load, inertia = np.linspace(-0.5, 0.5, 12), np.full(12, 0.01)
+    brakes = JointLimit.of(SOLO, braking=MotorBraking(share=0.9)).brakes
+    whole = inertia + brakes["reflected"]
+    up, down = (brakes["torque"] + load) / whole, (brakes["torque"] - load) / whole
     limit = 0.9 * gears.gear_ratio * gears.torque_limit
     for b, helping in ((up, load), (down, -load)):
         torque = inertia * b - helping

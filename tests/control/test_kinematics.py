@@ -8,7 +8,7 @@ import pytest
 
 from wbc.arrays import frozen
 from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
-from wbc.control.kinematics.turning import place_turn
+from wbc.control.tree import place_turn
 from wbc.effects import load_robot
 from wbc.robot import Robot, robot_names
 from wbc.transmission import Transmission
@@ -39,11 +39,11 @@ def compare(robot, seed):
     pin.computeJointJacobians(model, data, q)
     frames = [f.name for f in model.frames if f.type == pin.FrameType.BODY][-4:]
     for kind, axes in ((RowKind.FRAME, WORLD), (RowKind.OWN, pin.ReferenceFrame.LOCAL)):
-        table = FrameTable(
-            model, [StateRows(kind, n, slice(0, 6)) for n in frames], range(0, 6 * len(frames), 6)
-        )
-        jacobian, drift = np.zeros((24, nv)), np.zeros(24)
-        table.fill(kinematics, jacobian, drift)
+        count = 6 * len(frames)
+        jacobian, drift = np.zeros((count, nv)), np.zeros(count)
+        rows, firsts = [StateRows(kind, n, slice(0, 6)) for n in frames], range(0, count, 6)
+        table = FrameTable(model, rows, firsts, jacobian, drift)
+        table.fill(kinematics)
         for i, name in enumerate(frames):
             number, part = model.getFrameId(name), slice(6 * i, 6 * i + 6)
             known = pin.getFrameJacobian(model, data, number, axes).reshape(6, nv)
@@ -57,8 +57,8 @@ def compare(robot, seed):
                 drift[part], bends(model, data, number, axes).vector, atol=1e-10
             )
             place = pin.updateFramePlacement(model, data, number)
-            np.testing.assert_allclose(table.places[i, 9:], place.translation, atol=1e-12)
-            np.testing.assert_allclose(table.places[i, :9].reshape(3, 3).T, place.rotation)
+            np.testing.assert_allclose(table.rows.places[i, 9:], place.translation, atol=1e-12)
+            np.testing.assert_allclose(table.rows.places[i, :9].reshape(3, 3).T, place.rotation)
 
 
 @pytest.mark.parametrize("name", robot_names())

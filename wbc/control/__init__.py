@@ -1,11 +1,10 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
+from wbc.control.collision import CollisionLimit, Shape
 from wbc.control.command import Command, Status
-from wbc.control.contacts import ConeApproximation, Contact, PointContact, SurfaceContact
-from wbc.control.contacts.contact_ramp import ContactRamp
-from wbc.control.contacts.contact_schedule import ContactSchedule
+from wbc.control.contacts import ConeApproximation, Contact, PointContact
 from wbc.control.controller import Controller
-from wbc.control.disturbance import DisturbanceObserver
+from wbc.control.drivetrain import DisturbanceObserver
 from wbc.control.efforts import (
     ContactForceTask,
     Effort,
@@ -14,37 +13,33 @@ from wbc.control.efforts import (
     OutputTorqueEffort,
     RotorTorqueEffort,
 )
-from wbc.control.limits import CollisionLimit, JointLimit, MotorBraking, RotorTorqueLimit, Shape
-from wbc.control.reference import Reference
-from wbc.control.safety.explain import explain
-from wbc.control.safety.policies import (
-    Damped,
-    Hold,
-    LetDown,
-    RepeatLast,
-    SafetyPolicy,
-    Situation,
-)
-from wbc.control.settings import ControllerSettings
-from wbc.control.solvers.warm_start import WarmStart
-from wbc.control.state import State
-from wbc.control.tasks import (
-    AngularMomentumTask,
-    CapturePointTask,
-    CenterOfMassTask,
-    CentroidalMomentumTask,
+from wbc.control.explain import explain
+from wbc.control.frame_tasks import (
     FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
     GazeTask,
-    LinearMomentumTask,
-    PointFootBalanceTask,
-    PostureTask,
-    Task,
 )
-from wbc.control.torque.gears import RestPolicy
-from wbc.control.torque.speed import SpeedBlend
+from wbc.control.gears import RestPolicy
+from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
+from wbc.control.point_foot import PointFootBalanceTask
+from wbc.control.policies import Damped, Hold, LetDown, RepeatLast, SafetyPolicy, Situation
+from wbc.control.posture import PostureTask
+from wbc.control.reference import Reference, State
+from wbc.control.schedule import ContactRamp, ContactSchedule
+from wbc.control.settings import ControllerSettings
+from wbc.control.solvers import WarmStart
+from wbc.control.speed import SpeedBlend
+from wbc.control.surface import SurfaceContact
+from wbc.control.task import Task
+from wbc.control.whole_body_tasks import (
+    AngularMomentumTask,
+    CapturePointTask,
+    CenterOfMassTask,
+    CentroidalMomentumTask,
+    LinearMomentumTask,
+)
 
 __all__ = [
     "AngularMomentumTask",

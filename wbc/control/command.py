@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 from wbc.arrays import FloatArray
-from wbc.control.solvers import BlockProblem, QPSolution
-from wbc.control.torque.gears import gear_directions
+from wbc.control.gears import gear_directions
+from wbc.control.problem import BlockProblem, QPSolution
 
 
 class RowNames(Protocol):

@@ -5,51 +5,44 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from threading import Lock
 from time import perf_counter
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.compiled import make_ready
-from wbc.control.admission import (
-    checked_efforts,
-    checked_force_tasks,
-    checked_names,
-    single_limit,
-    stacks_by_level,
-)
+from wbc.control.collision import CollisionLimit, CollisionRows
 from wbc.control.command import Command, Refused, Status
-from wbc.control.contacts import Contact
-from wbc.control.disturbance import DisturbanceEstimate
-from wbc.control.effects import EffectTorques
+from wbc.control.contact_set import ContactSet
+from wbc.control.contacts import BoundContact, Contact
+from wbc.control.directions import DirectedSolution
+from wbc.control.drivetrain import Drivetrain
 from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.kinematics import Kinematics
-from wbc.control.limits import CollisionLimit, CollisionRows, JointLimit, RotorTorqueLimit
-from wbc.control.outcome import Outcome
-from wbc.control.output_torques import OutputTorques
-from wbc.control.program.level import Answer, Level, Refusal, descend
-from wbc.control.program.library import ProgramLibrary, Recipe
-from wbc.control.program.usual_tick import DONE
-from wbc.control.reference import Reference
-from wbc.control.safety.fallback import Fallback
-from wbc.control.safety.inputs import (
+from wbc.control.fallback import Fallback, Standing
+from wbc.control.gears import GearLaw
+from wbc.control.inputs import (
     Complaint,
+    InputCheck,
     StateCheck,
+    TickInputs,
     size_complaint,
     step_complaint,
 )
-from wbc.control.safety.standing import Standing
+from wbc.control.kinematics import Kinematics
+from wbc.control.level import Answer, Asked, Level, Levels, Refusal, descend
+from wbc.control.limits import JointLimit, RotorTorqueLimit
+from wbc.control.outcome import command_of
+from wbc.control.problem import QPProblem
+from wbc.control.program import NO_JOINTS, Recipe
+from wbc.control.reference import Reference, State
 from wbc.control.settings import ControllerSettings
-from wbc.control.solvers import QPProblem, check_solver
-from wbc.control.state import State
-from wbc.control.tasks import Task
-from wbc.control.tick import InputCheck, ReadyTick, RefusedTick, TickInputs
-from wbc.control.torque.direction_search import DirectedSolution
-from wbc.control.torque.gears import GearLaw, GearState
-from wbc.control.torque.motors import Motors
-from wbc.control.torque.speed import SpeedBlend
-from wbc.control.torque.torque_stage import RotorTorqueStage
-from wbc.errors import ControlError
+from wbc.control.solvers import check_solver
+from wbc.control.task import Task
+from wbc.control.task_stack import TaskStack
+from wbc.control.tick import MOVED, OUTPUT, RESTED, TORQUE_ROW
+from wbc.control.torque_stage import RotorTorqueStage
+from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
 _BUSY: Complaint = (
@@ -98,77 +91,68 @@ class Controller:
         """
         make_ready("wbc.control")
         self.robot, self.tasks = robot, tuple(tasks)
-        self.settings = ControllerSettings() if settings is None else settings
-        names = checked_names("task", [task.name for task in self.tasks])
-        checked_names("contact", [contact.name for contact in contacts])
-        check_solver(self.settings.solver)
+        self.settings = settings = ControllerSettings() if settings is None else settings
+        names = _distinct("task", [task.name for task in self.tasks])
+        _distinct("contact", [contact.name for contact in contacts])
+        check_solver(settings.solver)
         limits = (RotorTorqueLimit(),) if limits is None else limits
         self._states = StateCheck(robot)
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
         self._kinematics = Kinematics(robot, frames)
-        self._stacks = stacks_by_level(robot, self.tasks, self._kinematics.model)
-        self._plant = OutputTorques(robot)
-        self._law = GearLaw(
-            robot.transmission, self.settings.rest_policy, self.settings.rest_margin
+        self._stacks = _stacks_by_level(robot, self.tasks, self._kinematics.model)
+        law = GearLaw(robot.transmission, settings.rest_policy, settings.rest_margin)
+        torque, blend, observer = (
+            _single(RotorTorqueLimit, limits),
+            settings.speed_blend,
+            settings.disturbance,
         )
-        self._effects = EffectTorques(robot)
-        self._disturbance = DisturbanceEstimate(robot, self.settings.disturbance)
-        self._motors = Motors(robot, single_limit(RotorTorqueLimit, limits), self._effects)
-        self._outcome = Outcome(self._law, self._motors, self.settings.deadline)
+        self._drivetrain = Drivetrain(robot, self._kinematics, law, torque, blend, observer)
         self._fallback = Fallback(
             robot,
-            self._plant,
-            self._motors,
-            Standing(robot, self._effects, frames),
-            self.settings.safety,
+            self._drivetrain,
+            Standing(robot, self._drivetrain, frames),
+            settings.safety,
             tuple(self._contacts.values()),
         )
-        force_tasks = checked_force_tasks(self.tasks, self._contacts)
+        force_tasks = _checked_force_tasks(self.tasks, self._contacts)
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(names, weighed, self._contacts, force_tasks)
-        joint_limit = single_limit(JointLimit, limits)
-        apart = single_limit(CollisionLimit, limits)
+        joint_limit, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
-        self._brakes = joint_limit is not None and joint_limit.braking is not None
-        asks = self._effects.act_within_ticks or self._brakes or self._disturbance.on
-        self._programs = ProgramLibrary(
-            Recipe(
-                plant=self._plant,
-                kinematics=self._kinematics,
-                contacts=self._contacts,
-                limited=self._motors.limited,
-                joint_limit=joint_limit,
-                collision=self._collision,
-                settings=self.settings,
-                efforts=checked_efforts(robot, self.tasks),
-                force_tasks=force_tasks,
-                stacks=self._stacks,
-                law=self._law,
-                bounds=None if asks else self._motors.constant,
-                stage=RotorTorqueStage(
-                    robot.transmission,
-                    self._law,
-                    self.settings.solver,
-                    self.settings.tolerance,
-                    self.settings.max_iterations,
-                ),
-            )
+        self._joints = NO_JOINTS if joint_limit is None else joint_limit.structure()
+        recipe = Recipe(
+            robot=robot,
+            drivetrain=self._drivetrain,
+            kinematics=self._kinematics,
+            joint_limit=joint_limit,
+            joints=self._joints,
+            collision=self._collision,
+            weights=(settings.acceleration_weight, settings.force_weight),
+            efforts=_checked_efforts(robot, self.tasks),
+            force_tasks=force_tasks,
+            stacks=self._stacks,
+            tolerance=settings.tolerance,
         )
+        stage = RotorTorqueStage(
+            self._drivetrain, settings.solver, settings.tolerance, settings.max_iterations
+        )
+        self._levels = Levels(recipe, self._contacts, settings, stage)
+        alone = self._kinematics.known_by_joints and not self._drivetrain.coupled
+        self._asks_ahead = not alone or self._collision is not None
         self._free = Lock()
         self._level: Level | None = None
-        self._gears: GearState | None = None
         self.reset()
 
     @property
     def problem(self) -> QPProblem | None:
         """A copy of the program of the last tick, for inspection; None before the first."""
-        return None if self._level is None else self._level.problem(self._gears)
+        return None if self._level is None else self._level.built(self._output)
 
     @property
     def disturbance(self) -> FloatArray:
         """A copy of the torque (nv,) [N m, N] that the observer has learned, zero without one."""
-        return self._disturbance.torque.copy()
+        return np.array(self._drivetrain.memory.disturbance)
 
     def __reduce__(self) -> NoReturn:
         """Raise TypeError: the parts of a controller share memory that a copy would tear apart."""
@@ -179,16 +163,15 @@ class Controller:
 
     def reset(self) -> None:
         """Forget references, directions and the last good torque, as when newly made."""
-        m = self.robot.transmission.size
         for stack in self._stacks:
             stack.forget()
-        self._output = np.zeros(m)
+        self._output = np.zeros(self.robot.transmission.size)
         self._anchors: Mapping[str, FloatArray] = {}
         self._expected = np.zeros(self.robot.model.nv)
-        self._disturbance.forget()
+        self._joints.load[:] = np.nan
+        self._drivetrain.forget()
         self._fallback.forget()
-        self._plant.forget()
-        self._programs.forget()
+        self._levels.forget()
 
     def step(
         self,
@@ -227,24 +210,56 @@ class Controller:
     def _step(self, given: TickInputs, start: float) -> Command:
         motion = None
         try:
-            admitted = self._admitted(given.state)
+            admitted = self._admitted(given)
             if not isinstance(admitted, Motion):
                 return self._safe(None, admitted, given.dt, start)
             motion = admitted
             complaint = self._inputs.complaint(given)
             if complaint is not None:
                 return self._safe(motion, complaint, given.dt, start)
-            motion = self._effects.true_motion(motion)
-            command = self._usual(motion, given, start)
-            if command is not None:
-                return command
-            ready = self._prepare(motion, given)
-            if isinstance(ready, RefusedTick):
-                return self._safe(ready.motion, ready.complaint, given.dt, start)
-            return self._solve(ready, start)
+            motion = self._drivetrain.true_motion(motion)
+            levels = self._levels.of(given.contacts)
+            asked = self._asked(motion, given, levels[0].program.contacts)
+            if not isinstance(asked, Asked):
+                return self._safe(motion, asked, given.dt, start)
+            answer = descend(levels, asked)
+            self._level = answer.level
+            if isinstance(answer, Refusal):
+                return self._refused(answer, asked, start)
+            self._remember(answer, asked)
+            return command_of(
+                answer, self._drivetrain, motion, given.dt, start, self.settings.deadline
+            )
         except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
             return self._safe(motion, complaint, given.dt, start)
+
+    def _asked(self, motion: Motion, given: TickInputs, contacts: ContactSet) -> Asked | Complaint:
+        """Write what only Python can say of a state; nothing is remembered."""
+        kinematics, moved = self._kinematics, self._asks_ahead
+        try:
+            for stack in self._stacks:
+                stack.weigh(given.weights, given.activation)
+                moved = stack.take(given.references) or moved
+            rested = not contacts.is_known or contacts.rank < contacts.rows
+            told = (MOVED if moved or rested else 0) | (RESTED if rested else 0)
+            if told:
+                kinematics.update(motion.position, motion.velocity)
+                for stack in self._stacks:
+                    stack.ask(kinematics, given.references)
+            else:
+                kinematics.take(motion.position, motion.velocity)
+        except ControlError as cause:
+            return Status.BAD_INPUT, str(cause)
+        if self._collision is not None:
+            self._collision.fill(kinematics)
+        if rested:
+            contacts.fill(kinematics, self._anchors)
+        self._drivetrain.take(motion, contacts.contacts)
+        return Asked(
+            *(motion, given.references, given.contacts, given.dt),
+            *(self._expected, self._output, told),
+        )
 
     def build(
         self,
@@ -263,130 +278,55 @@ class Controller:
         Raises:
             ControlError: `step` would not solve a program for these arguments.
         """
-        motion = self._admitted(state)
-        if not isinstance(motion, Motion):
-            raise ControlError(motion[1])
         step = self.settings.time_step if dt is None else dt
         wanted = _NO_REFERENCES if references is None else references
         given = TickInputs(state, wanted, contacts, weights, activation, step)
+        motion = self._admitted(given)
+        if not isinstance(motion, Motion):
+            raise ControlError(motion[1])
         complaint = self._inputs.complaint(given)
         if complaint is not None:
             raise ControlError(complaint[1])
-        ready = self._prepare(self._effects.true_motion(motion), given)
-        if isinstance(ready, RefusedTick):
-            raise ControlError(ready.complaint[1])
-        first = ready.levels[0]
-        tick = ready.motion, ready.references, ready.contacts, ready.dt, ready.gears
-        first.assemble(*tick, None)
-        return first.built(ready.gears, self._output)
+        motion = self._drivetrain.true_motion(motion)
+        first = self._levels.of(contacts)[0]
+        asked = self._asked(motion, given, first.program.contacts)
+        if not isinstance(asked, Asked):
+            raise ControlError(asked[1])
+        first.evaluate(asked)
+        return first.built(self._output)
 
-    def _admitted(self, state: State) -> Motion | Complaint:
+    def _admitted(self, given: TickInputs) -> Motion | Complaint:
         """Return the state that the settings' hook makes of a state, or what is wrong with it."""
-        hook = self.settings.state_hook
+        hook, state = self.settings.state_hook, given.state
         return self._states.admitted(state if hook is None else hook(state))
 
-    def _usual(self, motion: Motion, given: TickInputs, start: float) -> Command | None:
-        """Return the command of a tick that one call can do, None where parts are to be asked."""
-        levels, dt = self._programs.levels(given.contacts), given.dt
-        first, usual, asked = levels[0], levels[0].usual, given[1:5]
-        try:
-            passed = first.pass_usual(motion, asked, dt, self._expected, self._output)
-        except ControlError as cause:
-            return self._safe(motion, (Status.BAD_INPUT, str(cause)), dt, start)
-        if passed is None or usual is None:
-            return None
-        self._level, self._gears = first, passed.gears
-        block, at, active = passed.block, usual.at, first.program.contacts.contacts
-        if passed.ended != DONE:
-            self._expected = block[at.expected]
-            ready = ReadyTick(
-                *(motion, given.references, given.contacts, dt, levels),
-                *(passed.gears, self._expected, self._disturbance.torque),
-            )
-            return self._finish(ready, first.finish(passed, self._output), start)
-        self._hold_targets()
-        self._expected, self._output, self._anchors = block[at.advanced], block[at.output], {}
-        self._fallback.remember(block[at.position], block[at.torque], active)
-        return self._outcome.usual(usual, passed, dt, start)
-
-    def _prepare(self, motion: Motion, given: TickInputs) -> ReadyTick | RefusedTick:
-        """Evaluate the state, tasks and contacts; remember nothing."""
-        self._kinematics.update(motion.position, motion.velocity)
-        if self._collision is not None:
-            self._collision.fill(self._kinematics)
-        try:
+    def _refused(self, refusal: Refusal, asked: Asked, start: float) -> Command:
+        """Return the safe command of a tick that has no usable solution."""
+        complaint = refusal.complaint or size_complaint(asked.references)
+        if complaint[0] is not Status.NOT_FINITE:
             for stack in self._stacks:
-                stack.weigh(given.weights, given.activation)
-                stack.fill(self._kinematics, given.references)
-        except ControlError as cause:
-            return RefusedTick(motion, (Status.BAD_INPUT, str(cause)))
-        levels = self._programs.levels(given.contacts)
-        levels[0].program.contacts.fill(self._kinematics, self._anchors)
-        active, mass = levels[0].program.contacts.contacts, self._kinematics.mass_matrix
-        disturbance = self._disturbance.updated(motion.velocity, mass, active)
-        gears, expected = self._judge_speeds(motion, given.dt, disturbance)
-        return ReadyTick(
-            *(motion, given.references, given.contacts, given.dt),
-            *(levels, gears, expected, disturbance),
-        )
+                stack.remember()
+        self._expected = np.array(refusal.level.corrected)
+        refused = None
+        if refusal.found is not None:
+            program = refusal.level.program
+            refused = Refused(program.blocks().copied(), program)
+        return self._safe(asked.motion, complaint, asked.dt, start, refusal.found, refused)
 
-    def _solve(self, ready: ReadyTick, start: float) -> Command:
-        self._expected, self._gears = ready.expected, ready.gears
-        tick = ready.motion, ready.references, ready.contacts, ready.dt, ready.gears
-        self._level, answer = descend(ready.levels, tick, self._output)
-        return self._finish(ready, answer, start)
-
-    def _finish(self, ready: ReadyTick, answer: Answer | Refusal, start: float) -> Command:
-        """Return the command of an answer, the safe one for a refusal; remember either."""
-        motion, levels, gears = ready.motion, ready.levels, ready.gears
-        if isinstance(answer, Refusal):
-            complaint = answer.complaint or size_complaint(ready.references)
-            if complaint[0] is not Status.NOT_FINITE:
-                self._hold_targets()
-            refused = None
-            if answer.found is not None:
-                refused = Refused(answer.level.program.blocks.copied(), answer.level.program)
-            return self._safe(motion, complaint, ready.dt, start, answer.found, refused)
-        self._hold_targets()
-        self._remember(ready, answer)
-        return self._outcome.command(levels[0].program, answer, gears, motion, ready.dt, start)
-
-    def _judge_speeds(
-        self, motion: Motion, dt: float, disturbance: FloatArray
-    ) -> tuple[GearState, FloatArray]:
-        """Update the plant; return what is known of the gears, and the expected v (nv,)."""
-        blend, plant = self.settings.speed_blend, self._plant
-        expected, turning, speed, sigma = blend.judged(
-            self._expected, motion.velocity, dt, self.robot.actuated, plant.from_joints
-        )
-        torque = None
-        if self._effects.act_on_joints:
-            torque = self._effects.on_joints(motion, blend.certainty(expected))
-        if self._disturbance.on:
-            torque = disturbance if torque is None else torque + disturbance
-        if self._effects.act_on_gears:
-            self._law.follow(*self.robot.gear_efficiencies(motion))
-        plant.update(self._kinematics, torque, speed, sigma)
-        limits = self._motors.bounds(motion, speed)
-        return GearState(sigma, limits, turning, self._output), expected
-
-    def _hold_targets(self) -> None:
+    def _remember(self, answer: Answer, asked: Asked) -> None:
+        """Take what the next tick starts from."""
         for stack in self._stacks:
             stack.remember()
-
-    def _remember(self, ready: ReadyTick, answer: Answer) -> None:
-        self._output = answer.found.output
-        self._expected = SpeedBlend.advanced(self._expected, answer.found.acceleration, ready.dt)
-        active = ready.levels[0].program.contacts.contacts
-        self._fallback.remember(ready.motion.position.copy(), answer.realised.torque, active)
-        self._anchors = ready.levels[0].program.contacts.anchored(self._anchors)
-        if self._disturbance.on:
-            self._disturbance.remember(
-                *(ready.disturbance, ready.motion.velocity, answer.found.acceleration),
-                *(ready.dt, active),
-            )
-        if self._brakes:
-            self._plant.remember(answer.found.acceleration, answer.found.output)
+        program, block, gears = answer.level.program, answer.block, answer.gears
+        contacts, at = program.contacts.contacts, program.at
+        self._output, self._expected = gears[OUTPUT], block[at.advanced]
+        self._fallback.remember(block[at.position], gears[TORQUE_ROW], contacts)
+        self._anchors = program.contacts.anchored(self._anchors)
+        if self._drivetrain.learns:
+            leads_to = asked.motion.velocity + asked.dt * block[at.x][: program.nv]
+            self._drivetrain.remember(leads_to, contacts)
+        if len(self._joints.load):
+            self._drivetrain.place_load(block[at.x], gears[OUTPUT], self._joints.load)
 
     def _safe(
         self,
@@ -397,6 +337,59 @@ class Controller:
         found: DirectedSolution | None = None,
         refused: Refused | None = None,
     ) -> Command:
-        self._disturbance.interrupt()
+        self._drivetrain.interrupt()
         step = dt if step_complaint(dt) is None else self.settings.time_step
         return self._fallback.command(motion, complaint, step, start, found, refused)
+
+
+_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)
+
+
+def _distinct(kind: str, names: Sequence[str]) -> frozenset[str]:
+    """Return the names of things of a kind after checking that they differ."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ControlError(f"two {kind}s are called '{name}'; names must differ.")
+    return frozenset(names)
+
+
+def _stacks_by_level(
+    robot: Robot, tasks: Sequence[object], model: pin.Model
+) -> tuple[TaskStack, ...]:
+    """Return a stack for every level that has a task, the most important first."""
+    moving = [task for task in tasks if isinstance(task, Task)]
+    ranks = sorted({task.level for task in moving})
+    if not ranks or ranks[0] != 0:
+        raise ControlError("a controller without tasks of level 0 has nothing to do.")
+    return tuple(
+        TaskStack(robot, [task for task in moving if task.level == rank], model) for rank in ranks
+    )
+
+
+def _checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:
+    """Return the efforts among the tasks after checking that they fit the robot."""
+    efforts = tuple(task for task in tasks if isinstance(task, Effort))
+    for effort in efforts:
+        effort.check(robot)
+    return efforts
+
+
+def _checked_force_tasks(
+    tasks: Sequence[object], contacts: Mapping[str, BoundContact]
+) -> tuple[ContactForceTask, ...]:
+    """Return the contact-force tasks among the tasks after checking that their contacts exist."""
+    found = tuple(task for task in tasks if isinstance(task, ContactForceTask))
+    for task in found:
+        if task.contact not in contacts:
+            raise ControlError(
+                f"task '{task.name}': " + unknown_name("contact", task.contact, contacts)
+            )
+    return found
+
+
+def _single(kind: type[_Limit], limits: Sequence[object]) -> _Limit | None:
+    """Return the limit of a kind, None where there is none; two of a kind would contradict."""
+    found = [limit for limit in limits if isinstance(limit, kind)]
+    if len(found) > 1:
+        raise ControlError(f"at most one {kind.__name__} can be given.")
+    return found[0] if found else None

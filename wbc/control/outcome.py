@@ -8,165 +8,90 @@ from typing import NamedTuple
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
-from wbc.control.program.contact_force_program import ContactForceProgram
-from wbc.control.program.level import Answer
-from wbc.control.program.usual_tick import Passed, UsualTick
-from wbc.control.safety.inputs import Complaint
-from wbc.control.torque.gears import GearLaw, GearState, gear_directions
-from wbc.control.torque.motors import Motors
-from wbc.robot import Motion
+from wbc.control.drivetrain import Drivetrain, joint_targets
+from wbc.control.gears import gear_directions
+from wbc.control.level import Answer
+from wbc.control.program import Program
+from wbc.control.tick import DRIVE, MESH, OUTPUT, SIGMA, TORQUE_ROW, TURNING
+from wbc.robot import Motion, Robot
 
 
 class ExpectedProspect(NamedTuple):
     """What the solution of a tick leads to.
 
     Attributes:
+        robot: the robot.
         program: that was solved.
-        x: its solution (n,).
-        motors: what places the driven joints.
-        state: copies of q (nq,) and v (nv,), which the caller may overwrite meanwhile.
+        block: its results, with copies of q and v, which the caller may overwrite meanwhile.
         dt: time until the next tick [s].
     """
 
-    program: ContactForceProgram
-    x: FloatArray
-    motors: Motors
-    state: tuple[FloatArray, FloatArray]
-    dt: float
-
-    def forces(self) -> Mapping[str, FloatArray]:
-        """Return the force of every active contact."""
-        return self.program.contacts.wrenches(self.program.forces_of(self.x))
-
-    def targets(self) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity of the driven joints (m,) after the time step."""
-        return self.motors.targets(*self.state, self.x[: self.program.nv], self.dt)
-
-
-_SOLVED = Status.SOLVED
-
-
-class PassedProspect(NamedTuple):
-    """What a usual tick leads to.
-
-    Attributes:
-        usual: what did it.
-        block: its results.
-        motors: what places the driven joints.
-        dt: time until the next tick [s].
-    """
-
-    usual: UsualTick
+    robot: Robot
+    program: Program
     block: FloatArray
-    motors: Motors
     dt: float
 
     def forces(self) -> Mapping[str, FloatArray]:
         """Return the force of every active contact."""
-        program = self.usual.program
-        return program.contacts.wrenches(program.forces_of(self.block[self.usual.at.x]))
+        program = self.program
+        return program.contacts.wrenches(program.forces_of(self.block[program.at.x]))
 
     def targets(self) -> tuple[FloatArray, FloatArray]:
         """Return position and velocity of the driven joints (m,) after the time step."""
-        at, block = self.usual.at, self.block
+        at, block = self.program.at, self.block
         state = block[at.position], block[at.velocity]
-        return self.motors.targets(*state, block[at.acceleration], self.dt)
+        return joint_targets(self.robot, state, block[at.x][: self.program.nv], self.dt)
 
 
-class Outcome:
-    """Makes commands of usable solutions."""
+def command_of(
+    answer: Answer,
+    drivetrain: Drivetrain,
+    motion: Motion,
+    dt: float,
+    start: float,
+    deadline: float | None,
+) -> Command:
+    """Return the command of a usable solution.
 
-    def __init__(self, law: GearLaw, motors: Motors, deadline: float | None) -> None:
-        """Take what does not change.
-
-        Args:
-            law: what judges whether torques and directions agree.
-            motors: what turns the torques into drive commands.
-            deadline: [s] that a tick may take before it is late, None for no deadline.
-        """
-        self._law, self._motors, self._deadline = law, motors, deadline
-
-    def command(
-        self,
-        program: ContactForceProgram,
-        answer: Answer,
-        gears: GearState,
-        motion: Motion,
-        dt: float,
-        start: float,
-    ) -> Command:
-        """Return the command.
-
-        Args:
-            program: the last program of the tick.
-            answer: its solution, the torques, and how usable they are.
-            gears: what the directions were judged by.
-            motion: the state.
-            dt: time until the next tick [s].
-            start: when the tick began, by `perf_counter` [s].
-        """
-        found, (torque, mesh, exact), (status, message) = answer
-        consistent = exact or self._law.consistent(
-            gear_directions(found.output, gears.sigma), found.output, mesh
-        )
-        drive = self._motors.to_drive(motion, torque)
-        state = motion.position.copy(), motion.velocity.copy()
-        elapsed = perf_counter() - start
-        if self._deadline is not None and elapsed > self._deadline:
-            status, message = self._late(elapsed, self._deadline)
-        return Command.of(
-            rotor_torque=drive,
-            acceleration=found.acceleration,
-            consistent=consistent,
-            output_torque=found.output,
-            mesh_torque=mesh,
-            expected_speed=gears.speed,
-            certainty=gears.sigma,
-            status=status,
-            message=message,
-            solve_time=found.solve_time,
-            tick_time=elapsed,
-            rounds=found.rounds,
-            iterations=found.iterations,
-            solution=found.solution,
-            prospect=ExpectedProspect(program, found.solution.x, self._motors, state, dt),
-            refused=None,
-        )
-
-    def usual(self, usual: UsualTick, passed: Passed, dt: float, start: float) -> Command:
-        """Return the command of a usual tick, which no limit bends.
-
-        Args:
-            usual, passed: what did the tick, and what came of it.
-            dt: time until the next tick [s].
-            start: when the tick began, by `perf_counter` [s].
-        """
-        at, block, status, message = usual.at, passed.block, _SOLVED, ""
-        prospect = PassedProspect(usual, block, self._motors, dt)
-        solution = usual.solution(passed)
-        elapsed = perf_counter() - start
-        if self._deadline is not None and elapsed > self._deadline:
-            status, message = self._late(elapsed, self._deadline)
-        return Command.of(
-            rotor_torque=block[at.drive],
-            acceleration=block[at.acceleration],
-            consistent=True,
-            output_torque=block[at.output],
-            mesh_torque=block[at.mesh],
-            expected_speed=block[at.turning],
-            certainty=block[at.sigma],
-            status=status,
-            message=message,
-            solve_time=passed.time,
-            tick_time=elapsed,
-            rounds=1,
-            iterations=passed.steps,
-            solution=solution,
-            prospect=prospect,
-            refused=None,
-        )
-
-    @staticmethod
-    def _late(elapsed: float, deadline: float) -> Complaint:
-        """Return that a tick took longer than its deadline [s]."""
-        return Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
+    Args:
+        answer: the solution.
+        drivetrain: what turns the torques into drive commands.
+        motion: the state.
+        dt: time until the next tick [s].
+        start: when the tick began, by `perf_counter` [s].
+        deadline: [s] that a tick may take before it is late, None for no deadline.
+    """
+    block, program, found, gears = answer.block, answer.level.program, answer.found, answer.gears
+    (status, message), output, mesh, sigma = (
+        answer.verdict,
+        gears[OUTPUT],
+        gears[MESH],
+        gears[SIGMA],
+    )
+    exact = answer.exact
+    if not exact:
+        exact = drivetrain.law.consistent(gear_directions(output, sigma), output, mesh)
+    drive = gears[DRIVE]
+    if drivetrain.drives_differ or not answer.exact:
+        drive = drivetrain.to_drive(motion, gears[TORQUE_ROW])
+    elapsed = perf_counter() - start
+    if deadline is not None and elapsed > deadline:
+        status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
+    return Command.of(
+        rotor_torque=drive,
+        acceleration=block[program.at.x][: program.nv],
+        consistent=exact,
+        output_torque=output,
+        mesh_torque=mesh,
+        expected_speed=gears[TURNING],
+        certainty=sigma,
+        status=status,
+        message=message,
+        solve_time=answer.time if found is None else found.solve_time,
+        tick_time=elapsed,
+        rounds=1 if found is None else found.rounds,
+        iterations=0 if found is None else found.iterations,
+        solution=answer.solution,
+        prospect=ExpectedProspect(drivetrain.robot, program, block, dt),
+        refused=None,
+    )

@@ -1,9 +1,9 @@
-"""What a task is asked to do at one instant."""
+"""What a controller is told in a tick: the state, and what a task is asked to do."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -33,3 +33,15 @@ class Reference:
         position = self.position
         parts = (getattr(position, "homogeneous", position), self.velocity, self.acceleration)
         return all(p is None or bool(np.isfinite(np.asarray(p, np.float64)).all()) for p in parts)
+
+
+class State(Protocol):
+    """What the controller reads of a state: `wbc.robot.Motion` is one."""
+
+    @property
+    def position(self) -> FloatArray:
+        """q (nq,)."""
+
+    @property
+    def velocity(self) -> FloatArray:
+        """v (nv,)."""

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from wbc.control.disturbance import DisturbanceObserver
-from wbc.control.safety.inputs import step_complaint
-from wbc.control.safety.policies import LetDown, SafetyPolicy
-from wbc.control.solvers.warm_start import WarmStart
-from wbc.control.state import State
-from wbc.control.torque.gears import RestPolicy
-from wbc.control.torque.speed import SpeedBlend
+from wbc.control.drivetrain import DisturbanceObserver
+from wbc.control.gears import RestPolicy
+from wbc.control.inputs import step_complaint
+from wbc.control.policies import LetDown, SafetyPolicy
+from wbc.control.reference import State
+from wbc.control.solvers import WarmStart
+from wbc.control.speed import SpeedBlend
 from wbc.errors import ControlError
 
 
@@ -28,14 +28,11 @@ class ControllerSettings:
         speed_blend: how the directions of the gears are judged.
         warm_start: whether the constraints that bound the last solution are tried before the
             solver is asked.
-        solver: "proxqp" or "daqp" (native; the latter an extra package), or any backend of
-            qpsolvers.
+        solver: asked where the controller's own guess fails: "daqp" or "proxqp", each with the
+            other behind it, or any backend of qpsolvers.
         tolerance: absolute tolerance of the native solver on every residual.
-        max_iterations: budget of all solvers in one tick, in units of 8000 multiplications, what
-            the controller's own solver takes to add a row on a quadruped; ten times as many with
-            `WarmStart.SOLVER`. Where they are spent, up to 0.4 times as many look for a motion
-            that keeps the constraints without being the best. A tick then takes at most about
-            23 times as long as a good one.
+        max_iterations: iterations that solvers may take in one tick; a solve that starts within
+            them may take as many again.
         max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
@@ -53,10 +50,10 @@ class ControllerSettings:
     rest_margin: float = 0.0
     speed_blend: SpeedBlend = field(default_factory=SpeedBlend)
     warm_start: WarmStart = WarmStart.ACTIVE_SET
-    solver: str = "proxqp"
+    solver: str = "daqp"
     tolerance: float = 1e-7
-    max_iterations: int = 144
-    max_rounds: int = 16
+    max_iterations: int = 1000
+    max_rounds: int = 6
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     safety: SafetyPolicy = field(default_factory=LetDown)

@@ -1,82 +1,421 @@
-"""One tick: what it is given, and what it knows once that has passed all checks."""
+"""One tick, compiled: from a state to rotor torques. Every tick of every controller passes here.
+
+What only Python can say (a user's own task or effect, distances of solids) is written into the
+structures before; what the rows that bound the last solution do not solve is left to a solver.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from math import inf
-from typing import NamedTuple
+from typing import Any
 
-from wbc.arrays import FloatArray
-from wbc.control.contacts import BoundContact
-from wbc.control.efforts import ContactForceTask
-from wbc.control.program.level import Level
-from wbc.control.reference import Reference
-from wbc.control.safety.inputs import (
-    Complaint,
-    force_complaint,
-    name_complaint,
-    share_complaint,
-    step_complaint,
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutPlaces,
+    OutRow,
+    Places,
+    Row,
+    Vector,
+    compiled,
+    view,
 )
-from wbc.control.state import State
-from wbc.control.torque.gears import GearState
-from wbc.robot import Motion
+from wbc.control.active_set import SOLVER, place_multipliers, settle
+from wbc.control.gear_rows import (
+    GEARS,
+    LIMITED,
+    place_judged,
+    place_loads,
+    place_map,
+    place_output,
+    place_slopes,
+    place_torques,
+)
+from wbc.control.joint_rows import JOINTS, place_joint_bounds
+from wbc.control.tree import (
+    DISTANCE,
+    MOMENTUM,
+    ROWS,
+    TREE,
+    fill_state_rows,
+    move_joints,
+    place_turn,
+)
+from wbc.structures import Structure
+
+TASKS = Structure(
+    "Tasks",
+    rows=ROWS.kind,
+    targets=Dense,
+    chosen=Places,
+    positions=Places,
+    goals=Row,
+    gains=Dense,
+    weights=Row,
+    parts=OutDense,
+    wanted=OutRow,
+    diagonal=Row,
+    pull=OutRow,
+)
+"""The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
+
+targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, -1 where
+their task says its error itself, and goals (c,); gains and parts (5, k + c) of error, rate, drift,
+velocity and acceleration; weights and wanted (k + c,); of the selecting rows also the summed
+weights (nv,) and, as a result, the weighted pull (nv,).
+"""
+
+CONTACTS = Structure("Contacts", rows=ROWS.kind, damping=Row, target=OutRow)
+"""The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s]."""
+
+PROGRAM = Structure(
+    "Program",
+    tree=TREE.kind,
+    tasks=TASKS.kind,
+    contacts=CONTACTS.kind,
+    gears=GEARS.kind,
+    joints=JOINTS.kind,
+    limited=LIMITED.kind,
+    solver=SOLVER.kind,
+    undriven=Places,
+    counts=OutPlaces,
+    numbers=Row,
+    effort_weight=OutDense,
+    effort_slope=OutDense,
+    effort_rotor=OutRow,
+    positive=OutPlaces,
+    stated_lower=OutRow,
+    stated_upper=OutRow,
+)
+"""The program of one level for one set of contacts. Its rows: tasks, efforts, balance of the
+undriven coordinates, contacts, what a more important level has decided.
+
+`effort_weight` and `effort_slope` (2 e, m) hold each effort for T <= 0 and below it for T > 0;
+`positive` (m,) says which was right last. The stated bounds are those of the solver but where a
+more important level has to pass.
+"""
+
+FIRST, COST, HARD, TORQUE, BOUNDS, JOINT, EFFORTS, NQ = range(8)
+"""`counts`: the first row in use; rows of tasks and efforts; hard rows below them; torque limits;
+all bounds; the first joint limit; efforts; the size of q."""
+
+MASS, SCALE, REGULAR, TOLERANCE, GREATEST = range(5)
+"""`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side."""
+
+MOVED, RESTED, BASED, TRIES = 1, 2, 4, 8
+"""What is told to a tick: joints and contacts are evaluated; rows of contacts are written as a
+basis; a guess is worth a try."""
+
+TURNING, SPEED, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, CLIPPED, DRIVE = range(9)
+"""Rows of gears at the end of a block: expected and measured dpsi, certainty, T, what the rotors
+take, t, N tau_phi, what limits leave of it, and what the drives are told."""
+GEAR_ROWS = 9
+
+TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE = range(4)
+"""How a tick ends: numbers too large, no solution from a guess, a torque limit, or well."""
+
+GUESSES = 3
+"""How often directions are turned over before they are searched."""
+SMALL = 1e-6
+"""[N m], output torque under which a gear's direction does not matter."""
 
 
-class TickInputs(NamedTuple):
-    """The arguments of `Controller.step`."""
+@compiled(Nothing, TASKS.kind, Vector, Vector)
+def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
+    """Write what all tasks want (k + c,): the sum of gains * parts, drift among them.
 
-    state: State
-    references: Mapping[str, Reference]
-    contacts: Mapping[str, float] | None
-    weights: Mapping[str, float] | None
-    activation: Mapping[str, float] | None
-    dt: float
+    Errors of what follows from the state, and all rates, are written into `parts` first. A momentum
+    is a rate itself.
 
-
-class ReadyTick(NamedTuple):
-    """A tick that passed all checks, evaluated and ready to be solved."""
-
-    motion: Motion
-    references: Mapping[str, Reference]
-    contacts: Mapping[str, float] | None
-    dt: float
-    levels: tuple[Level, ...]
-    gears: GearState
-    expected: FloatArray
-    disturbance: FloatArray
-
-
-class RefusedTick(NamedTuple):
-    """A tick whose inputs did not pass them, although its state did."""
-
-    motion: Motion
-    complaint: Complaint
-
-
-class InputCheck(NamedTuple):
-    """What the inputs of a controller may name.
-
-    Attributes:
-        names: of everything that takes a reference.
-        weighed: names of the tasks that have a weight to change.
-        contacts: every contact, by name.
-        force_tasks: the tasks on contact forces.
+    Args:
+        tasks: TASKS.
+        position, velocity: q (nq,) and v (nv,).
     """
+    rows, parts, gains, targets = tasks.rows, tasks.parts, tasks.gains, tasks.targets
+    wanted, pull, chosen, jacobian = tasks.wanted, tasks.pull, tasks.chosen, tasks.rows.jacobian
+    plan, places, total = rows.plan, rows.places, len(tasks.wanted)
+    count, turn = total - len(chosen), np.empty(3)
+    for i in range(count):
+        rate = 0.0
+        for j in range(len(velocity)):
+            rate += jacobian[i, j] * velocity[j]
+        parts[1, i], parts[2, i] = rate, rows.drift[i]
+    for e in range(len(plan)):
+        if rows.used[e] == 0:
+            continue
+        row, begin, width, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
+        if plan[e, 0] == DISTANCE:
+            parts[0, row] = targets[e, 0] - places[e, 9]
+            continue
+        if plan[e, 0] == MOMENTUM:
+            for k in range(width):
+                parts[0, row + k] = targets[e, k] - parts[1, row + k]
+            continue
+        if begin + (width - 1) * step >= 3:
+            place_turn(places[e], targets[e], turn)
+        for k in range(width):
+            a = begin + k * step
+            parts[0, row + k] = targets[e, 9 + a] - places[e, 9 + a] if a < 3 else turn[a - 3]
+    for i in range(len(chosen)):
+        parts[1, count + i] = velocity[chosen[i]]
+        if tasks.positions[i] >= 0:
+            parts[0, count + i] = tasks.goals[i] - position[tasks.positions[i]]
+    for i in range(total):
+        wanted[i] = 0.0
+    for part in range(len(parts)):
+        for i in range(total):
+            wanted[i] += gains[part, i] * parts[part, i]
+    pull[:] = 0.0
+    for i in range(len(chosen)):
+        pull[chosen[i]] += tasks.weights[count + i] * wanted[count + i]
 
-    names: Collection[str]
-    weighed: Collection[str]
-    contacts: Mapping[str, BoundContact]
-    force_tasks: tuple[ContactForceTask, ...]
 
-    def complaint(self, given: TickInputs) -> Complaint | None:
-        """Return what is wrong with the inputs besides the state, None if nothing is."""
-        _, references, contacts, weights, activation, dt = given
-        found = name_complaint(references, self.names, contacts, self.contacts)
-        if found is None and weights is not None:
-            found = share_complaint("weights", weights, self.weighed, inf)
-        if found is None and activation is not None:
-            found = share_complaint("activation", activation, self.weighed, 1.0)
-        if found is None and self.force_tasks:
-            found = force_complaint(self.force_tasks, self.contacts, references)
-        return step_complaint(dt) if found is None else found
+@compiled(Nothing, CONTACTS.kind, Vector)
+def settle_down(contacts: Any, velocity: FloatArray) -> None:
+    """Write -damping J v - drift (k,), the acceleration that brings contacts to rest."""
+    jacobian, drift = contacts.rows.jacobian, contacts.rows.drift
+    for i in range(len(drift)):
+        rate = 0.0
+        for j in range(len(velocity)):
+            rate += jacobian[i, j] * velocity[j]
+        contacts.target[i] = -contacts.damping[i] * rate - drift[i]
+
+
+@compiled(Nothing, TREE.kind, CONTACTS.kind, Vector, Number)
+def rest(tree: Any, contacts: Any, velocity: FloatArray, mass: float) -> None:
+    """Write the rows of contacts, and -damping J v - drift (k,), which brings them to rest."""
+    fill_state_rows(tree, contacts.rows, mass)
+    settle_down(contacts, velocity)
+
+
+@compiled(Nothing, PROGRAM.kind, Flag)
+def place_balance(program: Any, contacts: bool) -> None:
+    """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts if asked."""
+    solver, gears, rows = program.solver, program.gears, program.contacts.rows
+    rows_of, right, first = solver.rows, solver.right, program.counts[COST]
+    nv, scale, jacobian = len(gears.bias), program.numbers[SCALE], rows.jacobian
+    for i in range(len(program.undriven)):
+        row = program.undriven[i]
+        right[first + i] = -gears.bias[row]
+        for j in range(nv):
+            rows_of[first + i, j] = gears.mass[row, j]
+        for k in range(len(jacobian)):
+            rows_of[first + i, nv + k] = -scale * jacobian[k, row]
+    if contacts:
+        first += len(program.undriven)
+        for i in range(len(jacobian)):
+            right[first + i] = program.contacts.target[i]
+            for j in range(nv):
+                rows_of[first + i, j] = jacobian[i, j]
+
+
+@compiled(Number, PROGRAM.kind)
+def place_tasks(program: Any) -> float:
+    """Write the rows of tasks and the diagonal of the accelerations.
+
+    Rows of no weight are left out: the others stand together, in front of those of efforts.
+
+    Returns:
+        the sum of the sizes of everything wanted, and of the equalities.
+    """
+    tasks, solver, counts = program.tasks, program.solver, program.counts
+    wanted, weights, jacobian = tasks.wanted, tasks.weights, tasks.rows.jacobian
+    right, count, nv = solver.right, len(tasks.rows.jacobian), len(tasks.diagonal)
+    place, total = count, 0.0
+    for i in range(count - 1, -1, -1):
+        total += abs(wanted[i])
+        if weights[i] > 0.0:
+            place -= 1
+            right[place], solver.softness[place] = wanted[i], 1.0 / weights[i]
+            for j in range(nv):
+                solver.rows[place, j] = jacobian[i, j]
+    counts[FIRST] = place
+    for j in range(nv):
+        solver.diagonal[j] = tasks.diagonal[j] + program.numbers[REGULAR]
+        solver.pull[j] = tasks.pull[j]
+        total += abs(tasks.pull[j])
+    for i in range(counts[COST], counts[COST] + counts[HARD]):
+        total += abs(right[i])
+    return total
+
+
+@compiled(Nothing, PROGRAM.kind, OutPlaces)
+def place_efforts(program: Any, positive: IntArray) -> None:
+    """Write the rows of efforts, root weight (slope T + rotor share), for directions (m,) of T."""
+    limited, gears, solver = program.limited, program.gears, program.solver
+    torque_map, m, nv = limited.map, len(limited.output_bias), len(gears.bias)
+    row = program.counts[COST] - program.counts[EFFORTS] * m
+    for effort in range(program.counts[EFFORTS]):
+        rotor = program.effort_rotor[effort]
+        for i in range(m):
+            entry = 2 * effort + (1 if positive[i] != 0 else 0)
+            root = np.sqrt(program.effort_weight[entry, i])
+            slope = root * program.effort_slope[entry, i]
+            for j in range(torque_map.shape[1]):
+                solver.rows[row, j] = slope * torque_map[i, j]
+            for j in range(nv):
+                solver.rows[row, j] += rotor * root * gears.rotor[i, j]
+            right = slope * limited.output_bias[i] + rotor * root * gears.rotor_bias[i]
+            solver.right[row] = -right
+            row += 1
+
+
+@compiled(Count, PROGRAM.kind, OutRow, OutDense)
+def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
+    """Solve the program without torque limits from the rows that bound the last solution.
+
+    What efforts cost depends on the directions of the gears: those of the solution are taken.
+
+    Args:
+        program: PROGRAM.
+        x: result (n,).
+        gears: the rows of the gears; SIGMA is read, OUTPUT and SHARE are memory.
+
+    Returns:
+        how many rows the solution has, -1 where none is found.
+    """
+    counts, numbers, limited = program.counts, program.numbers, program.limited
+    jacobian, scale, m = program.contacts.rows.jacobian, numbers[SCALE], gears.shape[1]
+    efforts, positive, slopes = counts[EFFORTS], program.positive, np.empty((2, m))
+    last = counts[COST] + counts[HARD]
+    if efforts > 0:
+        place_map(program.gears, jacobian, scale, limited.map, limited.output_bias)
+        place_slopes(program.gears, gears[SIGMA], slopes[1], slopes[0])
+    for _ in range(GUESSES):
+        if efforts > 0:
+            place_efforts(program, positive)
+        bounds = counts[TORQUE], counts[BOUNDS]
+        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], x)
+        if size < 0 or efforts == 0:
+            return size
+        place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
+        turned = False
+        for i in range(m):
+            differs = (gears[OUTPUT, i] > 0.0) != (positive[i] != 0)
+            if differs and abs(gears[OUTPUT, i]) > SMALL and slopes[0, i] != slopes[1, i]:
+                positive[i], turned = 1 - positive[i], True
+        if not turned:
+            return size
+    return -1
+
+
+@compiled(Count, PROGRAM.kind, Row, Number, Count, OutRow)
+def evaluate(program: Any, expected: FloatArray, dt: float, told: int, block: FloatArray) -> int:
+    """Write everything that a state decides: tasks, contacts, loads, limits, balance.
+
+    Args:
+        program: PROGRAM.
+        expected: v (nv,) [rad/s] expected of this state.
+        dt: time until the next tick [s].
+        told: MOVED, RESTED and BASED where they hold.
+        block: holds the state; results.
+
+    Returns:
+        TOO_LARGE where numbers are, that or are not finite; else UNSOLVED.
+    """
+    tree, numbers, counts = program.tree, program.numbers, program.counts
+    nq, nv, m = counts[NQ], len(expected), len(program.gears.driven)
+    position, velocity, corrected = block[:nq], block[nq : nq + nv], block[nq + nv : nq + 2 * nv]
+    gears = view(block, len(block) - GEAR_ROWS * m, GEAR_ROWS, m)
+    if told & MOVED == 0:
+        move_joints(tree, velocity)
+    fill_state_rows(tree, program.tasks.rows, numbers[MASS])
+    want(program.tasks, position, velocity)
+    if told & RESTED == 0:
+        rest(tree, program.contacts, velocity, numbers[MASS])
+    of_motors = gears[TURNING], gears[SPEED], gears[SIGMA]
+    place_judged(program.gears, expected, velocity, dt, corrected, of_motors)
+    place_loads(program.gears, tree, velocity, corrected, of_motors)
+    if len(program.joints.rows) > 0:
+        bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
+        place_joint_bounds(program.joints, program.gears, position, velocity, dt, bounds)
+    place_balance(program, told & BASED == 0)
+    return UNSOLVED if place_tasks(program) < numbers[GREATEST] else TOO_LARGE
+
+
+@compiled(Count, PROGRAM.kind, Number, OutRow)
+def finish(program: Any, dt: float, block: FloatArray) -> int:
+    """Write what a solution leads to: torques, drive commands, the velocity expected next.
+
+    Args:
+        program: PROGRAM.
+        dt: time until the next tick [s].
+        block: holds x; results.
+
+    Returns:
+        DONE, or LIMITED_TORQUE where the limits do not leave all of it.
+    """
+    counts, m, nv = program.counts, len(program.gears.driven), len(program.gears.bias)
+    gears = view(block, len(block) - GEAR_ROWS * m, GEAR_ROWS, m)
+    start = counts[NQ] + 3 * nv
+    x = block[start : start + program.solver.rows.shape[1]]
+    for i in range(nv):
+        block[counts[NQ] + 2 * nv + i] = block[counts[NQ] + nv + i] + dt * x[i]
+    jacobian, scale = program.contacts.rows.jacobian, program.numbers[SCALE]
+    place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
+    results = gears[MESH], gears[TORQUE_ROW], gears[CLIPPED]
+    exact = place_torques(program.gears, gears[OUTPUT], gears[SHARE], gears[SIGMA], results)
+    for i in range(m):
+        gears[DRIVE, i] = gears[TORQUE_ROW, i] * program.gears.inverse_ratio[i]
+    return DONE if exact else LIMITED_TORQUE
+
+
+@compiled(Count, PROGRAM.kind, Number, OutRow)
+def solve(program: Any, dt: float, block: FloatArray) -> int:
+    """Solve the program from the rows that bound the last solution; write what it leads to.
+
+    Args:
+        program: PROGRAM.
+        dt: time until the next tick [s].
+        block: as `evaluate` left it; results.
+
+    Returns:
+        UNSOLVED, LIMITED_TORQUE or DONE.
+    """
+    counts, m = program.counts, len(program.gears.driven)
+    gears = view(block, len(block) - GEAR_ROWS * m, GEAR_ROWS, m)
+    start = counts[NQ] + 3 * len(program.gears.bias)
+    x = block[start : start + program.solver.rows.shape[1]]
+    size = guess(program, x, gears)
+    if size < 0:
+        return UNSOLVED
+    soft = counts[COST] - counts[FIRST]
+    hard = start + len(x) + counts[HARD]
+    y, z = block[start + len(x) : hard], block[hard : hard + counts[BOUNDS]]
+    place_multipliers(program.solver, soft + counts[HARD], soft, size, y, z)
+    return finish(program, dt, block)
+
+
+@compiled(Count, PROGRAM.kind, *[Vector] * 2, Row, Number, Count, OutRow)
+def tick(
+    program: Any,
+    position: FloatArray,
+    velocity: FloatArray,
+    expected: FloatArray,
+    dt: float,
+    told: int,
+    block: FloatArray,
+) -> int:
+    """Pass through a tick of one level: from q (nq,) and v (nv,) to torques in `block`.
+
+    Args:
+        program, expected, dt, told, block: as for `evaluate` and `solve`; TRIES in `told` where a
+            guess is worth a try, and LOCKED where a more important level is to be heard before.
+
+    Returns:
+        TOO_LARGE, UNSOLVED, LIMITED_TORQUE or DONE.
+    """
+    for i in range(len(position)):
+        block[i] = position[i]
+    for i in range(len(velocity)):
+        block[len(position) + i] = velocity[i]
+    ended = evaluate(program, expected, dt, told, block)
+    if ended == TOO_LARGE or told & TRIES == 0:
+        return ended
+    return solve(program, dt, block)

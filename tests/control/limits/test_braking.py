@@ -67,9 +67,8 @@ def test_knee_that_counts_on_more_than_its_motor_has_cannot_stop():
 def test_losses_lengthen_no_way_to_a_stop():
     """Teeth help to brake: the lossy knee may come faster than one with perfect gears."""
     robot = load_robot("planar_leg_fixed")
-    braking, rows = MotorBraking(), np.arange(2)
-    lossy, _ = braking.strength(robot.transmission, rows, np.ones(2), np.zeros(2))
-    ideal, _ = braking.strength(robot.lossless().transmission, rows, np.ones(2), np.zeros(2))
+    both = [JointLimit.of(r, braking=MotorBraking()).brakes for r in (robot, robot.lossless())]
+    lossy, ideal = (brakes["torque"] / (1.0 + brakes["reflected"]) for brakes in both)
     assert np.all(lossy > ideal)
 
 

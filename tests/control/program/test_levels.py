@@ -18,11 +18,11 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.program.level import Level, Refusal
-from wbc.control.program.rows.orthonormal_rows import extend_basis
-from wbc.control.solvers import QPStatus
-from wbc.control.solvers.solver import make_solver
-from wbc.control.torque.direction_search import DirectionSearch
+from wbc.control.directions import DirectionSearch
+from wbc.control.level import Level, Refusal
+from wbc.control.linalg import extend_basis
+from wbc.control.problem import QPStatus
+from wbc.control.solvers import make_solver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -78,11 +78,12 @@ def test_bounds_that_are_locked_cost_nothing():
             command = controller.step(state)
             assert command.status is Status.SOLVED
             lower = controller._level.program
-            closed, (low, high) = controller.problem, lower.rows.stated
+            closed, rows = controller.problem, slice(0, lower.plain)
+            low, high = lower.memory.stated_lower[rows], lower.memory.stated_upper[rows]
             tasked = lower.unlocked + 6  # centre of mass and trunk
             if len(closed.b) == tasked:
                 continue
-            x0 = lower.passing
+            x0 = controller._level._passing
             opened = closed._replace(
                 A=closed.A[:tasked],
                 b=closed.b[:tasked],
@@ -123,9 +124,9 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     alone = Controller(robot, upper, feet(robot))
     both = Controller(robot, [*upper, lower], feet(robot))
     gave_up = Refusal((Status.FAILED, "the solver gave up."), None, None)
-    solve = Level.solve
-    second = both._programs.levels(None)[1]
-    monkeypatch.setattr(Level, "solve", lambda s, *a: gave_up if s is second else solve(s, *a))
+    solve = Level.step
+    second = both._levels.of(None)[1]
+    monkeypatch.setattr(Level, "step", lambda s, *a: gave_up if s is second else solve(s, *a))
     state = next(moving_fast(robot, 1))
     one, two = alone.step(state), both.step(state)
     assert two.status is Status.INACCURATE
@@ -147,7 +148,7 @@ def test_efforts_and_a_lower_level_need_no_solver_where_little_changes(name, mon
     solve, asked = DirectionSearch.solve, []
 
     def counted(search, *given, **more):
-        asked.append(search.program.A.shape)
+        asked.append(search)
         return solve(search, *given, **more)
 
     monkeypatch.setattr(DirectionSearch, "solve", counted)

@@ -17,9 +17,9 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.solvers import BlockProblem, DualActiveSet, ForeignSolver, QPStatus, make_solver
-from wbc.control.solvers.cascade import Cascade
-from wbc.control.torque.direction_search import DirectionSearch
+from wbc.control.directions import DirectionSearch
+from wbc.control.problem import QPStatus
+from wbc.control.solvers import ForeignSolver, make_solver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -120,71 +120,3 @@ def test_a_swinging_foot_is_guessed_within_a_few_steps(monkeypatch):
     commands = [ours.step(state, **more) for state in states[:200]]
     assert all(command.status is Status.SOLVED for command in commands)
     assert not searched  # 80 of 200 ticks without the dual steps
-
-
-@pytest.mark.parametrize(("size", "asked"), [(1.0, 1), (1e6, 1), (1e8, 0)])
-def test_no_other_solver_for_numbers_beyond_its_reach(monkeypatch, size, asked):
-    """Behind the own solver ProxQP would take milliseconds and not solve it: a tick is bounded."""
-    made = []
-
-    def counted(*arguments, **settings):
-        made.append(make_solver(*arguments, **settings))
-        return made[-1]
-
-    monkeypatch.setattr("wbc.control.solvers.cascade.make_solver", counted)
-    own = DualActiveSet(2, 2, 1, tolerance=1e-7, max_iterations=128)
-    cascade = Cascade(own, "proxqp", own_first=True, tolerance=1e-7, max_iterations=128)
-    twice = np.array([[1.0, 0.0], [1.0, 0.0]])  # rows that repeat each other
-    program = BlockProblem(
-        *(np.ones(2), np.zeros(2), twice, np.full(2, size), np.zeros(2), 0),
-        *(np.eye(2)[:1], np.full(1, -1e9), np.full(1, 1e9)),
-    )
-    cascade.solve(program)
-    assert len(made) == asked
-
-
-@pytest.mark.parametrize("most", [144, 1000])
-def test_behind_the_own_solver_another_has_the_rest_of_the_budget(monkeypatch, most):
-    """Its iterations take longer on a larger program: it has fewer, and all take the same time."""
-    granted = []
-
-    def counted(*arguments, **settings):
-        granted.append(settings["max_iterations"])
-        return make_solver(*arguments, **settings)
-
-    monkeypatch.setattr("wbc.control.solvers.cascade.make_solver", counted)
-    measured = {7: 5.5, 20: 10.0, 30: 22.0, 48: 38.0}  # us an iteration of ProxQP
-    for n in measured:
-        twice = np.ones((18 if n > 20 else 5, n))  # rows that repeat each other
-        k = len(twice)
-        own = DualActiveSet(n, k, 1, tolerance=1e-7, max_iterations=most)
-        cascade = Cascade(own, "proxqp", own_first=True, tolerance=1e-7, max_iterations=most)
-        program = BlockProblem(
-            *(np.ones(n), np.zeros(n), twice, np.ones(k), np.zeros(k), 0),
-            *(np.eye(n)[:1], np.full(1, -1e9), np.full(1, 1e9)),
-        )
-        cascade.solve(program)
-    assert len(granted) == len(measured)
-    taken = np.array(granted) * np.array(list(measured.values()))
-    assert (taken < 2.0 * most * 1.25).all()  # 2 us a unit
-    assert taken.max() < 2.0 * taken.min()
-
-
-def test_the_same_budget_is_the_same_work_and_fewer_steps_on_a_larger_program():
-    """x = 10 is wanted, x <= 1 allowed: every variable takes one step."""
-
-    def ended(n):
-        problem = BlockProblem(
-            *(np.ones(n), np.full(n, 10.0), np.zeros((0, n)), np.zeros(0), np.zeros(0), 0),
-            *(np.eye(n), np.full(n, -1.0), np.ones(n)),
-        )
-        solver = DualActiveSet(n, 0, n, tolerance=1e-9, max_iterations=8)
-        return solver.solve(problem, starts_over=True), solver.steps
-
-    small, _ = ended(20)
-    large, spent = ended(80)
-    assert small.status is QPStatus.SOLVED
-    np.testing.assert_allclose(small.x, 1.0)
-    assert large.status is QPStatus.ITERATION_LIMIT
-    assert 8 <= spent <= 9
-    assert np.count_nonzero(np.isclose(large.x, 1.0)) < 20

@@ -22,7 +22,8 @@ from wbc.control import (
     Status,
     explain,
 )
-from wbc.control.solvers import ForeignSolver, QPStatus
+from wbc.control.problem import QPStatus
+from wbc.control.solvers import ForeignSolver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.robot.loading.library import robot_names
@@ -55,27 +56,20 @@ def test_hostile_ticks_are_bounded_and_safe(name, ticks):
     assert ours.step(quiet(robot, generator)).status is Status.SOLVED
 
 
-@pytest.mark.parametrize(("name", "units"), [("solo12", 90), ("talos", 144)])
-def test_a_motion_is_found_where_there_is_one(name, units):
-    """Where the best one takes too many steps, one that keeps all constraints is commanded."""
+@pytest.mark.parametrize("name", ["solo12", "talos"])
+def test_a_motion_is_found_where_there_is_one(name):
+    """Whatever the solvers may cost, and however many directions may be searched."""
     robot, generator = load_robot(name), np.random.default_rng(0)
-    ours = controller(robot, max_iterations=units)
-    patient = controller(robot, max_iterations=2000, max_rounds=100)
-    ticks = possible = missed = stopped = 0
-    for arguments in islice(hostile_inputs(robot, ours, generator), 300):
+    ours = controller(robot)
+    patient = controller(robot, max_iterations=10000, max_rounds=100)
+    ticks = possible = missed = 0
+    for arguments in islice(hostile_inputs(robot, ours, generator), 150):
         command, ticks = ours.step(*arguments), ticks + 1
-        if not patient.step(*arguments).status.usable:
-            continue
-        possible += 1
-        missed += command.status is Status.FAILED
-        if command.status is Status.INACCURATE:
-            stopped += 1
-            problem = ours.problem
-            assert command.solution.primal_residual(problem) < 1e-4
-            assert np.abs(command.rotor_torque).max() > 0.0
+        if patient.step(*arguments).status.usable:
+            possible += 1
+            missed += not command.status.usable
     assert possible > 0.3 * ticks
-    assert missed < 0.06 * possible  # without a search nearby: 45 % on Talos
-    assert stopped > 0
+    assert missed < 0.01 * possible
 
 
 @pytest.mark.parametrize("name", ["planar_leg_strong", "solo12"])

@@ -20,8 +20,8 @@ from wbc.control import (
     RestPolicy,
     Status,
 )
-from wbc.control.safety.inputs import LONGEST
-from wbc.control.tasks import Task
+from wbc.control.inputs import LONGEST
+from wbc.control.task import Task
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
@@ -56,7 +56,7 @@ def test_a_task_that_is_off_is_as_if_it_were_not_there():
         one = ours.step(STATE, WISH | LIFTED, contacts, activation={"swing": 0.0})
         two = other.step(STATE, WISH, contacts)
         np.testing.assert_array_equal(one.rotor_torque, two.rotor_torque)
-        assert len(ours._level.program.blocks.right) == len(other._level.program.blocks.right)
+        assert len(ours._level.program.blocks().right) == len(other._level.program.blocks().right)
 
 
 def test_tasks_go_on_and_off_from_tick_to_tick():

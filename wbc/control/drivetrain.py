@@ -1,0 +1,318 @@
+"""What is between the joints and the drives: gears, motors, effects, and what the model misses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.control.gear_rows import GEARS, OBSERVES
+from wbc.control.gears import GearLaw
+from wbc.control.kinematics import Kinematics
+from wbc.control.limits import RotorTorqueLimit
+from wbc.control.speed import SpeedBlend
+from wbc.dynamics import Terms, rotor_coupling
+from wbc.effects.tables import (
+    effect_table,
+    fill_commands,
+    fill_efficiencies,
+    fill_joint_torques,
+    left_for_hooks,
+)
+from wbc.errors import ControlError
+from wbc.robot import Effect, Hook, Motion, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceObserver:
+    """A momentum observer: a torque on the coordinates that explains how the robot moves.
+
+    With the acceleration qdd that the last tick expected, and M with the rotors' inertia,
+
+        d <- clip(d + rate M (v - v_last - step qdd), +-bound),
+
+    the discrete form of De Luca & Mattone (2003) with the controller's own prediction as the model.
+    d joins the bias of the next tick, so that a constant load is learned within about 1/rate. What
+    holds a contact or a resting gear moves nothing and teaches nothing. After a tick without a
+    solution, or with other contacts (a foot that lands has an impact), d stays as it is.
+
+    Attributes:
+        rate: [1/s] of learning; slow against the tasks' gains, or the two loops swing together.
+        bound: greatest torque [N m] or force [N] of every coordinate (nv,), or one for all.
+    """
+
+    rate: float = 2.0
+    bound: float | FloatArray = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 < self.rate < np.inf:
+            raise ControlError(f"disturbance observer: rate must be > 0 1/s, got {self.rate}.")
+        bound = np.asarray(self.bound, dtype=np.float64)
+        if not np.isfinite(bound).all() or (bound < 0.0).any():
+            raise ControlError(f"disturbance observer: bound must be >= 0, got {self.bound}.")
+
+    def bounds(self, nv: int) -> FloatArray:
+        """Return the bound of every coordinate (nv,).
+
+        Raises:
+            ControlError: a bound of another size.
+        """
+        bound = np.asarray(self.bound, dtype=np.float64)
+        if bound.shape not in ((), (nv,)):
+            raise ControlError(
+                f"disturbance observer: bound has shape {bound.shape}, expected ({nv},) or one "
+                "number."
+            )
+        return np.array(np.broadcast_to(bound, (nv,)))
+
+
+class Drivetrain:
+    """Gears, motors and effects of a robot in one structure, kept up to date tick by tick.
+
+    K' E_s H_s K qdd + K' E_s c_s = J'f + [0; B E_m] tau_phi holds row by row as
+
+        undriven:  (M qdd + bias - J'f)_u = 0                       (the same in every direction)
+        driven:    T = D' (M qdd + bias - J'f)_m                    (torque that leaves the gears)
+        rotors:    N tau_phi = t(T) + rotor qdd + rotor_bias        (t: the mesh law)
+
+    so that the directions of power enter in t alone. M is H_l, plus what a rotor's spin asks of
+    its housing where the robot couples the two. Hooks of effects are called where one overrides
+    them; structural effects are folded into the robot already.
+
+    Attributes:
+        memory: the GEARS.
+        law: of the meshes.
+        size: how many gears there are.
+        limited: numbers of the gears that have a torque limit to keep.
+        serial: whether every gear drives a joint of its own.
+        coupled: whether rotors turn with links, so that a state takes more than its kinematics.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        kinematics: Kinematics,
+        law: GearLaw,
+        limit: RotorTorqueLimit | None,
+        blend: SpeedBlend,
+        observer: DisturbanceObserver | None,
+    ) -> None:
+        """Lay everything out.
+
+        Raises:
+            ControlError: a bound of the observer of another size than nv.
+        """
+        gears, nv = robot.transmission, robot.model.nv
+        self.robot, self.law, self._limit, self.size = robot, law, limit, gears.size
+        self._ratio, self._kinematics = gears.gear_ratio, kinematics
+        self.serial = bool(np.array_equal(gears.topology, np.eye(gears.size)))
+        self.coupled = robot.rotors_turn_with_links
+        self.limited: IntArray = np.flatnonzero(
+            np.isfinite(gears.torque_limit) & (limit is not None)
+        )
+        self._nameplate = np.abs(self._ratio) * gears.torque_limit
+        self._table, self._effects = effect_table(robot), left_for_hooks(robot)
+        self._smooth, self._dry = self._by("joint_torque"), self._by("joint_friction")
+        self._rotor, self._efficient = self._by("rotor_torque"), self._by("gear_efficiencies")
+        self._drive, self._truth = self._by("drive_inverse")[::-1], self._by("true")[::-1]
+        tabled = bool(len(self._table.joints) or self._table.act_on_gears)
+        self._acts = bool(tabled or self._smooth or self._dry or self._efficient)
+        self._varies = limit is not None and (not limit.is_constant or bool(self._rotor))
+        self._contacts: object = None
+        from_joints, own = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
+        own[:, robot.actuated] = gears.reflected_inertia[:, None] * from_joints
+        self._rotor_own, turns = own, np.zeros((gears.size, nv))
+        turns[:, robot.actuated] = from_joints
+        self._turns = self._ratio[:, None] * turns
+        rate = 0.0 if observer is None else observer.rate
+        unlimited = np.full(gears.size, np.inf)
+        self.memory: Any = GEARS.of(
+            driven=np.array(robot.actuated, dtype=np.int_),
+            from_joints=from_joints,
+            topology=np.array(gears.topology),
+            inverse_ratio=1.0 / gears.gear_ratio,
+            mass=np.zeros((nv, nv)) if self.coupled else kinematics.mass_matrix,
+            rotor=own.copy(),
+            dry=np.abs(self._ratio) * gears.rotor_coulomb_friction,
+            viscous=self._ratio**2 * gears.rotor_viscous_friction,
+            rotor_added=np.zeros(gears.size),
+            rest=law.rest,
+            forward=law.forward,
+            backward=law.backward,
+            lower=-unlimited,
+            upper=unlimited,
+            effects=np.zeros(nv),
+            rubbing=np.zeros(nv),
+            learned=np.zeros(nv),
+            predicted=np.full(nv, np.nan),
+            bound=np.zeros(nv) if observer is None else observer.bounds(nv),
+            inertia=turns.T @ (gears.reflected_inertia[:, None] * turns),
+            blend=np.array([blend.trusted_error, blend.full_speed, blend.correction, rate]),
+            bias=np.zeros(nv),
+            rotor_bias=np.zeros(gears.size),
+            disturbance=np.zeros(nv),
+            joint=np.zeros(gears.size),
+        )
+        if limit is not None:
+            self._take_limits(*limit.bounds(robot, np.zeros(gears.size)), None)
+
+    def _by(self, hook: Hook) -> Sequence[Effect]:
+        """Return the effects that override a hook."""
+        return tuple(effect for effect in self._effects if hook in effect.acts_by)
+
+    def true_motion(self, motion: Motion) -> Motion:
+        """Return the motion behind what the encoders report."""
+        for effect in self._truth:
+            motion = effect.true(self.robot, motion)
+        return motion
+
+    def take(self, motion: Motion, contacts: object) -> None:
+        """Take what effects, limits and the observer say of a state.
+
+        Args:
+            motion: the state; the kinematics stand at it where `coupled`.
+            contacts: the active contacts, to be told from those of the last tick.
+        """
+        if self._acts:
+            self._ask_effects(motion)
+        if self._varies and self._limit is not None:
+            low, high = self._limit.bounds(self.robot, self._ratio * self.speed(motion.velocity))
+            self._take_limits(low, high, self._on_rotors(motion))
+        if self.coupled:
+            self._couple(motion)
+        if self.learns and contacts != self._contacts:
+            self.interrupt()
+
+    def _ask_effects(self, motion: Motion) -> None:
+        """Write the torques of the effects on the coordinates, and the efficiencies of gears."""
+        self.on_joints(motion, self.memory.effects, self.memory.rubbing)
+        if self._table.act_on_gears:
+            gears, now = self.robot.transmission, np.empty((2, self.size))
+            given = gears.forward_efficiency, gears.backward_efficiency
+            fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
+            self.law.follow(*now)
+        if self._efficient:
+            self.law.follow(*self.robot.gear_efficiencies(motion))
+
+    def on_joints(self, motion: Motion, smooth: FloatArray, dry: FloatArray) -> None:
+        """Write the torque of effects on the coordinates, and the level of their dry friction."""
+        state = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
+        fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
+        for effect in self._smooth:
+            torque = effect.joint_torque(self.robot, motion)
+            if torque is not None:
+                smooth += torque
+        for effect in self._dry:
+            level = effect.joint_friction(self.robot, motion)
+            if level is not None:
+                dry += level
+
+    def _on_rotors(self, motion: Motion) -> FloatArray | None:
+        """Return the torque that effects add on the rotors (m,), None without such effects."""
+        total: FloatArray | None = None
+        for effect in self._rotor:
+            torque = effect.rotor_torque(self.robot, motion)
+            if torque is not None:
+                total = torque if total is None else total + torque
+        return total
+
+    def _take_limits(self, low: FloatArray, high: FloatArray, more: FloatArray | None) -> None:
+        """Take the least and greatest torque of the drives (m,) [N m], and what is added to it."""
+        added = self._table.drives[:, 2] if more is None else self._table.drives[:, 2] + more
+        one, other = self._ratio * (low + added), self._ratio * (high + added)
+        np.minimum(one, other, out=self.memory.lower)
+        np.maximum(one, other, out=self.memory.upper)
+
+    def _couple(self, motion: Motion) -> None:
+        """Write what rotors and their housings ask of one another."""
+        kinematics, memory, none = (
+            self._kinematics,
+            self.memory,
+            np.zeros((0, len(motion.velocity))),
+        )
+        terms = Terms(
+            *(kinematics.position, kinematics.velocity, kinematics.mass_matrix, kinematics.bias),
+            *(none, np.zeros(0), np.zeros((0, 3)), kinematics.data),
+        )
+        coupling = rotor_coupling(self.robot, terms)
+        np.add(kinematics.mass_matrix, coupling.inertia.T @ self._turns, out=memory.mass)
+        np.add(self._rotor_own, self._ratio[:, None] * coupling.inertia, out=memory.rotor)
+        np.multiply(self._ratio, coupling.rotor_bias, out=memory.rotor_added)
+        if not self._acts:
+            memory.effects[:] = 0.0
+        memory.effects[:] -= coupling.link_bias
+
+    @property
+    def learns(self) -> bool:
+        """Whether an observer learns what the model misses."""
+        return bool(self.memory.blend[OBSERVES] > 0.0)
+
+    def remember(self, velocity: FloatArray, contacts: object) -> None:
+        """Take the velocity (nv,) that a tick with a solution leads to; learn from it next time."""
+        self.memory.learned[:], self.memory.predicted[:] = self.memory.disturbance, velocity
+        self._contacts = contacts
+
+    def place_load(self, x: FloatArray, output: FloatArray, load: FloatArray) -> None:
+        """Write what T (m,) of a solution x = [qdd, ..] does beyond moving the links (m,)."""
+        moved = self.memory.mass @ x[: len(self.memory.bias)]
+        load[:] = output - self.memory.topology.T @ moved[self.memory.driven]
+
+    def interrupt(self) -> None:
+        """Predict nothing of the next tick, as the last one had no solution."""
+        self.memory.predicted[:] = np.nan
+
+    def forget(self) -> None:
+        """Forget what was learned."""
+        self.memory.learned[:], self.memory.disturbance[:] = 0.0, 0.0
+        self.interrupt()
+
+    def speed(self, velocity: FloatArray) -> FloatArray:
+        """Return dpsi (m,) [rad/s] of v (nv,)."""
+        return np.asarray(self.memory.from_joints @ velocity[self.memory.driven])
+
+    def position(self, position: FloatArray) -> FloatArray:
+        """Return psi (m,) [rad] of q (nq,)."""
+        return np.asarray(self.memory.from_joints @ position[self.robot.actuated_position])
+
+    def clipped(self, torque: FloatArray) -> FloatArray:
+        """Return N tau_phi (m,) within the motors' own limits, whatever the controller's are."""
+        return np.minimum(np.maximum(torque, -self._nameplate), self._nameplate)
+
+    @property
+    def drives_differ(self) -> bool:
+        """Whether any effect stands between the torque on the rotors and the drive command."""
+        return bool(self._table.act_on_drives or self._rotor or self._drive)
+
+    def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""
+        rotor = torque * self.memory.inverse_ratio
+        added = self._on_rotors(motion)
+        if added is not None:
+            rotor = rotor - added
+        if self._table.act_on_drives:
+            command = np.empty(self.size)
+            fill_commands(self._table.drives, rotor, command)
+            rotor = command
+        for effect in self._drive:
+            rotor = effect.drive_inverse(self.robot, motion, rotor)
+        return np.asarray(rotor)
+
+
+def joint_targets(
+    robot: Robot, state: tuple[FloatArray, FloatArray], acceleration: FloatArray, dt: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return where the driven joints are, and how fast (m,), after `dt` [s] of qdd (nv,).
+
+    Args:
+        robot: the robot.
+        state: q (nq,) and v (nv,).
+        acceleration: qdd (nv,).
+        dt: [s].
+    """
+    rate, gain = state[1][robot.actuated], acceleration[robot.actuated]
+    place = state[0][robot.actuated_position] + dt * (rate + 0.5 * dt * gain)
+    return place, rate + dt * gain

@@ -1,0 +1,258 @@
+"""What to command when a tick has no solution: what holds the robot still, and who asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray
+from wbc.control.command import Command, KnownProspect, Refused
+from wbc.control.contact_set import ContactSet
+from wbc.control.contacts import BoundContact
+from wbc.control.directions import DirectedSolution
+from wbc.control.drivetrain import Drivetrain
+from wbc.control.inputs import Complaint
+from wbc.control.kinematics import Kinematics
+from wbc.control.policies import LastGood, SafetyPolicy, Situation, Statics
+from wbc.control.statics import STATICS, place_clipped, place_statics
+from wbc.errors import ControlError
+from wbc.robot import Motion, Robot
+
+# Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
+_SOFT = 1e-9
+
+
+class Standing:
+    """Torques that hold a robot at rest, and the inertia that its motors feel."""
+
+    def __init__(self, robot: Robot, drivetrain: Drivetrain, frames: Sequence[pin.Frame]) -> None:
+        """Make memory of its own, so that nothing of a tick is overwritten."""
+        self._robot, self._drivetrain = robot, drivetrain
+        self._kinematics = Kinematics(robot, frames)
+        self._rest, self._effects = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
+        self._sets: dict[tuple[str, ...], tuple[ContactSet, Any]] = {}
+        gears = robot.transmission
+        B, m = gears.motor_from_joint, robot.actuated
+        self._from_joints, self._topology = np.array(B), np.array(gears.topology)
+        self._reflected = np.zeros((robot.model.nv, robot.model.nv))
+        self._reflected[np.ix_(m, m)] = B.T @ (gears.reflected_inertia[:, None] * B)
+
+    def statics(self, position: FloatArray, contacts: tuple[BoundContact, ...]) -> Statics:
+        """Return what holds the robot at q (nq,) on some contacts.
+
+        Forces of the contacts share the weight and balance the undriven coordinates u as far as
+        they can; what they cannot balance moves the base, and the driven joints m are held beside
+        it:
+
+            a = M_uu^-1 (J_u' f - g_u),    T = D' (M_mu a + g_m - J_m' f).
+        """
+        rest = self._rest
+        rows, memory = self._known_of(contacts)
+        self._kinematics.update(position, rest)
+        rows.fill(self._kinematics)
+        self._drivetrain.on_joints(Motion(position, rest), self._effects, np.empty(len(rest)))
+        m = self._robot.transmission.size
+        hold, free, rested = np.empty(m), np.empty((m, m)), np.empty((m, m))
+        if not place_statics(memory, _SOFT, hold, free, rested):
+            raise ControlError(f"the inertia of '{self._robot.name}' is not positive definite.")
+        if self._drivetrain.serial:
+            return Statics(hold, free, rested)
+        B = self._from_joints
+        return Statics(self._topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
+
+    def _known_of(self, contacts: tuple[BoundContact, ...]) -> tuple[ContactSet, Any]:
+        """Return the rows of some contacts and the STATICS, made when first asked for."""
+        names = tuple([contact.name for contact in contacts])
+        known = self._sets.get(names)
+        if known is None:
+            kinematics, robot = self._kinematics, self._robot
+            rows, nv = ContactSet(contacts, kinematics.model), robot.model.nv
+            made = STATICS.of(
+                links=kinematics.mass_matrix,
+                reflected=self._reflected,
+                bias=kinematics.bias,
+                effects=self._effects,
+                jacobian=rows.memory.rows.jacobian,
+                undriven=np.array(robot.unactuated, dtype=np.int_),
+                driven=np.array(robot.actuated, dtype=np.int_),
+                share=rows.load_share(kinematics.mass * kinematics.gravity),
+                whole=np.zeros((nv, nv)),
+                gravity=np.zeros(nv),
+                pushed=np.zeros(nv),
+            )
+            known = self._sets[names] = rows, made
+        return known
+
+
+class Fallback:
+    """Commands what a safety policy chooses, from the last tick that had a solution."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        drivetrain: Drivetrain,
+        standing: Standing,
+        policy: SafetyPolicy,
+        contacts: tuple[BoundContact, ...],
+    ) -> None:
+        """Start without a tick to look back on.
+
+        Args:
+            robot, drivetrain: of the controller.
+            standing: what finds the torques that hold the robot.
+            policy: what chooses the torque.
+            contacts: that carry the robot until a good tick says which do.
+        """
+        self._robot, self._motors = robot, drivetrain
+        self._standing, self._policy, self._all = standing, policy, contacts
+        gears = robot.transmission
+        self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the last good tick."""
+        m = self._robot.transmission.size
+        self._torque = np.zeros(m)
+        self._position: FloatArray | None = None
+        self._contacts = self._all
+        self._ticks, self._time = 0, 0.0
+
+    def remember(
+        self, position: FloatArray, torque: FloatArray, contacts: tuple[BoundContact, ...]
+    ) -> None:
+        """Take a tick with a solution as the last good one.
+
+        Args:
+            position: q (nq,), which nobody overwrites.
+            torque: N tau_phi (m,) [N m].
+            contacts: that carried the robot.
+        """
+        self._torque, self._position = torque, position
+        self._contacts = contacts
+        self._ticks, self._time = 0, 0.0
+
+    def command(
+        self,
+        motion: Motion | None,
+        complaint: Complaint,
+        dt: float,
+        start: float,
+        found: DirectedSolution | None = None,
+        refused: Refused | None = None,
+    ) -> Command:
+        """Return the safe command; never raises.
+
+        Args:
+            motion: the state, None where it is what the complaint is about.
+            complaint: why the tick has no solution.
+            dt: time until the next tick [s].
+            start: when the tick began, by `perf_counter` [s].
+            found: what the solver returned, None where it was not asked.
+            refused: the program that has no solution, None where there is none.
+        """
+        self._ticks += 1
+        self._time += dt
+        return self._made(self._rotor_torque(motion, dt), motion, complaint, start, found, refused)
+
+    def busy(self, complaint: Complaint, start: float) -> Command:
+        """Return the last good torque for a thread that comes in between; nothing is counted."""
+        torque = self._motors.clipped(self._torque) / self._robot.transmission.gear_ratio
+        return self._made(torque, None, complaint, start, None, None)
+
+    def _made(
+        self,
+        torque: FloatArray,
+        motion: Motion | None,
+        complaint: Complaint,
+        start: float,
+        found: DirectedSolution | None,
+        refused: Refused | None,
+    ) -> Command:
+        m, nv = self._robot.transmission.size, self._robot.model.nv
+        status, message = complaint
+        return Command.of(
+            rotor_torque=torque,
+            acceleration=np.zeros(nv),
+            consistent=False,
+            output_torque=np.zeros(m),
+            mesh_torque=np.zeros(m),
+            expected_speed=np.zeros(m),
+            certainty=np.zeros(m),
+            status=status,
+            message=message,
+            solve_time=0.0 if found is None else found.solve_time,
+            tick_time=perf_counter() - start,
+            rounds=0 if found is None else found.rounds,
+            iterations=0 if found is None else found.iterations,
+            solution=None if found is None else found.solution,
+            prospect=KnownProspect({}, self._place(motion), np.zeros(m)),
+            refused=refused,
+        )
+
+    def _place(self, motion: Motion | None) -> FloatArray:
+        """Return where the driven joints are (m,), or last were; NaN where nobody knows."""
+        position = self._position if motion is None else motion.position
+        if position is None:
+            return np.full(self._robot.transmission.size, np.nan)
+        return np.array(position[self._robot.actuated_position])
+
+    def _rotor_torque(self, motion: Motion | None, dt: float) -> FloatArray:
+        """Return the drive command (m,); the last good torque if the policy fails."""
+        ratio = self._robot.transmission.gear_ratio
+        with np.errstate(all="ignore"):
+            try:
+                chosen = self._policy.rotor_torque(self._situation(motion, dt))
+                torque = _clipped(chosen, self._nameplate)
+            except Exception:  # a policy of the user's own may raise anything
+                torque = self._motors.clipped(self._torque)
+            rotor = torque / ratio
+            if motion is not None:
+                # An effect of the user's own may raise anything; then it is not compensated.
+                with suppress(Exception):
+                    rotor = self._motors.to_drive(motion, torque)
+        return _clipped(rotor, self._robot.transmission.torque_limit)
+
+    def _situation(self, motion: Motion | None, dt: float) -> Situation:
+        unknown = np.full(self._robot.transmission.size, np.nan)
+        return Situation(
+            last=self._last_good(),
+            position=unknown if motion is None else self._motors.position(motion.position),
+            speed=unknown if motion is None else self._motors.speed(motion.velocity),
+            ticks=self._ticks,
+            time=self._time,
+            dt=dt,
+            find_statics=lambda: self._statics(motion),
+        )
+
+    def _last_good(self) -> LastGood:
+        """Return the last tick with a solution, as policies see it."""
+        if self._position is None:
+            return LastGood(self._torque, None)
+        return LastGood(self._torque, self._motors.position(self._position))
+
+    def _statics(self, motion: Motion | None) -> Statics:
+        """Return the statics of the present pose, or of the last known one."""
+        position = self._position if motion is None else motion.position
+        if position is None:
+            m = self._robot.transmission.size
+            return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
+        return self._standing.statics(position, self._contacts)
+
+
+def _clipped(torque: object, limit: FloatArray) -> FloatArray:
+    """Return torques within +-limit (m,); what is not finite counts as zero.
+
+    Raises:
+        TypeError, ValueError: no numbers, or neither one nor m of them.
+    """
+    values = np.asarray(torque, dtype=np.float64)
+    if values.shape != limit.shape:
+        values = np.broadcast_to(values, limit.shape)
+    clipped = np.empty(limit.shape)
+    place_clipped(values, limit, clipped)
+    return clipped

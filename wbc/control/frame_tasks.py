@@ -1,0 +1,357 @@
+"""Tasks on frames: where they are, how they are turned, how far apart, and where they look."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from math import atan2
+from typing import final
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, checked
+from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.reference import Target
+from wbc.control.task import (
+    Task,
+    axis_rows,
+    pose_target,
+    require_frame,
+    rotation_target,
+    vector_target,
+)
+from wbc.control.tree import NO_DISTANCE
+from wbc.errors import ControlError
+from wbc.robot import Robot
+
+_ALL = slice(0, 6)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameTask(Task):
+    """A task on the placement of a frame; subclasses are final and choose rows of it.
+
+    Seen from the world, rates and accelerations are those of the frame's origin and its angular
+    ones, in world axes. Seen from another frame r, with d = p - p_r and omega of r,
+
+        rates    R_r' [d' - omega x d;  omega_f - omega],
+        drifts   R_r' [d'' - alpha x d - 2 omega x d' + omega x (omega x d);
+                       alpha_f - alpha - omega x (omega_f - omega)].
+
+    Attributes:
+        frame: name of a frame of the model.
+        relative_to: name of the frame it is seen from, in whose axes all rows are then; the world
+            when left out.
+    """
+
+    frame: str
+    relative_to: str | None = None
+
+    def check(self, robot: Robot) -> int:
+        """Return the number of rows; raise ControlError where a frame is missing."""
+        require_frame(robot, self.frame, self.name)
+        if self.relative_to is not None:
+            require_frame(robot, self.relative_to, self.name)
+        return len(range(*self.rows().indices(6)))
+
+    @abstractmethod
+    def rows(self) -> slice:
+        """Return which of the six rows, linear over angular, the task has."""
+
+    def placement(self, kinematics: Kinematics) -> pin.SE3:
+        """Return the frame's placement in the world or in the frame it is seen from."""
+        own = kinematics.placement(kinematics.frame_id(self.frame))
+        if self.relative_to is None:
+            return own
+        return kinematics.placement(kinematics.frame_id(self.relative_to)).actInv(own)
+
+    def jacobian(self, kinematics: Kinematics) -> FloatArray:
+        """Return the rows of the frame's Jacobian, (k, nv)."""
+        own = kinematics.frame_jacobian(kinematics.frame_id(self.frame))
+        if self.relative_to is None:
+            return own[self.rows()]
+        root = kinematics.frame_id(self.relative_to)
+        turn, between = self._between(kinematics)
+        base = kinematics.frame_jacobian(root)
+        relative = own - base
+        relative[:3] += pin.skew(between) @ base[3:]
+        relative[:3], relative[3:] = turn.T @ relative[:3], turn.T @ relative[3:]
+        return relative[self.rows()]
+
+    def drift(self, kinematics: Kinematics) -> FloatArray:
+        """Return the rows of dJ/dt v, (k,) [m/s^2, rad/s^2]."""
+        own = kinematics.frame_drift(kinematics.frame_id(self.frame))
+        if self.relative_to is None:
+            return own[self.rows()]
+        root = kinematics.frame_id(self.relative_to)
+        turn, between = self._between(kinematics)
+        base = kinematics.frame_drift(root)
+        rate = kinematics.frame_velocity(kinematics.frame_id(self.frame))
+        omega, rate = kinematics.frame_velocity(root)[3:], rate - kinematics.frame_velocity(root)
+        relative = own - base
+        relative[:3] -= np.cross(base[3:], between) + 2.0 * np.cross(omega, rate[:3])
+        relative[:3] += np.cross(omega, np.cross(omega, between))
+        relative[3:] -= np.cross(omega, rate[3:])
+        relative[:3], relative[3:] = turn.T @ relative[:3], turn.T @ relative[3:]
+        return relative[self.rows()]
+
+    @property
+    def state_rows(self) -> StateRows | None:
+        """The rows of the frame where it is seen from the world."""
+        if self.relative_to is not None:
+            return None
+        return StateRows(RowKind.FRAME, self.frame, self.rows())
+
+    def _between(self, kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:
+        """Return the rotation world-from-root (3, 3) and p - p_r in world axes (3,)."""
+        root = kinematics.placement(kinematics.frame_id(self.relative_to or self.frame))
+        own = kinematics.placement(kinematics.frame_id(self.frame))
+        return root.rotation.copy(), own.translation - root.translation
+
+
+def turn_missing(placement: pin.SE3, target: FloatArray) -> FloatArray:
+    """Return R log3(R' R_target), (3,) [rad]: what turns the placement into the target."""
+    rotation = placement.rotation
+    turn: FloatArray = rotation.dot(pin.log3(rotation.T.dot(target)))
+    return turn
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FramePositionTask(FrameTask):
+    """Position of a frame's origin along some axes of the world, or of another frame [m].
+
+    Attributes:
+        axes: which of "xyz" belong to the task.
+    """
+
+    axes: str = "xyz"
+    _rows: slice = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the axes."""
+        super().__post_init__()
+        object.__setattr__(self, "_rows", axis_rows(self.axes, self.name))
+
+    def rows(self) -> slice:
+        """Return the linear rows of the axes."""
+        return self._rows
+
+    def value(self, kinematics: Kinematics) -> FloatArray:
+        """Return the origin along the axes, (k,) [m]."""
+        return np.asarray(self.placement(kinematics).translation[self._rows])
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return target - value, (k,) [m]."""
+        return np.asarray(target - self.value(kinematics))
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target (k,) as the origin of a placement (12,)."""
+        place[9:][self._rows] = target
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameOrientationTask(FrameTask):
+    """Orientation of a frame; the value is its rotation matrix (3, 3), world from frame.
+
+    The error is the rotation vector R log3(R' R_target) in world axes [rad], of which the task
+    takes some components. Relative to another frame, that frame stands for the world.
+
+    Attributes:
+        axes: which of "xyz" belong to the task, "y" for the pitch of a planar robot.
+    """
+
+    axes: str = "xyz"
+    _rows: slice = field(init=False, repr=False)
+    _angular: slice = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the axes."""
+        super().__post_init__()
+        rows = axis_rows(self.axes, self.name)
+        object.__setattr__(self, "_rows", rows)
+        object.__setattr__(self, "_angular", slice(rows.start + 3, rows.stop + 3, rows.step))
+
+    def rows(self) -> slice:
+        """Return the angular rows of the axes."""
+        return self._angular
+
+    def value(self, kinematics: Kinematics) -> FloatArray:
+        """Return the rotation matrix, world from frame, (3, 3)."""
+        return np.asarray(self.placement(kinematics).rotation)
+
+    def admitted(self, target: Target, size: int) -> FloatArray:
+        """Return a rotation matrix (3, 3), checked and copied."""
+        return rotation_target(target)
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return the components of R log3(R' R_target), world axes, (k,) [rad]."""
+        return turn_missing(self.placement(kinematics), target)[self._rows]
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target (3, 3) as the rotation of a placement (12,)."""
+        place[:9] = target.T.reshape(-1)
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FramePoseTask(FrameTask):
+    """Pose of a frame; the value is a `pin.SE3`, world from frame.
+
+    Rows are the position's error [m] over the rotation vector R log3(R' R_target) [rad], both in
+    world axes. Relative to another frame, that frame stands for the world.
+    """
+
+    def rows(self) -> slice:
+        """Return all six rows."""
+        return _ALL
+
+    def value(self, kinematics: Kinematics) -> pin.SE3:
+        """Return the placement, world from frame."""
+        return self.placement(kinematics).copy()
+
+    def admitted(self, target: Target, size: int) -> pin.SE3:
+        """Return a `pin.SE3`, checked and copied."""
+        return pose_target(target)
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return [p_target - p; R log3(R' R_target)], world axes, (6,)."""
+        placement = self.placement(kinematics)
+        result = np.empty(6)
+        result[:3] = target.translation - placement.translation
+        result[3:] = turn_missing(placement, target.rotation)
+        return result
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the target as a placement (12,)."""
+        place[:9], place[9:] = target.rotation.T.reshape(-1), target.translation
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameDistanceTask(Task):
+    """Distance between the origins of two frames [m].
+
+    With r from one to the other and n = r/|r|, the one row is n'(J_other - J_one) and
+
+        d2|r|/dt2 = n'(a_other - a_one) + |r' - n (n'r')|^2/|r|.
+
+    Attributes:
+        frame, other: names of frames of the model.
+    """
+
+    name: str = "distance"
+    frame: str
+    other: str
+
+    def check(self, robot: Robot) -> int:
+        """Return 1."""
+        require_frame(robot, self.frame, self.name)
+        require_frame(robot, self.other, self.name)
+        return 1
+
+    def value(self, kinematics: Kinematics) -> FloatArray:
+        """Return the distance, (1,) [m]."""
+        one, other = kinematics.frame_id(self.frame), kinematics.frame_id(self.other)
+        start = kinematics.placement(one).translation.copy()
+        apart = kinematics.placement(other).translation - start
+        return np.array([max(float(np.linalg.norm(apart)), NO_DISTANCE)])
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return target - value, (1,) [m]."""
+        return np.asarray(target - self.value(kinematics))
+
+    def jacobian(self, kinematics: Kinematics) -> FloatArray:
+        """Return n'(J_other - J_one), (1, nv)."""
+        return self._evaluated(kinematics)[0]
+
+    def drift(self, kinematics: Kinematics) -> FloatArray:
+        """Return dJ/dt v, (1,) [m/s^2]."""
+        return self._evaluated(kinematics)[1]
+
+    def _evaluated(self, kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:
+        jacobian, drift = np.zeros((1, len(kinematics.velocity))), np.zeros(1)
+        FrameTable(kinematics.model, [self.state_rows], [0], jacobian, drift).fill(kinematics)
+        return jacobian, drift
+
+    @property
+    def state_rows(self) -> StateRows:
+        """The rate of the distance."""
+        return StateRows(RowKind.DISTANCE, self.frame, slice(0, 1), other=self.other)
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write the distance in front."""
+        place[0] = target[0]
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GazeTask(Task):
+    """An axis of a frame points at a place; turning about that axis is free.
+
+    With a the axis and d the direction from the frame's origin to the place, both of length one,
+    the error is the smallest turn from a to d in the two directions across a [rad]. The rows are
+    the angular velocity in these directions; that the origin moves is left to the feedback.
+    `Reference.position` is the place (3,) [m] in the world.
+
+    Attributes:
+        frame: name of a frame of the model.
+        axis: (3,) direction in the frame that looks.
+    """
+
+    name: str = "gaze"
+    frame: str
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    _axis: FloatArray = field(init=False, repr=False)
+    _across: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the axis and find two directions across it."""
+        super().__post_init__()
+        axis = np.array(checked(self.axis, (3,), f"task '{self.name}': axis", ControlError))
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise ControlError(f"task '{self.name}': axis must have a direction, got {self.axis}.")
+        axis /= length
+        side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        side /= np.linalg.norm(side)
+        object.__setattr__(self, "_axis", axis)
+        object.__setattr__(self, "_across", np.array([side, np.cross(axis, side)]))
+
+    def check(self, robot: Robot) -> int:
+        """Return 2."""
+        require_frame(robot, self.frame, self.name)
+        return 2
+
+    def value(self, kinematics: Kinematics) -> FloatArray:
+        """Return the place (3,) one metre ahead in the line of sight, world [m]."""
+        place = kinematics.placement(kinematics.frame_id(self.frame))
+        return np.asarray(place.translation + place.rotation @ self._axis)
+
+    def admitted(self, target: Target, size: int) -> FloatArray:
+        """Return a place (3,), checked and copied."""
+        return vector_target(target, 3)
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return the turn that is missing, in the two directions across the axis, (2,) [rad]."""
+        place = kinematics.placement(kinematics.frame_id(self.frame))
+        ahead = place.rotation.T @ (target - place.translation)  # in the frame
+        turn = np.cross(self._axis, ahead)
+        sine, cosine = float(np.linalg.norm(turn)), float(self._axis @ ahead)
+        if sine == 0.0:  # straight ahead or straight behind
+            return np.array([0.0 if cosine >= 0.0 else np.pi, 0.0])
+        return np.asarray(self._across @ turn * (atan2(sine, cosine) / sine))
+
+    def jacobian(self, kinematics: Kinematics) -> FloatArray:
+        """Return the angular rows across the axis, (2, nv)."""
+        number = kinematics.frame_id(self.frame)
+        across = self._across @ kinematics.placement(number).rotation.T
+        return np.asarray(across @ kinematics.frame_jacobian(number)[3:])
+
+    def drift(self, kinematics: Kinematics) -> FloatArray:
+        """Return dJ/dt v, (2,) [rad/s^2]; the turning of the directions adds (w x b)'w = 0."""
+        number = kinematics.frame_id(self.frame)
+        across = self._across @ kinematics.placement(number).rotation.T
+        return np.asarray(across @ kinematics.frame_drift(number)[3:])

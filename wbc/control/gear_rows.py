@@ -1,0 +1,363 @@
+"""Gears in a tick, compiled: which way they turn, what they give, and the rows that limit it.
+
+Everything stands at the motor outputs, N times the rotors' torque. With sigma the certainty of a
+gear's direction, T its output torque and e the slope of the mesh law blended by sigma, t = e T, and
+N tau_phi = t + rotor qdd + rotor_bias.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import types
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutFlags,
+    OutRow,
+    Places,
+    Row,
+    Vector,
+    compiled,
+)
+from wbc.control.problem import INFINITE
+from wbc.control.tree import TREE
+from wbc.structures import Structure
+
+GEARS = Structure(
+    "Gears",
+    driven=Places,
+    from_joints=Dense,
+    topology=Dense,
+    inverse_ratio=Row,
+    mass=Dense,
+    rotor=Dense,
+    dry=Row,
+    viscous=Row,
+    rotor_added=Row,
+    rest=Row,
+    forward=Row,
+    backward=Row,
+    lower=Row,
+    upper=Row,
+    effects=Row,
+    rubbing=Row,
+    learned=Row,
+    predicted=Row,
+    bound=Row,
+    inertia=Dense,
+    blend=Row,
+    bias=OutRow,
+    rotor_bias=OutRow,
+    disturbance=OutRow,
+    joint=OutRow,
+)
+"""The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
+
+driven (m,) coordinates, D^-1 and D (m, m), 1/N (m,); M (nv, nv) with which the rotors' housings
+turn; what the rotors take (m, nv) per qdd, their dry and viscous friction and what else is added to
+it (m,); slopes of the mesh law at rest, where T sigma > 0, and elsewhere (m,); least and greatest
+N tau_phi (m,); torque of effects and level of their dry friction (nv,); of the observer: torque
+learned, velocity predicted, bound (nv,), and the rotors' inertia (nv, nv). `blend`: error trusted
+and speed of certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 without one.
+Results: bias (nv,), rotor_bias (m,), disturbance (nv,); `joint` (m,) is memory.
+"""
+
+TRUSTED, FULL_SPEED, CORRECTION, OBSERVES = range(4)
+
+
+MotorRows = tuple[FloatArray, FloatArray, FloatArray]
+_Three = types.UniTuple(OutRow, 3)
+
+
+@compiled(Nothing, GEARS.kind, *[Vector] * 2, Number, OutRow, _Three)
+def place_judged(
+    gears: Any,
+    expected: FloatArray,
+    measured: FloatArray,
+    dt: float,
+    corrected: FloatArray,
+    motors: MotorRows,
+) -> None:
+    """Write the expected speed of the joints, and what it means for the motors (`SpeedBlend`).
+
+    Args:
+        gears: GEARS.
+        expected, measured: v (nv,).
+        dt: [s] since the expectation.
+        corrected: result (nv,), the expected v drawn towards the measured one.
+        motors: results (m,), expected and measured dpsi, and certainty.
+    """
+    turning, speed, sigma = motors
+    blend, driven, from_joints = gears.blend, gears.driven, gears.from_joints
+    trusted, full = blend[TRUSTED], blend[FULL_SPEED]
+    kept = 1.0 - min(blend[CORRECTION] * dt, 1.0)
+    for i in range(len(measured)):
+        error = min(max(measured[i] - expected[i], -trusted), trusted)
+        corrected[i] = measured[i] - kept * error
+    for i in range(len(driven)):
+        turns, moves = 0.0, 0.0
+        for j in range(len(driven)):
+            share = from_joints[i, j]
+            if share != 0.0:
+                turns += share * corrected[driven[j]]
+                moves += share * measured[driven[j]]
+        turning[i], speed[i] = turns, moves
+        sigma[i] = min(max(turns / full, -1.0), 1.0)
+
+
+@compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 2, _Three)
+def place_loads(
+    gears: Any, tree: Any, velocity: FloatArray, corrected: FloatArray, motors: MotorRows
+) -> None:
+    """Write the bias of links and rotors: with effects, and with what the observer has learned.
+
+    Dry friction acts against the direction that the expected speed gives it.
+
+    Args:
+        gears, tree: GEARS and a TREE.
+        velocity, corrected: measured v, and the expected one (nv,).
+        motors: expected and measured dpsi, and certainty (m,).
+    """
+    _, speed, sigma = motors
+    bias, effects, rubbing = gears.bias, gears.effects, gears.rubbing
+    full, rate, nv = gears.blend[FULL_SPEED], gears.blend[OBSERVES], len(velocity)
+    for i in range(nv):
+        certain = min(max(corrected[i] / full, -1.0), 1.0)
+        bias[i] = tree.bias[i] - effects[i] + rubbing[i] * certain
+    if rate > 0.0:
+        learned, predicted, bound = gears.learned, gears.predicted, gears.bound
+        for i in range(nv):
+            surprise = 0.0
+            for j in range(nv):
+                inertia = tree.mass_matrix[i, j] + gears.inertia[i, j]
+                surprise += inertia * (velocity[j] - predicted[j])
+            # NaN where nothing was predicted
+            found = learned[i] + rate * surprise if surprise == surprise else learned[i]
+            gears.disturbance[i] = min(max(found, -bound[i]), bound[i])
+            bias[i] -= gears.disturbance[i]
+    dry, viscous, added = gears.dry, gears.viscous, gears.rotor_added
+    for i in range(len(sigma)):
+        gears.rotor_bias[i] = dry[i] * sigma[i] + viscous[i] * speed[i] + added[i]
+
+
+@compiled(Nothing, GEARS.kind, Dense, Number, Row, OutRow, OutRow)
+def place_output(
+    gears: Any,
+    jacobian: FloatArray,
+    scale: float,
+    x: FloatArray,
+    output: FloatArray,
+    share: FloatArray,
+) -> None:
+    """Write T = D' (M qdd + bias - scale J' f)_driven and rotor qdd + rotor_bias (m,).
+
+    Args:
+        gears: GEARS.
+        jacobian: J (k, nv) of the contacts.
+        scale: [N] per unit of force variable.
+        x: qdd and f (n,).
+        output, share: results.
+    """
+    mass, bias, driven, joint = gears.mass, gears.bias, gears.driven, gears.joint
+    topology, rotor, rotor_bias = gears.topology, gears.rotor, gears.rotor_bias
+    nv, m = len(bias), len(driven)
+    for i in range(m):
+        row = driven[i]
+        torque, taken = bias[row], rotor_bias[i]
+        for j in range(nv):
+            torque += mass[row, j] * x[j]
+            taken += rotor[i, j] * x[j]
+        for k in range(len(jacobian)):
+            torque -= scale * jacobian[k, row] * x[nv + k]
+        joint[i], share[i], output[i] = torque, taken, 0.0
+    for j in range(m):
+        for i in range(m):
+            output[i] += topology[j, i] * joint[j]
+
+
+@compiled(Nothing, GEARS.kind, Row, OutRow, OutRow)
+def place_slopes(gears: Any, sigma: FloatArray, positive: FloatArray, negative: FloatArray) -> None:
+    """Write the slopes e (m,) for either sign of T of gears that turn with certainty sigma (m,)."""
+    rest, forward, backward = gears.rest, gears.forward, gears.backward
+    for i in range(len(sigma)):
+        ahead = max(sigma[i], 0.0)
+        astern = ahead - sigma[i]
+        along, against = forward[i] - rest[i], backward[i] - rest[i]
+        positive[i] = ahead * along + astern * against + rest[i]
+        negative[i] = ahead * against + astern * along + rest[i]
+
+
+@compiled(Flag, GEARS.kind, *[Row] * 3, _Three)
+def place_torques(
+    gears: Any,
+    output: FloatArray,
+    share: FloatArray,
+    sigma: FloatArray,
+    results: MotorRows,
+) -> bool:
+    """Write t, N tau_phi = t + share and what the limits leave of it (m,).
+
+    Args:
+        gears: GEARS.
+        output, share, sigma: T, what the rotors take themselves, certainty (m,).
+        results: t, N tau_phi and what the limits leave of it (m,).
+
+    Returns:
+        whether the limits leave all of it.
+    """
+    rest, forward, backward = gears.rest, gears.forward, gears.backward
+    (mesh, torque, clipped), whole = results, True
+    for i in range(len(output)):
+        moving = forward[i] if output[i] * sigma[i] > 0.0 else backward[i]
+        mesh[i] = (rest[i] + abs(sigma[i]) * (moving - rest[i])) * output[i]
+        torque[i] = mesh[i] + share[i]
+        clipped[i] = min(max(torque[i], gears.lower[i]), gears.upper[i])
+        whole = whole and clipped[i] == torque[i]
+    return whole
+
+
+@compiled(Nothing, GEARS.kind, Dense, Number, OutDense, OutRow)
+def place_map(
+    gears: Any, jacobian: FloatArray, scale: float, torque_map: FloatArray, output_bias: FloatArray
+) -> None:
+    """Write T = D' (M qdd + bias - scale J' f)_driven as a map (m, n) and a constant part (m,)."""
+    mass, bias, driven, topology = gears.mass, gears.bias, gears.driven, gears.topology
+    nv, m = len(bias), len(driven)
+    for gear in range(m):
+        output_bias[gear] = 0.0
+        torque_map[gear, :] = 0.0
+        for i in range(m):
+            share = topology[i, gear]
+            if share == 0.0:
+                continue
+            row = driven[i]
+            output_bias[gear] += share * bias[row]
+            for j in range(nv):
+                torque_map[gear, j] += share * mass[row, j]
+            for k in range(len(jacobian)):
+                torque_map[gear, nv + k] -= scale * share * jacobian[k, row]
+
+
+LIMITED = Structure(
+    "Limited",
+    gears=GEARS.kind,
+    limited=Places,
+    map=OutDense,
+    output_bias=OutRow,
+    C=OutDense,
+    lower=OutRow,
+    upper=OutRow,
+)
+"""Torques of the gears as rows over x = [qdd, f / scale], and the rows that limit them.
+
+T = map x + output_bias; `limited` (g,) are the gears that have a limit. Their rows are the first g
+of C (.., n); where directions are searched the last g as well.
+"""
+
+
+@compiled(Nothing, LIMITED.kind, Count, Count, Number, types.UniTuple(Number, 2))
+def _limit_row(rows: Any, gear: int, row: int, slope: float, limits: tuple[float, float]) -> None:
+    """Write limits[0] <= slope T + rotor qdd + rotor_bias <= limits[1] of a gear into a row."""
+    C, torque_map, rotor = rows.C, rows.map, rows.gears.rotor
+    for j in range(torque_map.shape[1]):
+        C[row, j] = slope * torque_map[gear, j]
+    for j in range(rotor.shape[1]):
+        C[row, j] += rotor[gear, j]
+    offset = slope * rows.output_bias[gear] + rows.gears.rotor_bias[gear]
+    rows.lower[row], rows.upper[row] = limits[0] - offset, limits[1] - offset
+
+
+@compiled(Nothing, LIMITED.kind, Row)
+def place_torque_rows(rows: Any, slopes: FloatArray) -> None:
+    """Write the rows of the torque limits for one slope e per gear (m,); call after the map."""
+    for row in range(len(rows.limited)):
+        i = rows.limited[row]
+        limits = rows.gears.lower[i], rows.gears.upper[i]
+        _limit_row(rows, i, row, slopes[i], limits)
+
+
+@compiled(Nothing, LIMITED.kind, *[Row] * 3)
+def place_directed_rows(
+    rows: Any, positive: FloatArray, negative: FloatArray, choice: FloatArray
+) -> None:
+    """Write the convex rows of all gears, and one half-space of some; call after the map.
+
+    N tau_phi is convex in T where positive >= negative: its upper limit is then two rows, its
+    lower one a union. In a gear that turns the other way it is the reverse. The rows for T < 0
+    stand in front, those for T > 0 at the end.
+
+    Args:
+        rows: LIMITED.
+        positive, negative: slopes (m,) for either sign of T.
+        choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
+            there is none.
+    """
+    last = len(rows.lower) - len(rows.limited)
+    for row in range(len(rows.limited)):
+        i = rows.limited[row]
+        low, high = rows.gears.lower[i], rows.gears.upper[i]
+        convex = positive[i] >= negative[i]
+        least, most = (-INFINITE, high) if convex else (low, INFINITE)
+        own, other = (low, high) if choice[i] < 0.0 else (least, most), (least, most)
+        if choice[i] > 0.0:
+            other = low, high
+        _limit_row(rows, i, row, negative[i], own)
+        _limit_row(rows, i, last + row, positive[i], other)
+
+
+@compiled(Nothing, GEARS.kind, *[Row] * 4, OutFlags)
+def place_beyond(
+    gears: Any,
+    output: FloatArray,
+    share: FloatArray,
+    positive: FloatArray,
+    negative: FloatArray,
+    beyond: BoolArray,
+) -> None:
+    """Write which gears (m,) give more than their limits by the mesh law.
+
+    Args:
+        gears: GEARS.
+        output, share: T and what the rotors take themselves (m,) [N m].
+        positive, negative: slopes (m,) for either sign of T.
+        beyond: result (m,).
+    """
+    for i in range(len(output)):
+        torque = (positive[i] if output[i] > 0.0 else negative[i]) * output[i] + share[i]
+        slack = 1e-5 * (1.0 + abs(torque))
+        beyond[i] = torque < gears.lower[i] - slack or torque > gears.upper[i] + slack
+
+
+@compiled(Flag, *[Row] * 4, Row)
+def allowed(
+    directions: FloatArray,
+    output: FloatArray,
+    mesh: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+) -> bool:
+    """Return whether the mesh law allows t and T in some directions, within 1e-6 of the largest.
+
+    Args:
+        directions: (m,) > 0 forward, < 0 backward, 0 stuck.
+        output, mesh: T and t (m,) [N m].
+        forward, backward: slopes (m,).
+    """
+    largest, found = 0.0, True
+    for i in range(len(output)):
+        largest = max(largest, abs(output[i]))
+    slack = 1e-6 * (1.0 + largest)
+    for i in range(len(output)):
+        one, other = forward[i] * output[i], backward[i] * output[i]
+        low, high = min(one, other), max(one, other)
+        if directions[i] != 0.0:
+            low = high = one if directions[i] > 0.0 else other
+        found = found and low - slack <= mesh[i] <= high + slack
+    return found

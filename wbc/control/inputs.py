@@ -1,0 +1,269 @@
+"""What is wrong with the inputs of a tick, said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, IntArray, frozen, is_real, reals
+from wbc.compiled import Number, Places, Vector, compiled
+from wbc.control.command import Status
+from wbc.control.contacts import BoundContact
+from wbc.control.efforts import ContactForceTask
+from wbc.control.problem import is_finite
+from wbc.control.reference import Reference, State
+from wbc.errors import unknown_name
+from wbc.robot import Motion, Robot
+
+Complaint = tuple[Status, str]
+
+_FLOAT = np.dtype(np.float64)  # numpy keeps one of it, and comparing types takes 0.2 us
+LONGEST = 0.1
+"""[s] longest time step: 1 / sqrt(k) with the default stiffness k = 100 of a task.
+
+With qdd = -k q - 2 sqrt(k) v held over a step h, q and v after it are A (q, v), and the
+eigenvalues of A lie inside the unit circle where h sqrt(k) < 1. A longer step is mostly one that
+was given in milliseconds.
+"""
+_UNIT = 1e-3  # single precision leaves 1e-7, integrating for a while without normalising 1e-4
+
+
+class StateCheck:
+    """Checks states of one robot."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Find the parts of q that must be of length one: quaternions and pairs (cos, sin)."""
+        self._name, self._sizes = robot.name, (robot.model.nq, robot.model.nv)
+        parts = _unit_parts(robot.model)
+        self._starts = frozen([start for start, _ in parts], np.int_)
+        self._lengths = frozen([length for _, length in parts], np.int_)
+
+    def admitted(self, state: State) -> Motion | Complaint:
+        """Return the state as a motion of arrays, or what is wrong with it."""
+        try:
+            q, v = state.position, state.velocity
+        except AttributeError:
+            kind = type(state).__name__
+            return Status.BAD_INPUT, f"a state has position and velocity; got {kind}."
+        if not (_of_floats(q) and _of_floats(v)):
+            try:
+                motion = _motion(reals(q), reals(v))
+            except (TypeError, ValueError) as cause:
+                return Status.BAD_INPUT, f"position and velocity of a state are numbers: {cause}."
+        else:
+            motion = state if isinstance(state, Motion) else _motion(q, v)
+        complaint = self.complaint(motion)
+        return motion if complaint is None else complaint
+
+    def complaint(self, motion: Motion) -> Complaint | None:
+        """Return what is wrong with a motion of arrays, None if nothing is."""
+        (nq, nv), q, v = self._sizes, motion.position, motion.velocity
+        if q.shape != (nq,) or v.shape != (nv,):
+            return Status.BAD_INPUT, (
+                f"'{self._name}' needs q of shape ({nq},) and v of shape ({nv},), "
+                f"got {q.shape} and {v.shape}."
+            )
+        error = state_error(q, v, self._starts, self._lengths)
+        if error <= _UNIT:
+            return None
+        if error < inf:
+            return Status.BAD_INPUT, (
+                "a quaternion of the state (or a pair cos, sin) must have length one; "
+                f"its square is off by {error:.2g}."
+            )
+        return Status.NOT_FINITE, "the state holds a value that is not finite."
+
+
+@compiled(Number, Vector, Vector, Places, Places)
+def state_error(
+    position: FloatArray, velocity: FloatArray, starts: IntArray, lengths: IntArray
+) -> float:
+    """Return by how much squared lengths of unit parts miss one; inf where a number is not finite.
+
+    A vector whose squared length overflows counts as not finite.
+
+    Args:
+        position, velocity: q (nq,) and v (nv,).
+        starts, lengths: of the parts of q that must be of length one (k,).
+    """
+    total, worst = 0.0, 0.0
+    for i in range(len(position)):
+        total += position[i] * position[i]
+    for i in range(len(velocity)):
+        total += velocity[i] * velocity[i]
+    if not total < inf:
+        return inf
+    for k in range(len(starts)):
+        square = 0.0
+        for i in range(starts[k], starts[k] + lengths[k]):
+            square += position[i] * position[i]
+        worst = max(worst, abs(square - 1.0))
+    return worst
+
+
+def _unit_parts(model: pin.Model) -> list[tuple[int, int]]:
+    """Return where the parts of q that must be of length one start, and how long they are."""
+    parts = []
+    for joint in model.joints:
+        extra, start = joint.nq - joint.nv, int(joint.idx_q)
+        if extra == 1 and joint.nv in (3, 6) and joint.nq in (4, 7):
+            planar = "Planar" in joint.shortname()
+            parts.append((start + 2, 2) if planar else (start + joint.nq - 4, 4))
+        elif extra == 1 and joint.nv == 1:
+            parts.append((start, 2))
+    return parts
+
+
+def _of_floats(values: object) -> bool:
+    """Whether values are a plain array of floats; one with a mask is not."""
+    return type(values) is np.ndarray and values.dtype is _FLOAT
+
+
+def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
+    """Return a motion in a third of the time that its class takes, which sets every field."""
+    made = object.__new__(Motion)
+    made.__dict__.update(position=position, velocity=velocity)
+    return made
+
+
+def name_complaint(
+    references: object,
+    tasks: Collection[str],
+    active: object,
+    contacts: Collection[str],
+) -> Complaint | None:
+    """Return what is wrong with the names and limits given, None if nothing is."""
+    if type(references) is not dict and not isinstance(references, Mapping):
+        kind = type(references).__name__
+        return Status.BAD_INPUT, f"references map a task's name to a Reference; got {kind}."
+    for name, reference in references.items():
+        if name not in tasks:
+            return Status.BAD_INPUT, unknown_name("task with a reference", str(name), tasks)
+        if type(reference) is not Reference and not isinstance(reference, Reference):
+            kind = type(reference).__name__
+            return Status.BAD_INPUT, f"task '{name}' needs a Reference, got {kind}."
+    if active is None:
+        return None
+    if type(active) is not dict and not isinstance(active, Mapping):
+        return Status.BAD_INPUT, (
+            "contacts map a name to the greatest normal force [N], as in "
+            f"{{'{next(iter(contacts), 'foot')}': inf}}; got {type(active).__name__}."
+        )
+    for name, limit in active.items():
+        if name not in contacts:
+            return Status.BAD_INPUT, unknown_name("contact", str(name), contacts)
+        if not (type(limit) is float or is_real(limit)) or not limit >= 0.0:
+            return Status.BAD_INPUT, (
+                f"the force limit of contact '{name}' must be a number >= 0 N, got {limit!r}."
+            )
+    return None
+
+
+def share_complaint(
+    kind: str, given: object, names: Collection[str], greatest: float
+) -> Complaint | None:
+    """Return what is wrong with numbers given by name, None if nothing is."""
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        got = type(given).__name__
+        return Status.BAD_INPUT, f"{kind} maps a task's name to a number; got {got}."
+    for name, value in given.items():
+        if name not in names:
+            return Status.BAD_INPUT, unknown_name("task", str(name), names)
+        if not is_real(value) or not 0.0 <= value <= greatest or value == inf:
+            end = "" if greatest == inf else f" and <= {greatest:g}"
+            return Status.BAD_INPUT, (
+                f"{kind} of task '{name}' must be a number >= 0{end}, got {value!r}."
+            )
+    return None
+
+
+def force_complaint(
+    tasks: Collection[ContactForceTask],
+    contacts: Mapping[str, BoundContact],
+    references: Mapping[str, Reference],
+) -> Complaint | None:
+    """Return what is wrong with the forces asked of contacts, None if nothing is."""
+    for task in tasks:
+        reference = references.get(task.name)
+        if reference is None or reference.position is None:
+            continue
+        try:
+            reals(reference.position)
+        except (TypeError, ValueError) as cause:
+            return Status.BAD_INPUT, f"the reference of task '{task.name}': {cause}."
+        shape = (3,) if contacts[task.contact].rows <= 3 else (6,)
+        if np.shape(reference.position) != shape:
+            return Status.BAD_INPUT, (
+                f"the reference of task '{task.name}': position has shape "
+                f"{np.shape(reference.position)}, expected {shape}."
+            )
+        if not reference.is_finite():
+            return Status.NOT_FINITE, f"the reference of task '{task.name}' is not finite."
+    return None
+
+
+def step_complaint(dt: object) -> Complaint | None:
+    """Return what is wrong with a time step [s], None if nothing is."""
+    if is_real(dt) and 0.0 < dt <= LONGEST:
+        return None
+    return Status.BAD_INPUT, (
+        f"dt must be a number > 0 s and <= {LONGEST:g} s, got {dt!r:.40}; 1 ms is 0.001."
+    )
+
+
+def size_complaint(references: Mapping[str, Reference]) -> Complaint:
+    """Return why the program of a finite state holds numbers that are not finite or too large."""
+    for name, reference in references.items():
+        if not reference.is_finite():
+            return Status.NOT_FINITE, f"the reference of task '{name}' is not finite."
+    return Status.NOT_FINITE, "the accelerations or forces of this state are too large."
+
+
+def all_finite(*vectors: FloatArray) -> bool:
+    """Whether the vectors (n,) are finite."""
+    return all(is_finite(vector) for vector in vectors)
+
+
+class TickInputs(NamedTuple):
+    """The arguments of `Controller.step`."""
+
+    state: State
+    references: Mapping[str, Reference]
+    contacts: Mapping[str, float] | None
+    weights: Mapping[str, float] | None
+    activation: Mapping[str, float] | None
+    dt: float
+
+
+class InputCheck(NamedTuple):
+    """What the inputs of a controller may name.
+
+    Attributes:
+        names: of everything that takes a reference.
+        weighed: names of the tasks that have a weight to change.
+        contacts: every contact, by name.
+        force_tasks: the tasks on contact forces.
+    """
+
+    names: Collection[str]
+    weighed: Collection[str]
+    contacts: Mapping[str, BoundContact]
+    force_tasks: tuple[ContactForceTask, ...]
+
+    def complaint(self, given: TickInputs) -> Complaint | None:
+        """Return what is wrong with the inputs besides the state, None if nothing is."""
+        _, references, contacts, weights, activation, dt = given
+        found = name_complaint(references, self.names, contacts, self.contacts)
+        if found is None and weights is not None:
+            found = share_complaint("weights", weights, self.weighed, inf)
+        if found is None and activation is not None:
+            found = share_complaint("activation", activation, self.weighed, 1.0)
+        if found is None and self.force_tasks:
+            found = force_complaint(self.force_tasks, self.contacts, references)
+        return step_complaint(dt) if found is None else found

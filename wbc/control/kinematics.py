@@ -1,0 +1,361 @@
+"""Dynamics and kinematics of one tick, and rows of frames on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.lib.stride_tricks import as_strided
+
+from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.control.tree import (
+    CENTER_OF_MASS,
+    DISTANCE,
+    FRAME,
+    MOMENTUM,
+    OWN,
+    ROWS,
+    TREE,
+    fill_state_rows,
+    move_joints,
+)
+from wbc.dynamics import Workspace
+from wbc.errors import ControlError, unknown_name
+from wbc.robot import Robot
+
+_PLACE = 12 * 8  # bytes of a placement
+_WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class FixedFrame(NamedTuple):
+    """Where a frame is fixed.
+
+    Attributes:
+        joint: that carries it.
+        offset: its placement there (12,), rotation column by column before the translation.
+        columns: of J that move it.
+    """
+
+    joint: int
+    offset: FloatArray
+    columns: IntArray
+
+
+class Kinematics:
+    """What the plant, tasks and contacts read at one state.
+
+    One object serves one controller; `update` moves it to the next state. All arrays are views of
+    memory that the next `update` overwrites. Accelerations are those at qdd = 0, from which every
+    drift dJ/dt v follows.
+
+    Attributes:
+        model: the pinocchio model, the robot's contact points among its frames.
+        position: q (nq,).
+        velocity: v (nv,).
+        mass: of the robot [kg].
+        gravity: magnitude of the acceleration of gravity [m/s^2].
+        mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
+        bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
+        joint_jacobian: J (6, nv) of all joints in world axes at the world's origin.
+        joint_places: rotation, column by column, and translation of every joint (j, 12).
+        joint_rates, joint_drifts: V and A = dJ/dt v of every joint (j, 6), likewise.
+        tree: all of it, as compiled functions read it.
+        known_by_joints: whether `move_joints` is all that a state takes, once pinocchio knows it.
+    """
+
+    def __init__(self, robot: Robot, frames: Sequence[pin.Frame] = ()) -> None:
+        """Prepare for a robot; `update` must come before anything is read.
+
+        Args:
+            robot: the robot.
+            frames: further frames to know, such as the middles of soles.
+        """
+        self.model = Workspace(robot).model.copy()
+        for frame in frames:
+            self.model.addFrame(frame, False)
+        model, nv = self.model, self.model.nv
+        self._data = data = model.createData()
+        self.position: FloatArray = np.zeros(model.nq)
+        self.velocity: FloatArray = np.zeros(nv)
+        self.mass_matrix: FloatArray = data.M.reshape(nv, nv).T  # symmetric, now row by row
+        self.mass = float(pin.computeTotalMass(model))
+        self.gravity = float(np.linalg.norm(model.gravity.linear))
+        self._rest = np.zeros(nv)
+        self._frames: dict[str, int] = {}
+        self._fixed: dict[str, FixedFrame] = {}
+        self._moved = False
+        self.joint_jacobian: FloatArray = data.J.reshape(6, nv)
+        self.joint_places = _places(model, data)
+        starts, columns = joint_columns(model)
+        self.tree = TREE.of(
+            jacobian=self.joint_jacobian,
+            places=self.joint_places,
+            mass_matrix=self.mass_matrix,
+            momentum=data.Ag.reshape(6, nv),  # one column comes as a vector
+            com=data.com[0],
+            parents=frozen(list(model.parents), np.int_),
+            first=frozen([joint.idx_v for joint in model.joints], np.int_),
+            width=frozen([joint.nv for joint in model.joints], np.int_),
+            masses=frozen([body.mass for body in model.inertias]),
+            levers=frozen([body.lever for body in model.inertias]),
+            inertias=frozen([body.inertia[np.triu_indices(3)] for body in model.inertias]),
+            gravity=frozen(model.gravity.linear),
+            starts=starts,
+            columns=columns,
+            rates=np.zeros((model.njoints, 6)),
+            drifts=np.zeros((model.njoints, 6)),
+            forces=np.zeros((model.njoints, 6)),
+            com_drift=np.zeros(3),
+            momentum_drift=np.zeros(6),
+            bias=np.zeros(nv),
+        )
+        self.bias: FloatArray = self.tree.bias
+        self.joint_rates, self.joint_drifts = self.tree.rates, self.tree.drifts
+        self.known_by_joints = _axes_turn_with_bodies(model)
+
+    @property
+    def data(self) -> pin.Data:
+        """pinocchio's data at the present state, velocities and accelerations at qdd = 0 too."""
+        if not self._moved:
+            pin.forwardKinematics(self.model, self._data, self.position, self.velocity, self._rest)
+            self._moved = True
+        return self._data
+
+    def update(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Move to the state q (nq,), v (nv,)."""
+        self.take(position, velocity)
+        move_joints(self.tree, velocity)
+        if not self.known_by_joints:
+            self._ask_pinocchio()
+
+    def take(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Take a state, where `move_joints` follows."""
+        self.position, self.velocity = position, velocity
+        # leaves J, A_g and the CoM as well
+        pin.crba(self.model, self._data, position, pin.Convention.WORLD)
+        self._moved = False
+
+    def _ask_pinocchio(self) -> None:
+        """Take drifts and bias from pinocchio, where an axis moves within its own body."""
+        self.bias[:] = pin.rnea(self.model, self._data, self.position, self.velocity, self._rest)
+        data, tree = self.data, self.tree
+        for i in range(1, self.model.njoints):
+            self.joint_drifts[i] = data.oMi[i].act(data.a[i]).vector
+        pin.centerOfMass(self.model, data, pin.KinematicLevel.ACCELERATION, False)
+        tree.com_drift[:] = data.acom[0]
+        pin.computeCentroidalMomentumTimeVariation(self.model, data)
+        tree.momentum_drift[:] = data.dhg.vector
+
+    def frame_id(self, name: str) -> int:
+        """Return the number of a frame.
+
+        Raises:
+            ControlError: no such frame; the message lists those there are.
+        """
+        number = self._frames.get(name)
+        if number is None:
+            if not self.model.existFrame(name):
+                known = [frame.name for frame in self.model.frames]
+                raise ControlError(unknown_name("frame", name, known))
+            number = int(self.model.getFrameId(name))
+            self._frames[name] = number
+        return number
+
+    def fixed_frame(self, name: str) -> FixedFrame:
+        """Return where a frame is fixed, by name.
+
+        Raises:
+            ControlError: no such frame; the message lists those there are.
+        """
+        found = self._fixed.get(name)
+        if found is None:
+            frame = self.model.frames[self.frame_id(name)]
+            joint, placement = int(frame.parentJoint), frame.placement
+            supports = [self.model.joints[i] for i in self.model.supports[joint] if i]
+            moves = [row for s in supports for row in range(s.idx_v, s.idx_v + s.nv)]
+            offset = np.concatenate([placement.rotation.T.reshape(-1), placement.translation])
+            found = FixedFrame(joint, frozen(offset), frozen(moves, np.int_))
+            self._fixed[name] = found
+        return found
+
+    def joint_place(self, joint: int) -> pin.SE3:
+        """Return the placement of a joint in the world."""
+        return self._data.oMi[joint]
+
+    def placement(self, frame: int) -> pin.SE3:
+        """Return the placement of a frame in the world."""
+        return pin.updateFramePlacement(self.model, self._data, frame)
+
+    def frame_jacobian(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
+        """Return J (6, nv): linear velocity of the frame's origin over angular velocity."""
+        rows: FloatArray = pin.getFrameJacobian(self.model, self._data, frame, axes)
+        return rows
+
+    def frame_velocity(self, frame: int) -> FloatArray:
+        """Return the velocity (6,) of the frame's origin over the angular one, world axes."""
+        rate: FloatArray = pin.getFrameVelocity(self.model, self.data, frame, _WORLD).vector
+        return rate
+
+    def frame_drift(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
+        """Return dJ/dt v (6,), the classical acceleration of the frame at qdd = 0."""
+        motion = pin.getFrameClassicalAcceleration(self.model, self.data, frame, axes)
+        drift: FloatArray = motion.vector
+        return drift
+
+    def center_of_mass(self) -> FloatArray:
+        """Return the centre of mass (3,) [m], world."""
+        return np.asarray(self.tree.com)
+
+    def center_of_mass_jacobian(self) -> FloatArray:
+        """Return J_com (3, nv), world axes."""
+        return np.asarray(self.tree.momentum[:3] / self.mass)
+
+    def center_of_mass_drift(self) -> FloatArray:
+        """Return dJ_com/dt v (3,) [m/s^2], world axes."""
+        return np.asarray(self.tree.com_drift)
+
+    def momentum_matrix(self) -> FloatArray:
+        """Return A_g (6, nv): h_g = A_g v, linear over angular, about the centre of mass."""
+        return np.asarray(self.tree.momentum)
+
+    def momentum_drift(self) -> FloatArray:
+        """Return dA_g/dt v (6,), linear [N] over angular [N m]."""
+        return np.asarray(self.tree.momentum_drift)
+
+
+def _places(model: pin.Model, data: pin.Data) -> FloatArray:
+    """Return the placements of all joints (j, 12) as a view of pinocchio's own memory.
+
+    They lie one after the other, rotation column by column before translation; where a version of
+    pinocchio lays them out in another way this raises ControlError.
+    """
+    first: FloatArray = data.oMi[0].rotation.T.reshape(-1)
+    view = as_strided(first, (model.njoints, 12), (_PLACE, 8))
+    pin.forwardKinematics(model, data, pin.randomConfiguration(_bounded(model)))
+    for i in range(model.njoints):
+        place = data.oMi[i]
+        own = np.concatenate([place.rotation.T.reshape(-1), place.translation])
+        if first.base is None or not np.array_equal(view[i], own):
+            raise ControlError("this version of pinocchio lays out placements in an unknown way.")
+    return view
+
+
+def _axes_turn_with_bodies(model: pin.Model) -> bool:
+    """Whether every joint's axes are fixed in its body, so that its columns of J turn with it."""
+    data, found = model.createData(), []
+    for q in (pin.neutral(model), pin.randomConfiguration(_bounded(model))):
+        pin.forwardKinematics(model, data, q, np.ones(model.nv), np.zeros(model.nv))
+        found.append([np.array(data.joints[i].S) for i in range(1, model.njoints)])
+    return all(np.array_equal(one, other) for one, other in zip(*found, strict=True))
+
+
+def _bounded(model: pin.Model) -> pin.Model:
+    """Return a copy whose joints have finite ranges, to draw configurations from."""
+    model = model.copy()
+    model.lowerPositionLimit = np.maximum(model.lowerPositionLimit, -1.0)
+    model.upperPositionLimit = np.minimum(model.upperPositionLimit, 1.0)
+    model.lowerPositionLimit = np.minimum(model.lowerPositionLimit, model.upperPositionLimit)
+    return model
+
+
+class RowKind(IntEnum):
+    """What rows are of.
+
+    FRAME is the velocity of a frame's origin over its angular one, in world axes. OWN is the
+    spatial velocity of a frame in its own axes. CENTER_OF_MASS is the velocity of that, MOMENTUM
+    the momentum about it, linear over angular. DISTANCE is the rate of the distance between two
+    frames, one row.
+    """
+
+    FRAME = FRAME
+    OWN = OWN
+    CENTER_OF_MASS = CENTER_OF_MASS
+    MOMENTUM = MOMENTUM
+    DISTANCE = DISTANCE
+
+
+class StateRows(NamedTuple):
+    """Rows that follow from the state alone, so that they are evaluated with all others.
+
+    Attributes:
+        kind: what they are of.
+        frame: name of the frame, "" where they are of the whole robot.
+        rows: which of its rows, linear over angular.
+        arm: (3,) [m] world axes, from the point of a rolling ball that touches to its centre.
+        other: name of the frame whose distance is meant.
+    """
+
+    kind: RowKind
+    frame: str
+    rows: slice
+    arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    other: str = ""
+
+
+class FrameTable:
+    """Evaluates many `StateRows` in one call.
+
+    Attributes:
+        rows: the structure that compiled functions read, with J (k, nv) and dJ/dt v (k,).
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        wanted: Sequence[StateRows],
+        first: Sequence[int],
+        jacobian: FloatArray,
+        drift: FloatArray,
+    ) -> None:
+        """Resolve the frames.
+
+        Args:
+            model: of the `Kinematics` that is read, with all frames.
+            wanted: what to evaluate.
+            first: row at which each begins.
+            jacobian, drift: results (k, nv) and (k,); columns that never move stay zero.
+        """
+        plan = np.zeros((len(wanted), 7), dtype=np.int_)
+        offsets = np.zeros((len(wanted), 27))
+        for i, (entry, start) in enumerate(zip(wanted, first, strict=True)):
+            begin, end, step = entry.rows.indices(6)
+            joint, offsets[i, :12] = _fixed_at(model, entry.frame)
+            other, offsets[i, 15:] = _fixed_at(model, entry.other)
+            plan[i] = entry.kind, joint, start, begin, len(range(begin, end, step)), step, other
+            offsets[i, 12:15] = entry.arm
+        self.rows: Any = ROWS.of(
+            plan=plan,
+            offsets=frozen(offsets),
+            used=np.ones(len(wanted), dtype=np.int_),
+            places=np.zeros((len(wanted), 12)),
+            jacobian=jacobian,
+            drift=drift,
+        )
+
+    def fill(self, kinematics: Kinematics) -> None:
+        """Write J and dJ/dt v at the present state."""
+        fill_state_rows(kinematics.tree, self.rows, kinematics.mass)
+
+
+def _fixed_at(model: pin.Model, frame: str) -> tuple[int, FloatArray]:
+    """Return the joint that carries a frame, and its offset (12,); the world without a name."""
+    if not frame:
+        return 0, np.zeros(12)
+    found = model.frames[model.getFrameId(frame)]
+    turn, place = found.placement.rotation.T.reshape(-1), found.placement.translation
+    return int(found.parentJoint), np.concatenate([turn, place])
+
+
+def joint_columns(model: pin.Model) -> tuple[IntArray, IntArray]:
+    """Return which columns of J move each joint: where they start (j + 1,), and the columns."""
+    starts: list[int] = [0]
+    columns: list[int] = []
+    for i in range(model.njoints):
+        for joint in model.supports[i]:
+            first = model.joints[joint].idx_v
+            columns += range(first, first + model.joints[joint].nv) if joint else ()
+        starts.append(len(columns))
+    return frozen(starts, np.int_), frozen(columns, np.int_)

@@ -1,6 +1,0 @@
-"""Dynamics and kinematics of one tick."""
-
-from wbc.control.kinematics.frame_rows import FrameTable, RowKind, StateRows, joint_columns
-from wbc.control.kinematics.kinematics import Kinematics
-
-__all__ = ["FrameTable", "Kinematics", "RowKind", "StateRows", "joint_columns"]

@@ -1,0 +1,337 @@
+"""One level of priority for one set of contacts: its program, solved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.control.command import Status
+from wbc.control.contact_set import ContactRanks, ContactSet
+from wbc.control.contacts import BoundContact
+from wbc.control.directions import DirectedSolution, DirectionSearch, ProgramSolver
+from wbc.control.gear_rows import place_judged, place_slopes
+from wbc.control.inputs import Complaint
+from wbc.control.lock_rows import hold, place_above
+from wbc.control.problem import QPProblem, QPSolution, QPStatus, is_finite
+from wbc.control.program import REACH, Program, Recipe
+from wbc.control.reference import Reference
+from wbc.control.settings import ControllerSettings
+from wbc.control.solvers import WarmStart, solver_names
+from wbc.control.tick import (
+    BASED,
+    DONE,
+    HARD,
+    MOVED,
+    OUTPUT,
+    SIGMA,
+    TOO_LARGE,
+    TRIES,
+    evaluate,
+    finish,
+    solve,
+    tick,
+)
+from wbc.control.torque_stage import RotorTorqueStage
+from wbc.robot import Motion
+
+_BINDS = 1e-6
+_ACCURATE = 1e-4
+_FEW = 4
+_SOLVED: Complaint = (Status.SOLVED, "")
+
+
+class Asked(NamedTuple):
+    """What a tick knows before its programs are solved.
+
+    Attributes:
+        motion: the state.
+        references: of the tick.
+        ceilings: greatest normal force [N] of each active contact, or None.
+        dt: time until the next tick [s].
+        expected: v (nv,) [rad/s] expected of this state.
+        output: T (m,) of the last tick [N m].
+        told: what of the state is evaluated, see `wbc.control.tick`.
+    """
+
+    motion: Motion
+    references: Mapping[str, Reference]
+    ceilings: Mapping[str, float] | None
+    dt: float
+    expected: FloatArray
+    output: FloatArray
+    told: int
+
+
+class Answer(NamedTuple):
+    """A usable solution and the torques that bring it about.
+
+    Attributes:
+        level: that was solved.
+        block: results, as `Program.at` says.
+        solution: of its last program.
+        found: what the search took, None where the first guess was right.
+        verdict: how usable it is.
+        exact: whether no limit bent the torques.
+        time: [s] it took.
+    """
+
+    level: Level
+    block: FloatArray
+    solution: QPSolution
+    found: DirectedSolution | None
+    verdict: Complaint
+    exact: bool
+    time: float
+
+    @property
+    def gears(self) -> FloatArray:
+        """The rows of the gears (9, m), see `wbc.control.tick`."""
+        return self.level.program.gear_rows(self.block)
+
+    def without_lower(self, complaint: Complaint) -> Answer:
+        """Return the answer of a level whose next one has only a complaint."""
+        message = f"the tasks of a lower level are left out: {complaint[1]}"
+        return self._replace(verdict=(Status.INACCURATE, message))
+
+
+class Refusal(NamedTuple):
+    """Why there is no usable solution; no complaint where the program's numbers are too large."""
+
+    complaint: Complaint | None
+    found: DirectedSolution | None
+    level: Level
+
+
+class Level:
+    """Solves one level's program of one set of contacts.
+
+    Attributes:
+        program: of the level.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        above: Sequence[object],
+        settings: ControllerSettings,
+        stage: RotorTorqueStage,
+    ) -> None:
+        """Take the parts.
+
+        Args:
+            program: what is to be solved.
+            above: memory of the tasks of all more important levels.
+            settings: of the controller.
+            stage: bends the torques where limits do not leave all of them.
+        """
+        self.program, self._above, self._stage = program, tuple(above), stage
+        numbers = settings.tolerance, settings.max_iterations
+        # a program whose diagonal has zeros is none for the guess
+        self._guesses = settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
+        names = solver_names(settings.solver)
+        self._solver = ProgramSolver(program, names, numbers, self._guesses)
+        self._search = DirectionSearch(program, self._solver, settings.max_rounds)
+        self._block, self._passing = np.zeros(program.size), np.zeros(0)
+        self.forget()
+
+    def forget(self) -> None:
+        """Start the next tick without the rows that bound the last one."""
+        self._saturated = False
+        self._solver.forget()
+
+    def step(self, asked: Asked, above: Answer | None) -> Answer | Refusal:
+        """Return the solution of a tick, or why there is none; `above` is decided already."""
+        start, program = perf_counter(), self.program
+        block = self._block = np.empty(program.size)
+        ended = self._pass(asked, above, block)
+        if ended == TOO_LARGE:
+            return Refusal(None, None, self)
+        if ended == DONE:
+            x, mine = program.at.x, block[program.at.multipliers]
+            hard = int(program.memory.counts[HARD])
+            y, z = program.with_hard_tasks(mine[:hard]), mine[hard : hard + program.plain]
+            solution = QPSolution(block[x], y, z, QPStatus.SOLVED, 0)
+            return Answer(self, block, solution, None, _SOLVED, True, perf_counter() - start)
+        return self._searched(asked, above, block, start)
+
+    def _pass(self, asked: Asked, above: Answer | None, block: FloatArray) -> int:
+        """Do the compiled part of a tick; return how it ended."""
+        program, memory = self.program, self.program.memory
+        motion, _, _, dt, expected, _, told = asked
+        program.take(asked.ceilings, asked.references)
+        if program.repeats:
+            program.place_basis()
+            told |= BASED
+        if program.has_efforts:
+            self._take_efforts(asked, above)
+        tries = TRIES if self._guesses and not self._saturated else 0
+        if above is None:
+            return tick(memory, motion.position, motion.velocity, expected, dt, told | tries, block)
+        block[program.at.position], block[program.at.velocity] = motion.position, motion.velocity
+        memory.counts[HARD] = program.unlocked
+        ended = evaluate(memory, expected, dt, told | MOVED, block)
+        if ended == TOO_LARGE:
+            return ended
+        self._hold(above, program.gear_rows(block)[SIGMA])
+        return solve(memory, dt, block) if tries else ended
+
+    def _take_efforts(self, asked: Asked, above: Answer | None) -> None:
+        """Take what efforts cost for the gears as they are judged now."""
+        gears = self.program.memory.gears
+        turning, speed, sigma, positive, negative = np.empty((5, len(asked.output)))
+        motors = turning, speed, sigma
+        velocity = asked.motion.velocity
+        place_judged(gears, asked.expected, velocity, asked.dt, np.empty(len(velocity)), motors)
+        place_slopes(gears, sigma, positive, negative)
+        first = asked.output if above is None else above.gears[OUTPUT]
+        self.program.take_efforts((negative, positive), turning, asked.output, first)
+
+    def _hold(self, above: Answer, sigma: FloatArray) -> None:
+        """Hold what the level above has decided, with the rows of torque limits that bound it."""
+        program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
+        for tasks in self._above:
+            start = place_above(tasks, lock.above, start)
+        x, push = above.solution.x, above.solution.z
+        self._passing = x
+        limited = bool(push[program.torque].any())
+        if limited:
+            self._search.lay_out(sigma, None)
+            self._search.direct(above.gears[OUTPUT] > 0.0)
+        reach = REACH * memory.numbers[3]
+        hold(memory, lock, x, limited, program.unlocked, reach)
+
+    def _searched(
+        self, asked: Asked, above: Answer | None, block: FloatArray, start: float
+    ) -> Answer | Refusal:
+        """Return the solution of the program with torque limits, or why there is none."""
+        program, gears = self.program, self.program.gear_rows(block)
+        passing = None if above is None else above.solution.x
+        self._search.lay_out(gears[SIGMA], passing)
+        first = asked.output if above is None else above.gears[OUTPUT]
+        found = self._search.solve(first, starts_over=False)
+        verdict = _judged(found, program)
+        if not verdict[0].usable:
+            return Refusal(verdict, found, self)
+        solution = found.solution
+        block[program.at.x] = solution.x
+        exact = finish(program.memory, asked.dt, block) == DONE
+        if not exact:
+            self._stage.solve(gears)
+        self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
+        return Answer(self, block, solution, found, verdict, exact, perf_counter() - start)
+
+    @property
+    def corrected(self) -> FloatArray:
+        """The speed (nv,) expected of the last state, drawn towards the measured one."""
+        return self._block[self.program.at.corrected]
+
+    def built(self, output: FloatArray) -> QPProblem:
+        """Return a copy of the program of the last tick, in the directions of some T (m,)."""
+        passing = None if self.program.lock is None else self._passing
+        self._search.lay_out(self.program.gear_rows(self._block)[SIGMA], passing)
+        self._search.direct(output > 0.0)
+        return self.program.blocks().dense().copied()
+
+    def evaluate(self, asked: Asked) -> bool:
+        """Write the program of a tick; return whether its numbers are of a size to be solved."""
+        saturated, self._saturated = self._saturated, True
+        self._block = np.empty(self.program.size)
+        ended = self._pass(asked, None, self._block)
+        self._saturated = saturated
+        return ended != TOO_LARGE
+
+
+def _judged(found: DirectedSolution, program: Program) -> Complaint:
+    """Return how usable a solution is, and what is in its way."""
+    solution = found.solution
+    finite = bool(is_finite(solution.x)) and len(solution.x) == program.n
+    if solution.status is QPStatus.SOLVED:
+        if not finite:
+            return Status.FAILED, "the solver returned values that are not finite."
+        if found.settled:
+            return _SOLVED
+        return Status.INACCURATE, "directions of power not settled; torques clipped."
+    if solution.status is QPStatus.INFEASIBLE:
+        what = found.blocking or "a constraint"
+        return Status.INFEASIBLE, f"{what} cannot be kept beside the others; see explain()."
+    if solution.status is QPStatus.ITERATION_LIMIT and finite:
+        residual = program.blocks().violation(solution.x)
+        if residual < _ACCURATE:
+            message = f"iteration limit; constraints are kept within {residual:.1e}."
+            return Status.INACCURATE, message
+    return Status.FAILED, f"no solution within {found.rounds} programs; see explain()."
+
+
+def descend(levels: Sequence[Level], asked: Asked) -> Answer | Refusal:
+    """Solve one level after the other; one that finds nothing leaves it at those above."""
+    answer = levels[0].step(asked, None)
+    for level in levels[1:]:
+        if isinstance(answer, Refusal):
+            break
+        deeper = level.step(asked, answer)
+        if isinstance(deeper, Refusal) and deeper.complaint is not None:
+            return answer.without_lower(deeper.complaint)
+        answer = deeper
+    return answer
+
+
+class Levels:
+    """The levels of all sets of contacts, each with a warm start of its own.
+
+    With up to four contacts those of all sets are made at once, so that no tick has to: one takes
+    as long as ten ticks.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        contacts: Mapping[str, BoundContact],
+        settings: ControllerSettings,
+        stage: RotorTorqueStage,
+    ) -> None:
+        """Remember what programs are made of."""
+        self._recipe, self._contacts, self._settings = recipe, dict(contacts), settings
+        self._stage, self._all = stage, tuple(contacts)
+        self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
+        self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
+        self._last: tuple[dict[str, float] | None, tuple[Level, ...]] | None = None
+        if len(self._all) <= _FEW:
+            for count in range(len(self._all) + 1):
+                for names in combinations(self._all, count):
+                    self._of(names)
+
+    def forget(self) -> None:
+        """Start the next tick of every contact set from nothing."""
+        for levels in self._made.values():
+            for level in levels:
+                level.forget()
+
+    def of(self, active: Mapping[str, float] | None) -> tuple[Level, ...]:
+        """Return the levels for the contacts that may carry force, all when None."""
+        if self._last is not None and active == self._last[0]:
+            return self._last[1]
+        names = self._all
+        if active is not None:
+            names = tuple([name for name in names if active.get(name, 0.0) > 0.0])
+        levels = self._of(names)
+        self._last = None if active is None else dict(active), levels
+        return levels
+
+    def _of(self, names: tuple[str, ...]) -> tuple[Level, ...]:
+        """Return the levels for some contacts, in the order of all."""
+        levels = self._made.get(names)
+        if levels is None:
+            recipe, chosen = self._recipe, [self._contacts[name] for name in names]
+            contacts = ContactSet(chosen, recipe.kinematics.model, self._ranks.rank(names))
+            above = [stack.memory for stack in recipe.stacks]
+            levels = tuple(
+                Level(Program(recipe, contacts, rank), above[:rank], self._settings, self._stage)
+                for rank in range(len(recipe.stacks))
+            )
+            self._made[names] = levels
+        return levels

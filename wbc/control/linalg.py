@@ -1,0 +1,152 @@
+"""Small linear algebra: positive definite systems, and rows made orthonormal, compiled."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from wbc.arrays import FloatArray
+from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutRow, compiled
+
+_INDEPENDENT = 1e-8
+_PASSES = 2  # the first leaves rounding along rows nearly parallel to those removed
+
+
+@compiled(Flag, OutDense, Count)
+def _place_diagonal(matrix: FloatArray, i: int) -> bool:
+    """Write the inverse of the factor's diagonal entry of a row; return whether there is one."""
+    left = matrix[i, i]
+    for k in range(i):
+        left -= matrix[i, k] * matrix[i, k]
+    if not left > 0.0:
+        return False
+    matrix[i, i] = 1.0 / sqrt(left)
+    return True
+
+
+@compiled(Flag, OutDense, Count, Count)
+def factorise_from(matrix: FloatArray, start: int, size: int) -> bool:
+    """Overwrite the lower half of the leading block with its Cholesky factor, from a row on.
+
+    The diagonal holds the inverses of the factor's. Only the lower half is read. Two rows are
+    worked out at a time: both need the rows above them, which are then read once (24 rows take
+    1.24 instead of 1.87 us, 48 rows 4.2 instead of 7.1 us).
+
+    Args:
+        matrix: its rows before `start`, an even number, hold the factor already.
+        start, size: rows.
+
+    Returns:
+        whether the block is positive definite.
+    """
+    for i in range(start, size, 2):
+        pair = i + 1 < size
+        for j in range(i):
+            left, below = matrix[i, j], 0.0
+            if pair:
+                below = matrix[i + 1, j]
+                for k in range(j):
+                    left -= matrix[i, k] * matrix[j, k]
+                    below -= matrix[i + 1, k] * matrix[j, k]
+                matrix[i + 1, j] = below * matrix[j, j]
+            else:
+                for k in range(j):
+                    left -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = left * matrix[j, j]
+        if not _place_diagonal(matrix, i):
+            return False
+        if pair:
+            below = matrix[i + 1, i]
+            for k in range(i):
+                below -= matrix[i + 1, k] * matrix[i, k]
+            matrix[i + 1, i] = below * matrix[i, i]
+            if not _place_diagonal(matrix, i + 1):
+                return False
+    return True
+
+
+@compiled(Flag, OutDense, Count)
+def factorise(matrix: FloatArray, size: int) -> bool:
+    """Overwrite the lower half of the leading block with its factor, see `factorise_from`."""
+    return factorise_from(matrix, 0, size)
+
+
+@compiled(Nothing, Dense, Count, OutRow)
+def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
+    """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise`."""
+    for i in range(size):
+        left = values[i]
+        for k in range(i):
+            left -= factor[i, k] * values[k]
+        values[i] = left * factor[i, i]
+    for i in range(size - 1, -1, -1):
+        values[i] *= factor[i, i]
+        for k in range(i):
+            values[k] -= factor[i, k] * values[i]
+
+
+@compiled(Nothing, Dense, Count, OutDense, Count)
+def remove(kept: FloatArray, count: int, rows: FloatArray, row: int) -> None:
+    """Take the directions of the first `count` orthonormal rows of `kept` out of a row."""
+    n = rows.shape[1]
+    for i in range(count):
+        along = 0.0
+        for j in range(n):
+            along += kept[i, j] * rows[row, j]
+        for j in range(n):
+            rows[row, j] -= along * kept[i, j]
+
+
+@compiled(Count, Dense, OutDense, OutDense, Count)
+def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: int) -> int:
+    """Extend an orthonormal basis by what further rows add to it.
+
+    Gram-Schmidt with the row that has most left next, so that what is dropped is less than 1e-8 of
+    a row of length one.
+
+    Args:
+        rows: (k, n); their lengths do not matter.
+        left: memory (>= k, n).
+        kept: orthonormal rows (.., n) with room for k more.
+        count: how many there are.
+
+    Returns:
+        how many there are now.
+    """
+    total, n = rows.shape
+    for i in range(total):
+        length = 0.0
+        for j in range(n):
+            length += rows[i, j] * rows[i, j]
+        scale = 1.0 / sqrt(length) if length > 0.0 else 0.0
+        for j in range(n):
+            left[i, j] = scale * rows[i, j]
+        for _ in range(_PASSES):
+            remove(kept, count, left, i)
+    for done in range(total):
+        best, longest = done, -1.0
+        for i in range(done, total):
+            length = 0.0
+            for j in range(n):
+                length += left[i, j] * left[i, j]
+            if length > longest:
+                best, longest = i, length
+        if not longest > _INDEPENDENT**2:
+            break
+        for j in range(n):
+            kept[count, j] = left[best, j]
+            left[best, j] = left[done, j]
+        remove(kept, count, kept, count)
+        length = 0.0
+        for j in range(n):
+            length += kept[count, j] * kept[count, j]
+        scale = 1.0 / sqrt(length)
+        for j in range(n):
+            kept[count, j] *= scale
+        for i in range(done + 1, total):
+            along = 0.0
+            for j in range(n):
+                along += kept[count, j] * left[i, j]
+            for j in range(n):
+                left[i, j] -= along * kept[count, j]
+        count += 1
+    return count

@@ -1,0 +1,461 @@
+"""The contact-force program: accelerations and contact forces under the dissipative dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.control.active_set import SOLVER
+from wbc.control.collision import CollisionRows
+from wbc.control.contact_set import ContactSet
+from wbc.control.drivetrain import Drivetrain
+from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.gear_rows import LIMITED
+from wbc.control.joint_rows import JOINTS
+from wbc.control.kinematics import Kinematics
+from wbc.control.limits import JointLimit
+from wbc.control.linalg import extend_basis
+from wbc.control.lock_rows import LOCK
+from wbc.control.problem import INFINITE, BlockProblem
+from wbc.control.reference import Reference
+from wbc.control.task_stack import TaskStack
+from wbc.control.tick import COST, FIRST, GEAR_ROWS, HARD, PROGRAM
+from wbc.robot import Robot
+
+# Directions that move the rows less than this share are left to the tasks: near such a pose a
+# metre per second squared at the rows would ask a million of the joints.
+_WEAK = 1e-6
+# Tolerances by which a level may at most be beyond a bound, which the next one then lets pass, and
+# within which a bound counts as reached.
+REACH = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What the programs of a controller are made of.
+
+    Attributes:
+        robot: the robot.
+        drivetrain: what is between gears and motors.
+        kinematics: of the controller.
+        joint_limit: limits of joints, or None.
+        joints: their JOINTS.
+        collision: distances to keep, or None.
+        weights: regularisation of qdd and of the force variables.
+        efforts: costs on torques, which the least important level bears.
+        force_tasks: costs on contact forces, likewise.
+        stacks: tasks by level, the most important first.
+        tolerance: of the solvers.
+    """
+
+    robot: Robot
+    drivetrain: Drivetrain
+    kinematics: Kinematics
+    joint_limit: JointLimit | None
+    joints: Any
+    collision: CollisionRows | None
+    weights: tuple[float, float]
+    efforts: Sequence[Effort]
+    force_tasks: Sequence[ContactForceTask]
+    stacks: tuple[TaskStack, ...]
+    tolerance: float
+
+
+class BlockPlaces(NamedTuple):
+    """Where the results of a tick stand in its block: q, v, v corrected and expected next, x, y, z.
+
+    The rows of the gears follow, see `tick`.
+    """
+
+    position: slice
+    velocity: slice
+    corrected: slice
+    advanced: slice
+    x: slice
+    multipliers: slice
+
+
+class Program:
+    """Lays out, for one set of contacts and one level, the program in x = [qdd, f / force_scale].
+
+        min   sum of task costs + regularisation of qdd and of f towards a shared load
+        s.t.  (M qdd + bias - J'f)_undriven = 0
+              J qdd = -dJ/dt v - damping J v
+              -limit <= e (D'(M qdd + bias - J'f)_m) + rotor qdd + rotor_bias <= limit
+              friction cones, normal forces, joint limits, distances
+
+    with e the slope of the mesh law in the direction predicted for each gear. Contact rows that
+    repeat each other are met in the least-squares sense (see `place_basis`). All memory is made
+    once, and written by `wbc.control.tick`.
+
+    Attributes:
+        memory: the PROGRAM.
+        lock: memory of what the level above has decided, None at the first level.
+        contacts: the active contacts.
+        stack: the tasks.
+        n, nv: numbers of variables and of accelerations.
+        force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
+            accelerations and forces are of one size and tolerances mean the same on any robot.
+        unlocked: how many equalities are the robot's own; those of a lock follow.
+        plain: how many bounds there are; where directions are searched gears have further ones.
+        gears: numbers of the gears that have a torque limit.
+        labels: what every bound is called in messages.
+        at, size: the block of results.
+    """
+
+    def __init__(self, recipe: Recipe, contacts: ContactSet, rank: int) -> None:
+        """Lay out the rows of a level for some contacts."""
+        robot, drivetrain = recipe.robot, recipe.drivetrain
+        last = rank == len(recipe.stacks) - 1
+        self.contacts, self.stack, self._recipe = contacts, recipe.stacks[rank], recipe
+        self.nv, self.n = robot.model.nv, robot.model.nv + contacts.rows
+        weight = recipe.kinematics.mass * recipe.kinematics.gravity
+        self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
+        self.gears = drivetrain.limited
+        self._efforts = tuple(recipe.efforts) if last else ()
+        self._undriven, m = robot.floating_size, robot.transmission.size
+        self.unlocked = self._undriven + contacts.rank
+        self.hardens = any(bool(np.isinf(task.weight).any()) for task in self.stack.tasks)
+        above = sum(len(stack.memory.wanted) for stack in recipe.stacks[:rank])
+        cost = len(self.stack.memory.rows.jacobian) + m * len(self._efforts)
+        most = self.unlocked + (max(above, self.n) if rank else 0)
+        self._lay_out_bounds()
+        self._lay_out_rows(cost, most, rank)
+        self._forces = _ForceCost(
+            contacts,
+            recipe.force_tasks if last else (),
+            (recipe.weights[1], weight, self.force_scale),
+            (self.memory.solver.diagonal[self.nv :], self.memory.solver.pull[self.nv :]),
+        )
+        self._write_normals(None)
+        self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.plain)
+        sizes = [robot.model.nq, *[self.nv] * 3, self.n, most + self.plain, m * GEAR_ROWS]
+        ends = np.cumsum([0, *sizes]).tolist()
+        self.size = ends[-1]
+        self.at = BlockPlaces(*[slice(a, b) for a, b in pairwise(ends[:-1])])
+
+    def _lay_out_bounds(self) -> None:
+        """Number the bounds by kind: torques, cones, normal forces, joints, distances."""
+        contacts, recipe = self.contacts, self._recipe
+        joints = () if recipe.joint_limit is None else recipe.joint_limit.joints
+        apart = () if recipe.collision is None else recipe.collision.labels
+        names = recipe.robot.transmission.joints
+        sizes = [len(self.gears), len(contacts.cone), len(contacts.contacts), len(joints)]
+        ends = np.cumsum([0, *sizes, len(apart)]).tolist()
+        self.torque, self.cone, self.normal, self.joint, self.distance = (
+            slice(a, b) for a, b in pairwise(ends)
+        )
+        self.plain = ends[-1]
+        self.labels = (
+            *[f"rotor torque limit of '{names[i]}'" for i in self.gears],
+            *[f"contact {label}" for label in contacts.cone_labels],
+            *[f"contact {contact.name}: normal force" for contact in contacts.contacts],
+            *[f"joint limit of '{joint}'" for joint in joints],
+            *apart,
+        )
+
+    def _lay_out_rows(self, cost: int, most: int, rank: int) -> None:
+        """Make all memory, for `cost` soft rows and `most` hard ones beside the bounds."""
+        recipe, n, nv, contacts = self._recipe, self.n, self.nv, self.contacts
+        size, bounds, m = cost + most + n, self.plain + len(self.gears), recipe.drivetrain.size
+        softness, diagonal = np.zeros(size), np.full(n, recipe.weights[0])
+        softness[:cost] = 1.0
+        C, lower, upper = (
+            np.zeros((bounds, n)),
+            np.full(bounds, -INFINITE),
+            np.full(bounds, INFINITE),
+        )
+        C[self.cone, nv:], C[self.normal, nv:] = contacts.cone, contacts.normals
+        upper[self.cone] = 0.0
+        if recipe.joint_limit is not None:
+            C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
+        stated = (lower, upper) if rank == 0 else (lower.copy(), upper.copy())
+        solver = SOLVER.of(
+            rows=np.zeros((size, n)),
+            right=np.zeros(size),
+            softness=softness,
+            diagonal=diagonal,
+            pull=np.zeros(n),
+            C=C,
+            lower=lower,
+            upper=upper,
+            inverse=np.zeros(n),
+            free=np.zeros(n),
+            force=np.zeros(size),
+            active=np.zeros(size, dtype=np.int_),
+            taken=np.zeros(bounds, dtype=np.int_),
+            scaled=np.zeros((size, n)),
+            system=np.zeros((size, size)),
+            left=np.zeros(size),
+        )
+        limited = LIMITED.of(
+            gears=recipe.drivetrain.memory,
+            limited=np.array(self.gears, dtype=np.int_),
+            map=np.zeros((m, n)),
+            output_bias=np.zeros(m),
+            C=C,
+            lower=stated[0],
+            upper=stated[1],
+        )
+        efforts, nq = len(self._efforts), recipe.robot.model.nq
+        counts = [
+            0,
+            cost,
+            self.unlocked,
+            self.torque.stop,
+            self.plain,
+            self.joint.start,
+            efforts,
+            nq,
+        ]
+        greatest = recipe.tolerance / np.finfo(np.float64).eps
+        numbers = [recipe.kinematics.mass, self.force_scale, recipe.weights[0], recipe.tolerance]
+        self.memory: Any = PROGRAM.of(
+            tree=recipe.kinematics.tree,
+            tasks=self.stack.memory,
+            contacts=contacts.memory,
+            gears=recipe.drivetrain.memory,
+            joints=recipe.joints,
+            limited=limited,
+            solver=solver,
+            undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
+            counts=np.array(counts, dtype=np.int_),
+            numbers=np.array([*numbers, greatest]),
+            effort_weight=np.zeros((2 * efforts, m)),
+            effort_slope=np.zeros((2 * efforts, m)),
+            effort_rotor=np.zeros(efforts),
+            positive=np.zeros(m, dtype=np.int_),
+            stated_lower=stated[0],
+            stated_upper=stated[1],
+        )
+        top = cost + self._undriven
+        self._basis = slice(top, top + contacts.rank)
+        self._room = np.zeros((2, contacts.rows, nv))
+
+    @property
+    def repeats(self) -> bool:
+        """Whether some rows of the contacts repeat others, so that `place_basis` is needed."""
+        return self.contacts.rank < self.contacts.rows
+
+    def take(
+        self, ceilings: Mapping[str, float] | None, references: Mapping[str, Reference]
+    ) -> None:
+        """Take the greatest normal forces of a tick [N], and what is asked of contact forces."""
+        if ceilings != self._ceilings:
+            self._write_normals(ceilings)
+        if self._forces.tracks:
+            self._forces.fill(references)
+        if self._recipe.collision is not None:
+            apart, memory = self._recipe.collision, self.memory
+            memory.solver.C[self.distance, : self.nv] = apart.rows
+            memory.stated_lower[self.distance] = apart.least
+
+    def take_efforts(
+        self,
+        slopes: tuple[FloatArray, FloatArray],
+        speed: FloatArray,
+        last_output: FloatArray,
+        positive: FloatArray,
+    ) -> None:
+        """Take what efforts cost.
+
+        Args:
+            slopes: e (m,) of the mesh law for T <= 0 and for T > 0.
+            speed: expected dpsi (m,) [rad/s].
+            last_output: T (m,) of the last tick [N m].
+            positive: T (m,) whose signs are the first guess.
+        """
+        memory = self.memory
+        for place, effort in enumerate(self._efforts):
+            for side, slope in enumerate(slopes):
+                cost = effort.cost(self._recipe.robot, slope, speed, last_output)
+                memory.effort_weight[2 * place + side] = cost.weight
+                memory.effort_slope[2 * place + side] = cost.slope
+                memory.effort_rotor[place] = cost.rotor
+        memory.positive[:] = positive > 0.0
+
+    @property
+    def has_efforts(self) -> bool:
+        """Whether the program bears efforts."""
+        return bool(self._efforts)
+
+    def place_basis(self) -> None:
+        """Write rows of contacts that repeat each other as an orthonormal basis B of them.
+
+        B qdd = y where y minimises |J B' y - t|^2. Points of one rigid body can move only as it
+        does. What is asked of them differs from that by rounding, by noise of the velocities
+        (w x (w x r) sets two points apart) and by their own gains; as equalities such rows would
+        contradict each other, their least-squares solution exists. Where a pose leaves fewer
+        independent rows, the rest ask nothing: 0 = 0, with a softness that keeps the solver's
+        system regular.
+        """
+        solver, (left, kept) = self.memory.solver, self._room
+        jacobian, target = self.contacts.memory.rows.jacobian, self.contacts.memory.target
+        rows, right = solver.rows[self._basis, : self.nv], solver.right[self._basis]
+        softness = solver.softness[self._basis]
+        count = min(extend_basis(jacobian, left, kept, 0), self.contacts.rank)
+        basis = kept[:count]
+        rows[:count], rows[count:] = basis, 0.0
+        right[:] = 0.0
+        right[:count] = np.linalg.lstsq(jacobian @ basis.T, target, rcond=_WEAK)[0]
+        softness[:count], softness[count:] = 0.0, 1.0
+
+    def blocks(self, *, directed: bool = False) -> BlockProblem:
+        """Return the program as it stands, in views; `directed` with two rows for every gear."""
+        solver, counts = self.memory.solver, self.memory.counts
+        used = slice(counts[FIRST], counts[COST] + counts[HARD])
+        bounds = slice(0, len(solver.lower) if directed else self.plain)
+        return BlockProblem(
+            diagonal=solver.diagonal,
+            pull=solver.pull,
+            rows=solver.rows[used],
+            right=solver.right[used],
+            softness=solver.softness[used],
+            soft=int(counts[COST] - counts[FIRST]),
+            C=solver.C[bounds],
+            lower=solver.lower[bounds],
+            upper=solver.upper[bounds],
+            hardens=self.hardens,
+        )
+
+    def with_hard_tasks(self, y: FloatArray) -> FloatArray:
+        """Return multipliers (n_eq,) with those of tasks of infinite weight behind them."""
+        if not self.hardens:
+            return y
+        hard = self.blocks().hard
+        return np.concatenate([y, -self.memory.solver.force[hard]])
+
+    def _write_normals(self, ceilings: Mapping[str, float] | None) -> None:
+        """Write the bounds of the normal forces; a low ceiling lowers the floor."""
+        set_, memory, scale = self.contacts, self.memory, self.force_scale
+        top = set_.normal_maximum
+        if ceilings is not None:
+            top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
+        memory.stated_lower[self.normal] = np.minimum(set_.normal_minimum, top) / scale
+        memory.stated_upper[self.normal] = np.minimum(top / scale, INFINITE)
+        self._ceilings = None if ceilings is None else dict(ceilings)
+
+    def gear_rows(self, block: FloatArray) -> FloatArray:
+        """Return the rows of the gears (9, m) at the end of a block of results."""
+        return block[self.at.multipliers.stop :].reshape(GEAR_ROWS, -1)
+
+    def forces_of(self, x: FloatArray) -> FloatArray:
+        """Return the contact forces (k,) [N, N m] at a solution."""
+        return np.asarray(self.force_scale * x[self.nv :])
+
+    def equality_label(self, row: int) -> tuple[str, str]:
+        """Return what an equality row is called in messages, and its unit."""
+        if row < self._undriven:
+            coordinate = int(self._recipe.robot.unactuated[row])
+            return f"balance of undriven coordinate {coordinate}", "N or N m"
+        if self.repeats and row < self.unlocked:
+            return "the contacts at rest", "m/s^2"
+        for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
+            if row - self._undriven < rows.stop:
+                return f"contact {contact.name} at rest", "m/s^2"
+        if row < self.memory.counts[HARD]:
+            return "what the more important tasks have decided", "m/s^2"
+        return "a task of infinite weight", "m/s^2"
+
+    def inequality_label(self, row: int) -> tuple[str, float, str]:
+        """Return what an inequality is called, the scale of a violation, and its unit."""
+        label = self.labels[row]
+        if row < self.torque.stop:
+            return label, 1.0, "N m at the motor output"
+        if row < self.normal.stop:
+            turns = row < self.cone.stop and ("pressure" in label or "yaw" in label)
+            return label, self.force_scale, "N m" if turns else "N"
+        return label, 1.0, "rad/s^2" if row < self.joint.stop else "m/s^2"
+
+
+class _ForceCost:
+    """The cost of the contact forces: towards a shared load, and towards what tasks ask of them.
+
+    Attributes:
+        tracks: whether any active contact has a force task, so that the cost changes at all.
+    """
+
+    def __init__(
+        self,
+        contacts: ContactSet,
+        tasks: Sequence[ContactForceTask],
+        numbers: tuple[float, float, float],
+        results: tuple[FloatArray, FloatArray],
+    ) -> None:
+        """Write the cost without references.
+
+        Args:
+            contacts: the active contacts.
+            tasks: costs on contact forces; those of inactive contacts stay idle.
+            numbers: weight of the force variables towards the shared load, the load [N], and [N]
+                per unit of force variable.
+            results: diagonal and pull (k,) of the force variables.
+        """
+        self._regular, weight, self._scale = numbers
+        self._diagonal, self._pull = results
+        self._shared = self._regular * (contacts.load_share(weight) / self._scale)
+        self._tasks: list[tuple[ContactForceTask, slice, IntArray]] = []
+        for contact, rows in zip(contacts.contacts, contacts.slices, strict=True):
+            own = [task for task in tasks if task.contact == contact.name]
+            self._tasks += [(task, rows, contact.components) for task in own]
+        self.tracks = bool(self._tasks)
+        self.fill({})
+
+    def fill(self, references: Mapping[str, Reference]) -> None:
+        """Write the cost; tasks without a reference ask nothing."""
+        self._diagonal[:], self._pull[:] = self._regular, self._shared
+        for task, rows, components in self._tasks:
+            reference = references.get(task.name)
+            if reference is None or reference.position is None:
+                continue
+            wanted = np.asarray(reference.position)
+            weight = np.broadcast_to(task.weight, wanted.shape)[components]
+            self._diagonal[rows] += self._scale**2 * weight
+            self._pull[rows] += self._scale * weight * wanted[components]
+
+
+def _lock(above: int, n: int, most: int, bounds: int) -> Any:
+    """Return a LOCK for `above` rows of tasks on n variables beside `most` equalities."""
+    size = max(most + n, bounds, above)
+    return LOCK.of(
+        above=np.zeros((above, n)),
+        left=np.zeros((size, n)),
+        kept=np.zeros((size, n)),
+        scaled=np.zeros((size, n)),
+        binding=np.zeros((bounds, n)),
+        places=np.zeros(bounds, dtype=np.int_),
+        free=np.zeros((size, n)),
+        products=np.zeros((bounds, bounds)),
+        system=np.zeros((bounds, bounds)),
+        push=np.zeros(bounds),
+        pull=np.zeros(bounds),
+        pushing=np.zeros(bounds, dtype=np.int_),
+        scales=np.zeros(n),
+        decided=np.zeros(bounds, dtype=np.int_),
+    )
+
+
+NO_JOINTS: Any = JOINTS.of(
+    rows=np.zeros(0, dtype=np.int_),
+    positions=np.zeros(0, dtype=np.int_),
+    gears=np.zeros(0, dtype=np.int_),
+    **{
+        name: np.zeros(0)
+        for name in (
+            "lower",
+            "upper",
+            "speed",
+            "acceleration",
+            "torque",
+            "reflected",
+            "least",
+            "load",
+        )
+    },
+)
+"""Limits of no joint."""

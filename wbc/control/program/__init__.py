@@ -1,1 +1,0 @@
-"""The program of a tick: its rows, its cost, its levels."""

@@ -1,1 +1,0 @@
-"""Rows of equalities and inequalities: written, made orthonormal, found to be implied."""

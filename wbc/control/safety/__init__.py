@@ -1,1 +1,0 @@
-"""What a tick is told, what stands in its way, and what is commanded then."""

@@ -1,0 +1,125 @@
+"""Which contacts stand when, and how they take up and give off their load."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import final
+
+import numpy as np
+
+from wbc.errors import ControlError, unknown_name
+
+
+@final
+class ContactRamp:
+    """Greatest normal forces for `Controller.step` that follow a changing set of contacts.
+
+    A contact that is wanted no longer loses its ceiling in a straight line and leaves the set when
+    the ceiling reaches zero; one that is wanted again gets it back in the same way, and is free of
+    any ceiling at the end. The user owns the schedule:
+
+        ramp = ContactRamp(["left", "right"], load=weight, duration=0.2)
+        ...
+        command = controller.step(state, references, ramp.step({"left"}, dt))
+    """
+
+    def __init__(self, contacts: Sequence[str], load: float, duration: float) -> None:
+        """Start with every contact active.
+
+        Args:
+            contacts: names of all contacts.
+            load: normal force [N] from which and to which the ceilings go, for example the weight.
+            duration: of a ramp [s].
+
+        Raises:
+            ControlError: no contact, or a load or duration that is not positive.
+        """
+        if not contacts or not load > 0.0 or not duration > 0.0:
+            raise ControlError("a contact ramp needs contacts, a load > 0 N and a duration > 0 s.")
+        self._load, self._rate = load, 1.0 / duration
+        self._share = dict.fromkeys(contacts, 1.0)
+
+    @property
+    def settled(self) -> bool:
+        """Whether no contact is on a ramp."""
+        return all(share in (0.0, 1.0) for share in self._share.values())
+
+    def step(self, wanted: Collection[str], dt: float) -> Mapping[str, float]:
+        """Go on for `dt` [s]; return the ceiling [N] of every contact that may carry force.
+
+        Raises:
+            ControlError: a contact that there is not.
+        """
+        for name in wanted:
+            if name not in self._share:
+                raise ControlError(unknown_name("contact", name, self._share))
+        ceilings = {}
+        for name, share in self._share.items():
+            change = dt * self._rate if name in wanted else -dt * self._rate
+            share = min(max(share + change, 0.0), 1.0)
+            self._share[name] = share
+            if share > 0.0:
+                ceilings[name] = np.inf if share == 1.0 else share * self._load
+        return ceilings
+
+
+@final
+@dataclass(frozen=True)
+class ContactSchedule:
+    """A gait: every contact stands for a part of a period, each with an offset of its own.
+
+    The time is given, so that the user owns the clock:
+
+        trot = ContactSchedule(0.5, {"FL": 0.0, "HR": 0.0, "FR": 0.5, "HL": 0.5}, duty=0.6)
+        ceilings = ramp.step(trot.standing(time), dt)
+        swing = trot.swing("FL", time)   # 0 to 1 in the air, None on the ground
+
+    Attributes:
+        period: [s].
+        offsets: contact -> share of the period, 0 to 1, at which it begins to stand.
+        duty: share of the period that every contact stands, in (0, 1].
+    """
+
+    period: float
+    offsets: Mapping[str, float]
+    duty: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 < self.period < inf or not 0.0 < self.duty <= 1.0 or not self.offsets:
+            raise ControlError(
+                "a contact schedule needs contacts, a period > 0 s and a duty in (0, 1]; got "
+                f"{len(self.offsets)} contacts, {self.period} s and {self.duty}."
+            )
+        for name, offset in self.offsets.items():
+            if not 0.0 <= offset <= 1.0:
+                raise ControlError(f"contact '{name}': an offset lies in [0, 1], got {offset}.")
+
+    def standing(self, time: float) -> frozenset[str]:
+        """Return the contacts that stand at a time [s]."""
+        return frozenset(name for name in self.offsets if self._phase(name, time) < self.duty)
+
+    def swing(self, contact: str, time: float) -> float | None:
+        """Return how much of its swing a contact has done, 0 to 1; None while it stands.
+
+        Raises:
+            ControlError: no such contact.
+        """
+        phase = self._phase(contact, time)
+        return None if phase < self.duty else (phase - self.duty) / (1.0 - self.duty)
+
+    def stance(self, contact: str, time: float) -> float | None:
+        """Return how much of its stance a contact has done, 0 to 1; None while it swings.
+
+        Raises:
+            ControlError: no such contact.
+        """
+        phase = self._phase(contact, time)
+        return phase / self.duty if phase < self.duty else None
+
+    def _phase(self, contact: str, time: float) -> float:
+        if contact not in self.offsets:
+            raise ControlError(unknown_name("contact", contact, self.offsets))
+        return (time / self.period - self.offsets[contact]) % 1.0

@@ -1,0 +1,185 @@
+"""A flat sole that rests on the ground: forces, centre of pressure and yaw torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import final
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
+
+from wbc.arrays import FloatArray, frozen
+from wbc.control.contacts import BoundContact, Cone, ConeApproximation, Contact
+from wbc.control.kinematics import RowKind, StateRows
+from wbc.errors import ControlError
+from wbc.robot import Robot
+
+_FLAT = 1e-6  # [m] that corners written with six decimals are off
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceContact(Contact):
+    """A convex sole between some of the robot's contact points, in the x-y plane of a frame.
+
+    The wrench (6,) is force over torque at the mean of the corners, along the frame's axes, z away
+    from the ground. It can be borne if it is the sum of forces at the corners, each in its friction
+    pyramid. For a rectangle along x and y that set is given by the sixteen rows of Caron, Pham &
+    Nakamura (ICRA 2015): friction, centre of pressure, and the yaw torque that friction leaves.
+    For another polygon the rows are the faces of that cone, found by Qhull.
+
+    Attributes:
+        corners: names of the contact points, three or more, in any order.
+        approximation: whether the four-sided pyramids stand inside the cone or around it.
+    """
+
+    corners: tuple[str, ...]
+    approximation: ConeApproximation = ConeApproximation.INNER
+
+    def _check_outline(self, corners: FloatArray) -> None:
+        """Raise ControlError unless all corners (n, 2) are corners of their convex hull."""
+        try:
+            used = ConvexHull(corners).vertices
+        except QhullError:
+            used = np.zeros(0, dtype=np.int_)
+        for i in range(len(corners)):
+            if i not in used:
+                raise ControlError(
+                    f"contact '{self.name}': '{self.corners[i]}' lies between the other corners."
+                )
+
+    def bind(self, robot: Robot) -> BoundSurface:
+        """Return the contact with its placement and its cone.
+
+        Raises:
+            ControlError: fewer than three corners, corners in several frames, not in one plane
+                z = const., or one that lies between the others.
+            RobotError: no such contact point.
+        """
+        points = [robot.contact(name) for name in self.corners]
+        if len(points) < 3:
+            raise ControlError(f"contact '{self.name}': a surface has at least three corners.")
+        if len({point.frame for point in points}) > 1:
+            raise ControlError(
+                f"contact '{self.name}': the corners sit in several frames: "
+                + ", ".join(f"'{p.name}' in '{p.frame}'" for p in points)
+            )
+        offsets = np.array([point.offset for point in points])
+        middle = offsets.mean(axis=0)
+        if np.ptp(offsets[:, 2]) > _FLAT:
+            raise ControlError(
+                f"contact '{self.name}': the corners lie in no plane along x and y of "
+                f"'{points[0].frame}'."
+            )
+        self._check_outline(offsets[:, :2])
+        mu = min(p.friction for p in points) if self.friction is None else self.friction
+        slope = mu / np.sqrt(2.0) if self.approximation is ConeApproximation.INNER else mu
+        around = (offsets - middle)[:, :2]
+        half = np.abs(around)
+        if len(points) == 4 and np.ptp(half, axis=0).max() < _FLAT:
+            matrix, labels = wrench_cone(slope, float(half[0, 0]), float(half[0, 1]))
+        else:
+            matrix, labels = polygon_cone(slope, around)
+        normal = np.zeros(6)
+        normal[2] = 1.0
+        return BoundSurface(
+            contact=self,
+            rows=6,
+            cone=Cone(frozen(matrix), labels, normal),
+            frame=points[0].frame,
+            middle=frozen(middle),
+        )
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoundSurface(BoundContact):
+    """A surface contact resolved on a robot.
+
+    Attributes:
+        frame: the frame it sits in.
+        middle: (3,) [m] of the sole in that frame.
+    """
+
+    frame: str
+    middle: FloatArray
+
+    @property
+    def _middle_frame(self) -> str:
+        return f"middle of {self.name}"
+
+    def frames(self, model: pin.Model) -> tuple[pin.Frame, ...]:
+        """Return the frame at the middle of the sole."""
+        number = model.getFrameId(self.frame)
+        parent = model.frames[number]
+        placement = parent.placement * pin.SE3(np.eye(3), np.array(self.middle))
+        kind = pin.FrameType.OP_FRAME
+        return (pin.Frame(self._middle_frame, parent.parentJoint, number, placement, kind),)
+
+    @property
+    def state_rows(self) -> StateRows:
+        """The spatial velocity at the middle of the sole, its own axes."""
+        return StateRows(RowKind.OWN, self._middle_frame, slice(0, 6))
+
+    def wrench(self, force: FloatArray) -> FloatArray:
+        """Return the wrench (6,) [N, N m] at the middle, along the frame's axes."""
+        return force
+
+
+def wrench_cone(friction: float, length: float, width: float) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return rows (16, 6) <= 0 on [f, tau] that a rectangle can bear, and their names.
+
+    Args:
+        friction: slope of the four-sided pyramids, |fx| and |fy| at most friction * fz.
+        length: half the side along x [m].
+        width: half the side along y [m].
+    """
+    rows: list[list[float]] = []
+    labels: list[str] = []
+    for sign in (1.0, -1.0):
+        rows.append([sign, 0, -friction, 0, 0, 0])
+        rows.append([0, sign, -friction, 0, 0, 0])
+        rows.append([0, 0, -width, sign, 0, 0])
+        rows.append([0, 0, -length, 0, sign, 0])
+        labels += ["friction along x", "friction along y"]
+        labels += ["centre of pressure along y", "centre of pressure along x"]
+    reach = friction * (length + width)
+    for a, b, upper in product((1.0, -1.0), (1.0, -1.0), (True, False)):
+        # |tau_z| is left what sideways forces and tilting torques have not used of the friction.
+        side = 1.0 if upper else -1.0
+        torque = side * friction
+        rows.append([a * width, b * length, -reach, a * torque, b * torque, side])
+        labels.append("yaw torque")
+    return np.array(rows, dtype=np.float64), tuple(labels)
+
+
+def polygon_cone(friction: float, corners: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return rows (p, 6) <= 0 on [f, tau] that a convex polygon can bear, and their names.
+
+    The wrenches of normal force one are the convex hull of those of the edges of all corners'
+    pyramids; its faces are the rows.
+
+    Args:
+        friction: slope of the four-sided pyramids, > 0.
+        corners: (n, 2) [m] about the point of the wrench.
+
+    Raises:
+        ControlError: without friction the cone has no inside.
+    """
+    if not friction > 0.0:
+        raise ControlError("a polygonal sole needs friction > 0.")
+    reach = float(np.abs(corners).max())
+    edges = []
+    for (x, y), a, b in product(corners, (1.0, -1.0), (1.0, -1.0)):
+        fx, fy = a * friction, b * friction
+        edges.append([fx, fy, y / reach, -x / reach, (x * fy - y * fx) / reach])
+    found = np.unique(np.round(ConvexHull(np.array(edges)).equations, 9), axis=0)
+    rows = found[:, [0, 1, 5, 2, 3, 4]]
+    rows[:, 3:] /= reach
+    labels = []
+    for row in rows:
+        turns, tilts = abs(row[5]) > 0.0, np.abs(row[3:5]).max() > 0.0
+        labels.append("yaw torque" if turns else "centre of pressure" if tilts else "friction")
+    return rows, tuple(labels)

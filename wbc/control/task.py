@@ -1,0 +1,270 @@
+"""What every task is: a value, its error, its Jacobian and its drift; and its targets, checked."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from itertools import pairwise
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import FloatArray, IntArray, reals
+from wbc.compiled import Matrix, Number, compiled
+from wbc.control.kinematics import Kinematics, StateRows
+from wbc.control.reference import Reference, Target
+from wbc.errors import ControlError, unknown_name
+from wbc.robot import Robot
+
+_FLOAT = np.dtype(np.float64)
+_TURNED = 1e-4  # single precision leaves 1e-7, four printed digits 1e-4
+
+
+class Gains(NamedTuple):
+    """What error, rate J v, and velocity and acceleration of the reference count for."""
+
+    error: float
+    rate: float
+    velocity: float
+    acceleration: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Task(ABC):
+    """A motion that the controller pursues in the least-squares sense.
+
+    With e = target - value, the task wants
+
+        J qdd + dJ/dt v = acc_ref + damping (vel_ref - J v) + stiffness e
+
+    and costs weight/2 times the squared violation. Subclasses are final, frozen and know nothing
+    of the QP.
+
+    Attributes:
+        name: how references, statuses and messages call it.
+        weight: w >= 0, one number or one per row. An infinite weight makes a row a constraint: the
+            program has no solution where it cannot be kept beside contacts and limits.
+        stiffness: [1/s^2].
+        damping: [1/s]; left out it is critical, 2 sqrt(stiffness).
+        level: 0 for an ordinary task; a task of a level above it is strictly less important: it
+            moves nothing that the tasks of lower levels decide.
+    """
+
+    name: str
+    weight: float | FloatArray = 1.0
+    stiffness: float = 100.0
+    damping: float | None = None
+    level: int = 0
+
+    def __post_init__(self) -> None:
+        """Check gains and weights."""
+        if not np.all(np.asarray(self.weight) >= 0.0):
+            raise ControlError(f"task '{self.name}': weight must be >= 0, got {self.weight}.")
+        for label, gain in (("stiffness", self.stiffness), ("damping", self.damping)):
+            if gain is not None and not 0.0 <= gain < np.inf:
+                raise ControlError(f"task '{self.name}': {label} must be >= 0, got {gain}.")
+        if isinstance(self.level, bool) or not isinstance(self.level, int) or self.level < 0:
+            raise ControlError(
+                f"task '{self.name}': level must be a whole number >= 0, got {self.level}."
+            )
+
+    @property
+    def velocity_gain(self) -> float:
+        """The damping in use [1/s]."""
+        return 2.0 * sqrt(self.stiffness) if self.damping is None else self.damping
+
+    @abstractmethod
+    def check(self, robot: Robot) -> int:
+        """Return the number of rows on `robot`; raise ControlError where it does not fit."""
+
+    @abstractmethod
+    def value(self, kinematics: Kinematics) -> Target:
+        """Return the present value, of the kind that a reference's `position` has."""
+
+    def admitted(self, target: Target, size: int) -> Target:
+        """Return a target checked, and copied from memory that the caller may use again.
+
+        By default a target is an array of as many numbers as the task has rows; a task whose
+        value is something else says so here.
+
+        Args:
+            target: what a reference's `position` holds.
+            size: number of rows k.
+
+        Raises:
+            ControlError: it is no target of this task.
+        """
+        return vector_target(target, size)
+
+    @abstractmethod
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return target - value (k,) in the task's rows; its rate is vel_ref - J v at e = 0."""
+
+    @abstractmethod
+    def jacobian(self, kinematics: Kinematics) -> FloatArray:
+        """Return J (k, nv)."""
+
+    @abstractmethod
+    def drift(self, kinematics: Kinematics) -> FloatArray:
+        """Return dJ/dt v (k,)."""
+
+    def selection(self, robot: Robot) -> IntArray | None:
+        """Return the velocity rows (k,) that J selects, where it is a selection; None otherwise.
+
+        The assembly then adds to a diagonal instead of multiplying matrices.
+        """
+        return None
+
+    @property
+    def state_rows(self) -> StateRows | None:
+        """The rows where they are those of a frame or of the centre of mass; None otherwise.
+
+        The error must then be what is missing in these rows between the present placement and the
+        one that `pack` writes, and such a task is evaluated together with all others.
+        """
+        return None
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write a target as a placement, where the task has `state_rows`.
+
+        Args:
+            target: as `admitted` returns it.
+            place: result (12,), rotation column by column before the translation; of a momentum or
+                a distance its numbers in front.
+        """
+        raise NotImplementedError
+
+    @property
+    def positions(self) -> IntArray | None:
+        """Where (k,) a task that selects joints finds them in q; None to be asked itself.
+
+        The error must then be target - position.
+        """
+        return None
+
+    def gains(self, gravity: float) -> Gains:
+        """Return what the parts of the wanted acceleration count for.
+
+        The error is that of `state_rows`, where the task has them.
+
+        Args:
+            gravity: [m/s^2].
+        """
+        return Gains(self.stiffness, -self.velocity_gain, self.velocity_gain, 1.0)
+
+    def command(self, kinematics: Kinematics, reference: Reference, rate: FloatArray) -> FloatArray:
+        """Return the acceleration (k,) that the task wants, given its present rate J v.
+
+        A task that overrides this commands in its own way and is asked in every tick; by default
+        the `gains` are applied, of all tasks at once.
+        """
+        raise NotImplementedError
+
+
+def axis_rows(axes: str, task: str) -> slice:
+    """Return the rows that the letters of `axes` name, as a slice: views instead of copies.
+
+    Raises:
+        ControlError: no letter, one other than x, y, z, one twice, or not in this order.
+    """
+    rows = ["xyz".find(letter) for letter in axes]
+    if not rows or min(rows) < 0 or any(a >= b for a, b in pairwise(rows)):
+        raise ControlError(
+            f"task '{task}': axes must be some of 'x', 'y', 'z' in this order, got '{axes}'."
+        )
+    step = rows[1] - rows[0] if len(rows) > 1 else 1
+    return slice(rows[0], rows[-1] + 1, step)
+
+
+def require_frame(robot: Robot, frame: str, task: str) -> None:
+    """Raise ControlError unless the robot has `frame`; the message lists those it has."""
+    if not robot.model.existFrame(frame):
+        known = [f.name for f in robot.model.frames]
+        raise ControlError(
+            f"task '{task}': " + unknown_name(f"frame of '{robot.name}'", frame, known)
+        )
+
+
+def vector_target(target: Any, size: int) -> FloatArray:
+    """Return a target as a new array (size,).
+
+    Raises:
+        ControlError: another shape, or no numbers.
+    """
+    if type(target) is np.ndarray and target.dtype is _FLOAT and target.shape == (size,):
+        return target.copy()
+    try:
+        values = reals(target)
+    except (TypeError, ValueError) as cause:
+        raise ControlError(f"position must be an array ({size},): {cause}") from cause
+    if values.shape != (size,):
+        raise ControlError(f"position has shape {values.shape}, expected ({size},)")
+    return values
+
+
+def number_target(target: Any) -> float:
+    """Return a target as a number; an array of one number is one.
+
+    Raises:
+        ControlError: no number, or several.
+    """
+    if type(target) is float:
+        return target
+    try:
+        values = reals(target)
+    except (TypeError, ValueError) as cause:
+        raise ControlError(f"position must be a number: {cause}") from cause
+    if values.size != 1:
+        raise ControlError(f"position has shape {values.shape}, expected a number")
+    return float(values.reshape(-1)[0])
+
+
+def rotation_target(target: Any) -> FloatArray:
+    """Return a target as a new rotation matrix (3, 3).
+
+    Raises:
+        ControlError: another shape, or a matrix that is no rotation. One that is not finite
+            passes, so that it is named as such.
+    """
+    try:
+        matrix = reals(target)
+    except (TypeError, ValueError) as cause:
+        raise ControlError(f"position must be a rotation matrix (3, 3): {cause}") from cause
+    if matrix.shape != (3, 3):
+        raise ControlError(
+            f"position has shape {matrix.shape}, expected a rotation matrix (3, 3); "
+            "pin.rpy.rpyToMatrix makes one of roll, pitch and yaw"
+        )
+    if rotation_error(matrix) > _TURNED:
+        raise ControlError("position is no rotation matrix: R'R = 1 and det R = 1 do not hold")
+    return matrix
+
+
+def pose_target(target: Any) -> pin.SE3:
+    """Return a target as a new `pin.SE3`.
+
+    Raises:
+        ControlError: something else, or one whose matrix is no rotation.
+    """
+    if not isinstance(target, pin.SE3):
+        raise ControlError(f"position must be a pin.SE3, got {type(target).__name__}")
+    rotation_target(target.rotation)
+    return target.copy()
+
+
+@compiled(Number, Matrix)
+def rotation_error(matrix: FloatArray) -> float:
+    """Return the largest entry of |R'R - 1|, at least 2 for a reflection; NaN where R has one."""
+    worst = 0.0
+    for i in range(3):
+        for j in range(3):
+            product = 0.0
+            for k in range(3):
+                product += matrix[k, i] * matrix[k, j]
+            worst = max(worst, abs(product - (1.0 if i == j else 0.0)))
+    a, b, c = matrix[0], matrix[1], matrix[2]
+    turn = a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
+    turn += a[2] * (b[0] * c[1] - b[1] * c[0])
+    return worst if turn > 0.0 or not turn < 0.0 else max(worst, 2.0)

@@ -1,1 +1,0 @@
-"""Tasks that keep the robot from falling."""

@@ -1,1 +1,0 @@
-"""Tasks on the momentum of the whole robot."""

@@ -1,1 +1,0 @@
-"""Between output torques and motors: directions of power, stiction, limits."""

@@ -1,0 +1,450 @@
+"""Motion of all joints of a tree, and rows of frames, momentum and distances on it, compiled."""
+
+from __future__ import annotations
+
+from math import atan2, sqrt
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from wbc.arrays import FloatArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Matrix,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    OutVector,
+    Places,
+    Row,
+    Table,
+    Vector,
+    compiled,
+)
+from wbc.structures import Structure
+
+TREE = Structure(
+    "Tree",
+    jacobian=Matrix,
+    places=Dense,
+    mass_matrix=Dense,
+    momentum=Matrix,
+    com=Vector,
+    parents=Places,
+    first=Places,
+    width=Places,
+    masses=Row,
+    levers=Dense,
+    inertias=Dense,
+    gravity=Row,
+    starts=Places,
+    columns=Places,
+    rates=OutDense,
+    drifts=OutDense,
+    forces=OutDense,
+    com_drift=OutRow,
+    momentum_drift=OutRow,
+    bias=OutRow,
+)
+"""A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
+
+jacobian (6, nv), momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before
+translation, mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. Of every joint: parents,
+the first and the number of its columns of J, mass, middle (lever) and inertia xx, xy, xz, yy, yz,
+zz of its body, and from starts the columns of J that move it. The rest `move_joints` writes.
+"""
+
+FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE = range(5)
+"""What rows are of, see `StateRows`."""
+
+NO_DISTANCE = 1e-6
+"""[m] below which a distance has no direction worth the name."""
+
+ROWS = Structure(
+    "Rows",
+    plan=Table,
+    offsets=Dense,
+    used=Places,
+    places=OutDense,
+    jacobian=OutDense,
+    drift=OutRow,
+)
+"""Rows of entries e: J (k, nv) and dJ/dt v (k,).
+
+plan (e, 7): kind, joint, first row, first component, their number and step, the other joint;
+offsets (e, 27): rotation and origin in the joint's frame, the arm of a rolling ball, rotation and
+origin of the other frame; used (e,): 0 where nothing is to be written; places (e, 12): result.
+"""
+
+
+@compiled(types.UniTuple(Number, 3), Dense, Count, *[Number] * 3)
+def _own(places: FloatArray, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return a world vector in the axes of a placement."""
+    return (
+        places[i, 0] * x + places[i, 1] * y + places[i, 2] * z,
+        places[i, 3] * x + places[i, 4] * y + places[i, 5] * z,
+        places[i, 6] * x + places[i, 7] * y + places[i, 8] * z,
+    )
+
+
+@compiled(Nothing, TREE.kind, Vector)
+def move_joints(tree: Any, velocity: FloatArray) -> None:
+    """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows.
+
+    A column of the world Jacobian whose axis is fixed in its body turns with it, dJ_j/dt = V x J_j,
+    so that along the tree (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 2.11)
+
+        V_i = V_parent + J_i v_i,    A_i = A_parent + V_i x (J_i v_i).
+
+    With the centre of mass c and the inertia I of a body about it, what it takes to move it so is
+    the force m (c'' - g) there and the torque I alpha + w x I w; the bias of a coordinate is its
+    column of J times the sum of both over all bodies that it moves. Of the whole robot that sum,
+    taken about its centre of mass and without the weight, is dA_g/dt v.
+
+    Args:
+        tree: a TREE whose pinocchio part stands at the state.
+        velocity: v (nv,).
+    """
+    jacobian, places, parents, first, width = (
+        tree.jacobian,
+        tree.places,
+        tree.parents,
+        tree.first,
+        tree.width,
+    )
+    masses, levers, inertias, gravity = tree.masses, tree.levers, tree.inertias, tree.gravity
+    rates, drifts, forces, bias = tree.rates, tree.drifts, tree.forces, tree.bias
+    total, ax, ay, az = 0.0, 0.0, 0.0, 0.0
+    forces[:] = 0.0
+    for i in range(1, len(parents)):
+        parent = parents[i]
+        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(first[i], first[i] + width[i]):
+            rate = velocity[j]
+            s0 += jacobian[0, j] * rate
+            s1 += jacobian[1, j] * rate
+            s2 += jacobian[2, j] * rate
+            s3 += jacobian[3, j] * rate
+            s4 += jacobian[4, j] * rate
+            s5 += jacobian[5, j] * rate
+        vx, vy, vz = rates[parent, 0] + s0, rates[parent, 1] + s1, rates[parent, 2] + s2
+        wx, wy, wz = rates[parent, 3] + s3, rates[parent, 4] + s4, rates[parent, 5] + s5
+        rates[i, 0], rates[i, 1], rates[i, 2] = vx, vy, vz
+        rates[i, 3], rates[i, 4], rates[i, 5] = wx, wy, wz
+        d0 = drifts[parent, 0] + wy * s2 - wz * s1 + vy * s5 - vz * s4
+        d1 = drifts[parent, 1] + wz * s0 - wx * s2 + vz * s3 - vx * s5
+        d2 = drifts[parent, 2] + wx * s1 - wy * s0 + vx * s4 - vy * s3
+        d3 = drifts[parent, 3] + wy * s5 - wz * s4
+        d4 = drifts[parent, 4] + wz * s3 - wx * s5
+        d5 = drifts[parent, 5] + wx * s4 - wy * s3
+        drifts[i, 0], drifts[i, 1], drifts[i, 2] = d0, d1, d2
+        drifts[i, 3], drifts[i, 4], drifts[i, 5] = d3, d4, d5
+        mass = masses[i]
+        if mass > 0.0 or inertias[i, 0] + inertias[i, 3] + inertias[i, 5] > 0.0:
+            lx, ly, lz = levers[i, 0], levers[i, 1], levers[i, 2]
+            px = places[i, 9] + places[i, 0] * lx + places[i, 3] * ly + places[i, 6] * lz
+            py = places[i, 10] + places[i, 1] * lx + places[i, 4] * ly + places[i, 7] * lz
+            pz = places[i, 11] + places[i, 2] * lx + places[i, 5] * ly + places[i, 8] * lz
+            ux, uy, uz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
+            cx = d0 + d4 * pz - d5 * py + wy * uz - wz * uy
+            cy = d1 + d5 * px - d3 * pz + wz * ux - wx * uz
+            cz = d2 + d3 * py - d4 * px + wx * uy - wy * ux
+            ax += mass * cx
+            ay += mass * cy
+            az += mass * cz
+            total += mass
+            fx, fy, fz = (
+                mass * (cx - gravity[0]),
+                mass * (cy - gravity[1]),
+                mass * (cz - gravity[2]),
+            )
+            # w and alpha in the body's axes, where its inertia is known
+            w0, w1, w2 = _own(places, i, wx, wy, wz)
+            a0, a1, a2 = _own(places, i, d3, d4, d5)
+            xx, xy, xz = inertias[i, 0], inertias[i, 1], inertias[i, 2]
+            yy, yz, zz = inertias[i, 3], inertias[i, 4], inertias[i, 5]
+            h0 = xx * w0 + xy * w1 + xz * w2
+            h1 = xy * w0 + yy * w1 + yz * w2
+            h2 = xz * w0 + yz * w1 + zz * w2
+            n0 = xx * a0 + xy * a1 + xz * a2 + w1 * h2 - w2 * h1
+            n1 = xy * a0 + yy * a1 + yz * a2 + w2 * h0 - w0 * h2
+            n2 = xz * a0 + yz * a1 + zz * a2 + w0 * h1 - w1 * h0
+            forces[i, 0], forces[i, 1], forces[i, 2] = fx, fy, fz
+            for row in range(3):
+                turned = places[i, row] * n0 + places[i, 3 + row] * n1 + places[i, 6 + row] * n2
+                forces[i, 3 + row] = turned
+            forces[i, 3] += py * fz - pz * fy
+            forces[i, 4] += pz * fx - px * fz
+            forces[i, 5] += px * fy - py * fx
+    for i in range(len(parents) - 1, 0, -1):
+        for j in range(first[i], first[i] + width[i]):
+            needed = 0.0
+            for k in range(6):
+                needed += jacobian[k, j] * forces[i, k]
+            bias[j] = needed
+        for k in range(6):
+            forces[parents[i], k] += forces[i, k]
+    com, along, whole = tree.com, tree.momentum_drift, tree.com_drift
+    if total > 0.0:
+        whole[0], whole[1], whole[2] = ax / total, ay / total, az / total
+    for k in range(3):
+        along[k] = forces[0, k] + total * gravity[k]
+    along[3] = forces[0, 3] - com[1] * forces[0, 2] + com[2] * forces[0, 1]
+    along[4] = forces[0, 4] - com[2] * forces[0, 0] + com[0] * forces[0, 2]
+    along[5] = forces[0, 5] - com[0] * forces[0, 1] + com[1] * forces[0, 0]
+
+
+@compiled(Nothing, Vector, Vector, OutVector)
+def place_turn(place: FloatArray, target: FloatArray, turn: FloatArray) -> None:
+    """Write log3(R_target R') (3,) [rad], world axes: what turns a placement into its target.
+
+    By way of the unit quaternion of the largest component (Shepperd, 1978), which is exact for
+    small turns and for turns of nearly pi.
+
+    Args:
+        place, target: rotation, column by column, and translation (12,).
+        turn: result.
+    """
+    # M = R_target R', both given column by column
+    m00 = target[0] * place[0] + target[3] * place[3] + target[6] * place[6]
+    m01 = target[0] * place[1] + target[3] * place[4] + target[6] * place[7]
+    m02 = target[0] * place[2] + target[3] * place[5] + target[6] * place[8]
+    m10 = target[1] * place[0] + target[4] * place[3] + target[7] * place[6]
+    m11 = target[1] * place[1] + target[4] * place[4] + target[7] * place[7]
+    m12 = target[1] * place[2] + target[4] * place[5] + target[7] * place[8]
+    m20 = target[2] * place[0] + target[5] * place[3] + target[8] * place[6]
+    m21 = target[2] * place[1] + target[5] * place[4] + target[8] * place[7]
+    m22 = target[2] * place[2] + target[5] * place[5] + target[8] * place[8]
+    trace = m00 + m11 + m22
+    if trace >= m00 and trace >= m11 and trace >= m22:
+        w, x, y, z = 1.0 + trace, m21 - m12, m02 - m20, m10 - m01
+    elif m00 >= m11 and m00 >= m22:
+        w, x, y, z = m21 - m12, 1.0 + 2.0 * m00 - trace, m01 + m10, m02 + m20
+    elif m11 >= m22:
+        w, x, y, z = m02 - m20, m01 + m10, 1.0 + 2.0 * m11 - trace, m12 + m21
+    else:
+        w, x, y, z = m10 - m01, m02 + m20, m12 + m21, 1.0 + 2.0 * m22 - trace
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = sqrt(x * x + y * y + z * z)
+    scale = 2.0 / w if sine <= 1e-9 * w else 2.0 * atan2(sine, w) / sine
+    turn[0], turn[1], turn[2] = scale * x, scale * y, scale * z
+
+
+@compiled(Nothing, OutDense, Count, OutVector)
+def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
+    """Turn a linear and an angular vector (6,) from world axes into those of a placement."""
+    for half in range(0, 6, 3):
+        x, y, z = six[half], six[half + 1], six[half + 2]
+        for a in range(3):
+            column = 3 * a
+            six[half + a] = (
+                places[number, column] * x
+                + places[number, column + 1] * y
+                + places[number, column + 2] * z
+            )
+
+
+@compiled(types.UniTuple(Number, 6), Dense, Dense, Count, *[Number] * 3)
+def _moved(
+    rates: FloatArray, drifts: FloatArray, joint: int, x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return velocity, and acceleration at qdd = 0, of a point of a joint's body."""
+    wx, wy, wz = rates[joint, 3], rates[joint, 4], rates[joint, 5]
+    vx = rates[joint, 0] + wy * z - wz * y
+    vy = rates[joint, 1] + wz * x - wx * z
+    vz = rates[joint, 2] + wx * y - wy * x
+    ax, ay, az = drifts[joint, 3], drifts[joint, 4], drifts[joint, 5]
+    bx = drifts[joint, 0] + ay * z - az * y + wy * vz - wz * vy
+    by = drifts[joint, 1] + az * x - ax * z + wz * vx - wx * vz
+    bz = drifts[joint, 2] + ax * y - ay * x + wx * vy - wy * vx
+    return vx, vy, vz, bx, by, bz
+
+
+@compiled(types.UniTuple(Number, 3), TREE.kind, Count, Count, Row, OutRow)
+def place_apart(
+    tree: Any, joint: int, other: int, points: FloatArray, row: FloatArray
+) -> tuple[float, float, float]:
+    """Write n'(J_other - J_one) (nv,) of two points.
+
+    Args:
+        tree: a TREE.
+        joint, other: that carry the points.
+        points: one point, the other, and the direction n from one to the other (9,), world.
+        row: result.
+
+    Returns:
+        n'(v_other - v_one), the same of their accelerations at qdd = 0, and the square of what of
+        v_other - v_one is across n.
+    """
+    jacobian, starts, columns = tree.jacobian, tree.starts, tree.columns
+    nx, ny, nz = points[6], points[7], points[8]
+    row[:] = 0.0
+    rx, ry, rz, bend = 0.0, 0.0, 0.0, 0.0
+    for side in range(2):
+        sign = 2.0 * side - 1.0
+        at = other if side == 1 else joint
+        px, py, pz = points[3 * side], points[3 * side + 1], points[3 * side + 2]
+        mx, my, mz = py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
+        for place in range(starts[at], starts[at + 1]):
+            j = columns[place]
+            along = nx * jacobian[0, j] + ny * jacobian[1, j] + nz * jacobian[2, j]
+            along += mx * jacobian[3, j] + my * jacobian[4, j] + mz * jacobian[5, j]
+            row[j] += sign * along
+        vx, vy, vz, bx, by, bz = _moved(tree.rates, tree.drifts, at, px, py, pz)
+        rx, ry, rz = rx + sign * vx, ry + sign * vy, rz + sign * vz
+        bend += sign * (nx * bx + ny * by + nz * bz)
+    speed = nx * rx + ny * ry + nz * rz
+    return speed, bend, rx * rx + ry * ry + rz * rz - speed * speed
+
+
+@compiled(Nothing, TREE.kind, Count, Dense, Count, Count, OutDense, Count)
+def _place_frame(
+    tree: Any,
+    joint: int,
+    offsets: FloatArray,
+    entry: int,
+    first: int,
+    places: FloatArray,
+    row: int,
+) -> None:
+    """Write the placement (12,) of a frame whose offset (12,) begins at `first` into a row."""
+    joints = tree.places
+    for a in range(3):
+        for c in range(4):
+            total = joints[joint, 9 + a] if c == 3 else 0.0
+            for b in range(3):
+                total += joints[joint, 3 * b + a] * offsets[entry, first + 3 * c + b]
+            places[row, 3 * c + a] = total
+
+
+@compiled(Nothing, TREE.kind, ROWS.kind, Count)
+def _place_distance(tree: Any, rows: Any, e: int) -> None:
+    """Write the row of the distance of two frames; its place holds the distance at 9."""
+    plan, places, points = rows.plan, rows.places, np.empty((2, 12))
+    _place_frame(tree, plan[e, 1], rows.offsets, e, 0, points, 0)
+    _place_frame(tree, plan[e, 6], rows.offsets, e, 15, points, 1)
+    ends, distance = np.empty(9), 0.0
+    for a in range(3):
+        ends[a], ends[3 + a] = points[0, 9 + a], points[1, 9 + a]
+        ends[6 + a] = ends[3 + a] - ends[a]
+        distance += ends[6 + a] * ends[6 + a]
+    distance = sqrt(distance)
+    if distance < NO_DISTANCE:
+        distance, ends[6], ends[7], ends[8] = NO_DISTANCE, 0.0, 0.0, NO_DISTANCE
+    for a in range(3):
+        ends[6 + a] /= distance
+    row = plan[e, 2]
+    _, bend, across = place_apart(tree, plan[e, 1], plan[e, 6], ends, rows.jacobian[row])
+    rows.drift[row], places[e, 9] = bend + across / distance, distance
+
+
+@compiled(Nothing, TREE.kind, ROWS.kind, Count, Number)
+def _place_whole(tree: Any, rows: Any, e: int, mass: float) -> None:
+    """Write rows of the centre of mass, or those of the momentum where `mass` is one."""
+    plan, jacobian, momentum = rows.plan, rows.jacobian, tree.momentum
+    row, begin, count, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
+    of_mass = plan[e, 0] == CENTER_OF_MASS
+    for k in range(count):
+        a = begin + k * step
+        for j in range(jacobian.shape[1]):
+            jacobian[row + k, j] = momentum[a, j] / mass
+        rows.drift[row + k] = tree.com_drift[a] if of_mass else tree.momentum_drift[a]
+    for a in range(3):
+        rows.places[e, 9 + a] = tree.com[a] if of_mass else 0.0
+
+
+@compiled(Nothing, TREE.kind, ROWS.kind, Number)
+def fill_state_rows(tree: Any, rows: Any, mass: float) -> None:
+    """Write the rows of ROWS; call after `move_joints`.
+
+    For a joint of spatial velocity V and drift A at the world's origin and a point p of its body,
+
+        linear  J_lin + J_ang x p,    A_lin + A_ang x p + w x (V_lin + w x p),
+
+    the last term left out in a spatial acceleration. A ball that rolls on its surface point p - u
+    has the rows J_lin - J_ang x u, and its centre accelerates by alpha x u: no w x (w x u).
+
+    Args:
+        tree, rows: a TREE and ROWS.
+        mass: of the robot [kg].
+    """
+    plan, offsets, used, places = rows.plan, rows.offsets, rows.used, rows.places
+    found, drift = rows.jacobian, rows.drift
+    jacobian, starts, columns = tree.jacobian, tree.starts, tree.columns
+    rates, drifts = tree.rates, tree.drifts
+    six = np.empty(6)
+    for e in range(len(plan)):
+        if used[e] == 0:
+            continue
+        kind, joint, row = plan[e, 0], plan[e, 1], plan[e, 2]
+        begin, count, step = plan[e, 3], plan[e, 4], plan[e, 5]
+        if kind in (CENTER_OF_MASS, MOMENTUM):
+            _place_whole(tree, rows, e, mass if kind == CENTER_OF_MASS else 1.0)
+            continue
+        if kind == DISTANCE:
+            _place_distance(tree, rows, e)
+            continue
+        _place_frame(tree, joint, offsets, e, 0, places, e)
+        px, py, pz = places[e, 9], places[e, 10], places[e, 11]
+        ux, uy, uz = offsets[e, 12], offsets[e, 13], offsets[e, 14]
+        qx, qy, qz = px - ux, py - uy, pz - uz
+        for place in range(starts[joint], starts[joint + 1]):
+            j = columns[place]
+            wx, wy, wz = jacobian[3, j], jacobian[4, j], jacobian[5, j]
+            six[0] = jacobian[0, j] + wy * qz - wz * qy
+            six[1] = jacobian[1, j] + wz * qx - wx * qz
+            six[2] = jacobian[2, j] + wx * qy - wy * qx
+            six[3], six[4], six[5] = wx, wy, wz
+            if kind == OWN:
+                _turn_back(places, e, six)
+            for k in range(count):
+                found[row + k, j] = six[begin + k * step]
+        wx, wy, wz = drifts[joint, 3], drifts[joint, 4], drifts[joint, 5]
+        six[0] = drifts[joint, 0] + wy * qz - wz * qy
+        six[1] = drifts[joint, 1] + wz * qx - wx * qz
+        six[2] = drifts[joint, 2] + wx * qy - wy * qx
+        six[3], six[4], six[5] = wx, wy, wz
+        if kind == OWN:
+            _turn_back(places, e, six)
+        else:
+            wx, wy, wz = rates[joint, 3], rates[joint, 4], rates[joint, 5]
+            vx = rates[joint, 0] + wy * pz - wz * py
+            vy = rates[joint, 1] + wz * px - wx * pz
+            vz = rates[joint, 2] + wx * py - wy * px
+            six[0] += wy * vz - wz * vy
+            six[1] += wz * vx - wx * vz
+            six[2] += wx * vy - wy * vx
+        for k in range(count):
+            drift[row + k] = six[begin + k * step]
+
+
+@compiled(Nothing, TREE.kind, Table, Dense, Row, Row, OutDense, OutRow)
+def place_distances(
+    tree: Any,
+    joints: FloatArray,
+    points: FloatArray,
+    distances: FloatArray,
+    numbers: FloatArray,
+    rows: FloatArray,
+    least: FloatArray,
+) -> None:
+    """Write the rows of `CollisionLimit`, rows qdd >= least.
+
+    Args:
+        tree: a TREE.
+        joints: joint of either side (p, 2).
+        points: nearest points of both sides and the direction between them (p, 9), world.
+        distances: (p,) [m].
+        numbers: margin, rate and influence of the limit.
+        rows, least: results (p, nv), (p,).
+    """
+    margin, rate, influence = numbers[0], numbers[1], numbers[2]
+    for i in range(len(distances)):
+        rows[i, :], least[i] = 0.0, -1e20
+        if distances[i] < influence:
+            speed, bend, _ = place_apart(tree, joints[i, 0], joints[i, 1], points[i], rows[i])
+            least[i] = -bend - 2.0 * rate * speed - rate * rate * (distances[i] - margin)
