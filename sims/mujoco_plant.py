@@ -1,10 +1,4 @@
-"""A robot in MuJoCo with lossy gears: the losses are an external torque of this file's own.
-
-MuJoCo knows links, rotors (as armature) and soft contacts, but no direction of power. Per gear, the
-torque that enters the mesh is what the motor gives beyond the rotor's own inertia, and the teeth
-keep a share of it from the joint: t (1 - eta_f) where the motor drives, |t| (1/eta_b - 1) where the
-joint does. Nothing here is shared with `wbc.sim`, which solves the gears as part of its time step.
-"""
+"""A robot in MuJoCo with its lossy gears, as `wbc export --to mujoco` writes it, on flat ground."""
 
 from __future__ import annotations
 
@@ -14,12 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from benchmarks.mujoco_model import mujoco_model
 from wbc import Robot
 from wbc.arrays import FloatArray
+from wbc.export import export_robot, loss_numbers
+from wbc.export.losses import Losses
 from wbc.robot import Motion
-
-_CREEP = 0.01  # [rad/s] under which the loss is viscous, so that a gear at rest creeps
 
 
 class MujocoPlant:
@@ -40,14 +33,16 @@ class MujocoPlant:
             step: MuJoCo's own [s].
             slabs: on the flat ground: x where one begins and its height [m].
         """
+        ground = '<geom type="plane" size="50 50 1"/>'
+        for edge, height in slabs:
+            half = 0.5 * height
+            ground += f'<geom type="box" pos="{edge + 5.0} 0 {half}" size="5 5 {half}"/>'
+        text = export_robot(robot, "mujoco").text.replace("<worldbody>", f"<worldbody>{ground}", 1)
         self._robot, self._step = robot, step
-        self._model: Any = mujoco_model(robot, step, slabs)
+        self._model: Any = mujoco.MjModel.from_xml_string(text)
+        self._model.opt.timestep = step
+        self._losses = Losses(self._model, loss_numbers(robot))
         self._data: Any = mujoco.MjData(self._model)
-        gears = robot.transmission
-        self._ratio, self._inertia = gears.gear_ratio, gears.reflected_inertia
-        self._kept_forward = 1.0 - gears.forward_efficiency
-        self._kept_backward = 1.0 / gears.backward_efficiency - 1.0
-        self._dofs = robot.actuated
         x, y, z, w = position[3:7]
         self._data.qpos[:] = np.concatenate([position[:3], [w, x, y, z], position[7:]])
         mujoco.mj_forward(self._model, self._data)
@@ -67,18 +62,13 @@ class MujocoPlant:
     def touching(self) -> list[str]:
         """Return the names of the contact points that touch the ground."""
         geoms = {geom for pair in self._data.contact.geom for geom in pair.tolist()}
-        first = self._model.ngeom - len(self._robot.contacts)
-        return [c.name for i, c in enumerate(self._robot.contacts) if first + i in geoms]
+        return [c.name for c in self._robot.contacts if self._model.geom(c.name).id in geoms]
 
     def advance(self, rotor_torque: FloatArray, push: FloatArray, time: float) -> None:
         """Go on for `time` [s] under rotor torques (m,) and a force (3,) [N] on the base."""
-        data, given = self._data, self._ratio * rotor_torque
+        data = self._data
+        data.ctrl[:] = self._robot.transmission.gear_ratio * rotor_torque
         data.xfrc_applied[1, :3] = push
         for _ in range(round(time / self._step)):
-            speed = data.qvel[self._dofs]
-            mesh = given - self._inertia * data.qacc[self._dofs]
-            drives = mesh * speed > 0.0
-            kept = np.abs(mesh) * np.where(drives, self._kept_forward, self._kept_backward)
-            loss = -kept * np.clip(speed / _CREEP, -1.0, 1.0)
-            data.qfrc_applied[self._dofs] = given + loss
+            self._losses.apply(data)
             mujoco.mj_step(self._model, data)
