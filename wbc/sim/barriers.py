@@ -73,7 +73,7 @@ class Barriers:
     def gaps_of(self, points: FloatArray, time: float) -> FloatArray:
         """Return the gaps (k,) of points (k, 3) [m], world, from the nearest ground at a time."""
         gaps = [solid.at(time).gap(points)[0] for solid in self._solids]
-        return np.asarray(np.min(gaps, axis=0))
+        return gaps[0] if len(gaps) == 1 else np.asarray(np.min(gaps, axis=0))
 
     def within_limits(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) with every joint within its limits."""

@@ -215,6 +215,7 @@ class Core:
         self._ends, self._most = tuple(ends.tolist()), m + size * (1 + tangents)
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH
         gears = drive.tables(robot.rotors_turn_with_links)
+        self.tree = tree
         self.packed = packed_plant(tree, bases, obstacles, gears, bounds, ends)
         self.exchange = Exchange.of(*self.packed)
         self._loose, self._drive, self._nv = drive.any_loose, drive, nv

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
+from wbc.mechanics.kinematics import place
 from wbc.sim.barriers import TOUCH
 from wbc.sim.course import Impact
 from wbc.sim.energy import EnergyAudit, EnergyFlow, mechanical_energy
@@ -174,22 +174,24 @@ def _overlaps(setup: Setup, parts: Sequence[Flow]) -> Iterator[StepEvent]:
 
 def _sunk(setup: Setup, last: Flow) -> Iterator[StepEvent]:
     """Yield the deepest joint under the ground at the end of a step."""
-    state, (model, data) = last.state, (setup.space.model, setup.space.data)
+    state, tree = last.state, setup.core.tree
     if not setup.flies or not setup.robot.contacts:
         return
-    pin.forwardKinematics(model, data, state.position)
-    links = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0.0]
-    gaps = setup.barriers.gaps_of(np.array([data.oMi[i].translation for i in links]), state.time)
+    poses = np.empty((len(tree.joints), 12))
+    place(tree.joints, tree.shapes, state.position, poses)
+    links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
+    gaps = setup.barriers.gaps_of(poses[links, 9:], state.time)
     deepest = int(np.argmin(gaps))
     # Contacts may be as deep as a step leaves them.
     allowed = max((float(np.max(last.overlap)) if len(last.overlap) else 0.0), TOUCH)
     if gaps[deepest] < -allowed:
+        joint = setup.robot.joints[links[deepest]]
         yield StepEvent(
             "sunk",
             state.time,
             -float(gaps[deepest]),
-            f"joint '{model.names[links[deepest]]}' is {-gaps[deepest]:.3g} m under the ground: no "
-            'contact holds its link. Give the robot contacts there, or the plant bodies="all"',
+            f"joint '{joint}' is {-gaps[deepest]:.3g} m under the ground: no contact holds its "
+            'link. Give the robot contacts there, or the plant bodies="all"',
         )
 
 
