@@ -127,6 +127,8 @@ def test_numbers_are_as_deep_as_they_are_known() -> None:
     # Never so few that the interval becomes a point, or much wider than it is.
     assert with_interval(0.345, 0.3449, 0.3451) == ("0.3450", "0.3449 … 0.3451")
     assert with_interval(30.0, 12.0, 55.0)[0] == "30"
+    # A number that logs do not tell was printed with 110 digits.
+    assert with_interval(1.0, -1e110, 1e110) == ("1.000", "−1.000e+110 … 1.000e+110")
     assert plain(np.nan) == "–"
     assert [told(x) for x in (8.1e-8, 0.0079, 2e3)] == ["0", "0.0079", "lost"]
     # A difference has the digits that its standard error leaves: it was +96016 ± 12635.

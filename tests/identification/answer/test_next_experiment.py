@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,15 @@ def test_drives_that_report_only_noise_come_first(verdict: Verdict) -> None:
     both = next_experiment(verdict, [], [left("speed")], REPEATED, EFFECTS, ("hip",))
     assert both.startswith("The drive of hip reports only noise, so these logs say nothing about ")
     assert "Turn knee at several constant speeds" in both
+
+
+def test_nobody_is_asked_to_hold_a_joint_still_that_no_motor_moves() -> None:
+    left = Remainder("shoulder", 1.0, "N m", 20.0, (("load", 0.5),), "elbow", 1.0, True, False)
+    assert left.experiment.startswith("move elbow alone: what is left at shoulder")
+    assert not replace(left, elsewhere="").experiment
+
+
+def test_a_floor_that_cannot_be_is_not_counted_in() -> None:
+    left = Remainder("knee", 1.0, "N m", 58383.0, (), "", 1.0, False)
+    assert "far above the noise floor" in left.text
+    assert "58383" not in left.text

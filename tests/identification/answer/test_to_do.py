@@ -47,7 +47,7 @@ def test_every_command_of_an_answer_runs_as_printed(
     told = ["--robot", "planar_leg_fixed", "--lossless", "--add", "coulomb_friction", "--quiet"]
     assert main(["diagnose", *files, *told]) == 0
     answer = capsys.readouterr().out
-    assert "Nothing on the robot needs a change" in answer
+    assert "Use the corrected model" in answer
     save, use = commands_in(answer)
     for command in (save, use):
         program, *arguments = shlex.split(command)
@@ -78,10 +78,10 @@ def test_logs_of_other_machines_keep_their_losses(found: Diagnosis) -> None:
 @pytest.mark.parametrize(
     ("verdict", "begins", "last"),
     [
-        ("named", "Nothing on the robot needs a change", "compare a.csv --robot fitted.toml"),
-        ("partial", "Leave the robot as it is", "diagnose a.csv new.csv --robot leg"),
-        ("ambiguous", "Change neither the robot nor its model", "a.csv new.csv --robot leg"),
-        ("unknown", "Change neither the robot nor its model", "a.csv new.csv --robot leg"),
+        ("named", "Use the corrected model. Save it", "compare a.csv --robot fitted.toml"),
+        ("partial", "Use the corrected model. Save it", "diagnose a.csv new.csv --robot leg"),
+        ("ambiguous", "Use the corrected model: it predicts best", "a.csv new.csv --robot leg"),
+        ("unknown", "Use the corrected model: it predicts best", "a.csv new.csv --robot leg"),
         ("not_repeatable", "Look at the robot first", "diagnose new1.csv new2.csv --robot leg"),
         ("none", "Neither the robot nor its model needs a change", ""),
     ],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+_LONG = 1e6  # width from which on an interval is written with exponents
 _LOST = 1e3  # [rad, m] error from which a simulation has left the log
 _NONE = 1e-6  # [rad, m] finer than an encoder of 22 bits: nothing moved
 
@@ -38,7 +39,7 @@ def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
     Finer where the ends would read the same.
     """
     width = abs(high - low)
-    if not (math.isfinite(width) and width > 0.0):
+    if not 0.0 < width < _LONG:
         return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
     places = max(0, math.ceil(-math.log10(2.0 * width)))
     if f"{low:.{places}f}" == f"{high:.{places}f}":

@@ -12,9 +12,11 @@ if TYPE_CHECKING:
 
 COMMAND = "    "
 """Begins every line of advice that is a command to copy."""
-_MODEL_ONLY = "Nothing on the robot needs a change: only its model does."
+_USE = "Use the corrected model."
 _RECORD = "Change neither the robot nor its model yet."
-_CERTAIN = "Leave the robot as it is, and correct its model by what is certain."
+_DOUBTED = (
+    "Use the corrected model: it predicts best. Change nothing on the robot by these names yet."
+)
 _SAVED = "fitted.toml"
 _NEW_LOG = "new.csv"
 _NEW_RUNS = ("new1.csv", "new2.csv")
@@ -89,10 +91,10 @@ def what_to_do(diagnosis: Diagnosis, commands: Commands | None = None) -> str:
     """
     match diagnosis.verdict:
         case "named":
-            return f"{_MODEL_ONLY} {_use(commands)}"
+            return f"{_USE} {_use(commands)}"
         case "partial":
             more = f"To find the rest: {_lowered(diagnosis.next_experiment)}"
-            return f"{_CERTAIN} {_use(commands)}\n{more}{_again(commands)}"
+            return f"{_USE} {_use(commands)}\n{more}{_again(commands)}"
         case "none":
             return (
                 "Neither the robot nor its model needs a change. Faster or loaded motions would "
@@ -100,6 +102,9 @@ def what_to_do(diagnosis: Diagnosis, commands: Commands | None = None) -> str:
             )
         case "not_repeatable":
             return f"Look at the robot first. {diagnosis.next_experiment}{_anew(commands)}"
+        case _ if diagnosis.findings:
+            more = f"To find out more: {_lowered(diagnosis.next_experiment)}"
+            return f"{_DOUBTED} {_use(commands)}\n{more}{_again(commands)}"
         case _:
             return f"{_RECORD} {diagnosis.next_experiment}{_again(commands)}"
 
@@ -107,15 +112,15 @@ def what_to_do(diagnosis: Diagnosis, commands: Commands | None = None) -> str:
 def _use(commands: Commands | None) -> str:
     if commands is None:
         save = f'from wbc import save_robot; save_robot(found.robot, "{_SAVED}")'
-        return f"Save the corrected model (`found` is this diagnosis):\n{COMMAND}{save}"
+        return f"Save it (`found` is this diagnosis):\n{COMMAND}{save}"
     then = f"Then use {commands.saved} in place of {commands.robot}."
     shown = [f"{COMMAND}{line}" for line in (commands.save, commands.use) if line]
     if commands.save:
         look = " and see what it leaves" if commands.use else ""
-        start = f"Save the corrected model{look}:"
+        start = f"Save it{look}:"
     else:
         look = ". See what it leaves:" if commands.use else "."
-        start = f"The corrected model is in {commands.saved}{look}"
+        start = f"It is in {commands.saved}{look}"
     return "\n".join([start, *shown, then])
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.comparison.breakdown import Breakdown, binned, breakdowns
+from wbc.identification.answer.numbers import plain
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
@@ -23,6 +24,8 @@ from wbc.identification.records.record import Record
 
 _MATTERS = 2.0  # floors above which an output is mentioned
 _DEPENDS = 0.15  # share of variance above which a dependence is mentioned
+# Floors from which on the floor is doubted: a recorded slide keeps 82, low-passed logs kept 58383.
+_FILTERED = 100.0
 _CLUES = 3  # dependences that are mentioned
 _EXPERIMENTS = {
     "acceleration": "move {} fast with small strokes in several poses, with and without a known "
@@ -39,7 +42,8 @@ _EXPERIMENTS = {
     "temperature": "repeat one motion of {} cold and warm",
 }
 """Variable on which a remainder depends -> what to record next."""
-_ELSEWHERE = "move {} alone while {} holds still: what is left at {} follows the motion of {}"
+_ELSEWHERE = "move {0} alone while {1} holds still: what is left at {1} follows the motion of {0}"
+_NOT_DRIVEN = "move {0} alone: what is left at {1} follows the motion of {0}"
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ class Remainder:
         elsewhere: the other joint whose motion it follows more than its own; empty if none.
         growth: its size in the last third of the logs over that in the first.
         memory: whether it builds up after every reversal.
+        driven: whether a motor moves it.
     """
 
     output: str
@@ -65,13 +70,17 @@ class Remainder:
     elsewhere: str
     growth: float
     memory: bool
+    driven: bool = True
 
     @property
     def text(self) -> str:
         """One sentence."""
         said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
         text = f"{self.output}: {self.size:.2g} {self.unit} left, "
-        text += f"{self.floors:.0f} times the noise floor"
+        if self.floors > _FILTERED:
+            text += "far above the noise floor (low-passed logs hide noise: their floor is too low)"
+        else:
+            text += f"{plain(self.floors, 2)} times the noise floor"
         text += f", follows {', '.join(said)}" if said else ", follows no single variable"
         if self.growth > 1.5:
             text += f", grows {self.growth:.1f}-fold during a log"
@@ -84,7 +93,10 @@ class Remainder:
         """What to record to learn more of it; empty where nothing is known of it."""
         name = self.output
         if self.elsewhere:
-            return _ELSEWHERE.format(self.elsewhere, name, name, self.elsewhere)
+            text = _ELSEWHERE if self.driven else _NOT_DRIVEN
+            return text.format(self.elsewhere, name)
+        if not self.driven:
+            return ""  # nobody holds it still, or turns it
         if self.memory:
             return _EXPERIMENTS["time since reversal"].format(name)
         known = [_EXPERIMENTS[clue] for clue, _ in self.clues if clue in _EXPERIMENTS]
@@ -127,6 +139,7 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
                 # Partial explanations blur the trace of a memory: the robot as given shows it, too.
                 memory=_memory(values, speeds)
                 or _memory([part[:, column] for part in given], speeds),
+                driven=output_gear(records[0].robot, column) is not None,
             )
         )
     return tuple(result)
