@@ -159,3 +159,87 @@ def test_an_inertia_that_no_body_has_is_an_error(told: Told) -> None:
     assert code == 2
     assert "the inertia of link 'l2' is not positive definite" in said
     assert "-0.03466, 0.06866, 0.12 kg m^2" in said
+
+
+def test_targets_in_a_file_beside_make_the_torque_where_currents_have_no_sign(
+    told: Told, tmp_path: Path
+) -> None:
+    """The recorded SO-101 as published: states and targets in a file each, lists in cells."""
+    folder = DATA.parent / "so101_sage"
+    if not folder.exists():
+        pytest.skip("the outside data 'so101_sage' is not beside this repository")
+    logs = [
+        f"{folder}/{run}.state_motor.csv.gz+{folder}/{run}.control.csv.gz"
+        for run in ("multisine", "friction_gravity")
+    ]
+    code, said = told("init", folder / "so101.urdf", *logs, "--out", tmp_path)
+    assert code == 0
+    assert "left out, magnitudes without sign; the targets make the torque" in said
+    columns = columns_of(tmp_path)
+    assert columns["elbow_flex.motor_torque"] is False
+    assert columns["elbow_flex.target_position"]["from"] == "control_positions_2"
+    read = ["--robot", tmp_path / "robot.toml", "--columns", tmp_path / "columns.toml"]
+    assert told("check", *logs, *read)[0] == 0
+    log = load_logs(logs[:1], tmp_path / "columns.toml")[0]
+    assert 40.0 < 1.0 / log.sample_time < 60.0
+    assert (
+        np.std(log.column("elbow_flex.target_position") - log.column("elbow_flex.position")) < 0.2
+    )
+
+
+def arm_runs(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> list[str]:
+    """Write the three runs of a right arm, changed; rows are time, then position and torque."""
+    paths = []
+    for source in sorted(stranger("15_impossible_inertia").glob("run*.csv")):
+        header = source.read_text().partition("\n")[0]
+        table = change(np.loadtxt(source, delimiter=",", skiprows=1))
+        path = folder / source.name
+        np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        paths.append(str(path))
+    return paths
+
+
+def with_sign_bits(table: np.ndarray) -> np.ndarray:
+    """Positions as counts of 4096 a turn whose bit 15 is the sign."""
+    counts = np.round(table[:, 1::2] * 4096 / (2.0 * np.pi))
+    table[:, 1::2] = np.where(counts < 0.0, 32768 - counts, counts)
+    return table
+
+
+def test_counts_with_a_bit_of_sign_are_read_with_the_printed_lines(
+    told: Told, tmp_path: Path
+) -> None:
+    runs = arm_runs(tmp_path, with_sign_bits)
+    model = stranger("09_degrees_wrapped") / "arm.urdf"
+    code, said = told("init", model, *runs, "--out", tmp_path)
+    assert code == 0
+    assert "bit 15 is a sign" in said
+    assert "encoder counts" in said
+    assert "degrees" not in said
+    fix = tmp_path / "columns.toml"
+    text = fix.read_text()
+    for joint in ("yaw", "shoulder", "elbow"):
+        assert f'columns."{joint}.position" = {{ scale = 0.001533980788 }}' in said
+        line = f'columns."{joint}.position" = {{ sign_bit = 15'
+        text = text.replace(line, line + ", scale = 0.001533980788")
+    fix.write_text(text)
+    read = ["--robot", tmp_path / "robot.toml", "--columns", fix]
+    assert told("check", *runs, *read)[0] == 0
+
+
+@pytest.mark.parametrize("every", ["second", "run"])
+def test_after_the_check_says_so_rows_with_holes_are_dropped(
+    every: str, told: Told, tmp_path: Path
+) -> None:
+    def holed(table: np.ndarray) -> np.ndarray:
+        table[slice(0, None, 2) if every == "second" else slice(300, 360), 4] = np.nan
+        return table
+
+    runs = arm_runs(tmp_path, holed)
+    model = stranger("09_degrees_wrapped") / "arm.urdf"
+    assert told("init", model, *runs[:1], "--out", tmp_path)[0] == 0
+    read = ["--robot", tmp_path / "robot.toml"]
+    code, said = told("check", *runs, *read, "--fix", tmp_path / "fix.toml")
+    assert code == 1
+    assert "shoulder.motor_torque is needed" in said
+    assert told("check", *runs, *read, "--columns", tmp_path / "fix.toml")[0] == 0

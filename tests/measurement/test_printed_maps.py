@@ -173,6 +173,12 @@ CASES = {
     "a hole in arrays": Case(holed, from_arrays),
     "jumps of a turn": Case(wrapped, finding("wrap")),
     "rows of zeros": Case(stale, trusting),
+    "counts": Case(
+        lambda c: {
+            n: np.round(v * 4096 / (2.0 * np.pi)) if "position" in n else v for n, v in c.items()
+        },
+        trusting,
+    ),
     "magnitudes": Case(unsigned, trusting),
     "a clock without digits": Case(
         lambda c: {**c, "time": np.floor(c["time"])}, reading, (("100", "500"),)
@@ -243,6 +249,10 @@ def test_a_printed_map_mends_what_it_was_printed_for(
 
 
 def _assert_mended(name: str, log: Log, right: Columns, text: str) -> None:
+    if name == "counts" and text.strip() != "trusted = true":
+        error = log.column("hip.position") - right["hip.position"]
+        assert np.abs(error).max() < 0.51 * 2.0 * np.pi / 4096
+        return
     if name == "rows of zeros" and text.strip() != "trusted = true":
         assert len(log) == 1960
         moved = np.interp(log.time, right["time"], right["hip.position"]) + 1.0

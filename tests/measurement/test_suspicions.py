@@ -239,3 +239,17 @@ def test_a_constant_log_is_stopped_and_holes_are_what_the_check_says() -> None:
     with pytest.raises(SuspiciousLogError, match="every channel is constant"):
         suspicions(LEG, [log, still])
     assert not check_logs([log, still], LEG)[0].usable
+
+
+@pytest.mark.parametrize(("joints", "factor"), [(JOINTS, 20.0 / 9.0), (("elbow",), 1.5)])
+def test_a_torque_of_another_scale_is_asked_about_and_not_mended(
+    joints: tuple[str, ...], factor: float, arm: tuple[Robot, tuple[Log, ...]]
+) -> None:
+    robot, logs = arm
+    names = [f"{joint}.motor_torque" for joint in joints]
+    wrong = [log.with_columns({n: factor * log.column(n) for n in names}) for log in logs]
+    (finding,) = find_suspicions(wrong, robot)[0]
+    assert (finding.kind, finding.severity) == ("torque_scale", "warning")
+    assert finding.text.startswith(f"torques of {', '.join(joints)} are ")
+    assert float(finding.text.split("are ")[1].split(" times")[0]) == pytest.approx(factor, rel=0.1)
+    assert not finding.likeliest

@@ -24,6 +24,7 @@ _PERIOD = 0.05  # by which a jump may miss the period that makes it
 _STALE_SHARE = 0.4  # of the rows that a second publisher may have filled
 _FOLDS = 5  # times that a torque must be mirrored at zero; a smooth minimum is no fold
 _FOLD_ROWS = 4  # rows to either side over which the slope at a fold is taken
+_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 _NEAR_ZERO = 0.05  # of the range of a torque
 
 
@@ -35,17 +36,16 @@ def wraps(log: Log) -> list[LogFinding]:
     for name, values in log.columns.items():
         if not name.endswith((".position", ".rotor_position")):
             continue
+        bit = _sign_bit(values)
+        if bit:
+            text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
+            found.append(_column(name, "wrap", text, {name: {"sign_bit": bit}}))
+            continue
         rows, sizes = jumps(values)
         # Where samples are missing a joint that moves on jumps without any wrap.
         sampled = ~np.isin(rows, holes)
         rows, sizes = rows[sampled], sizes[sampled]
         if not rows.size or np.ptp(np.abs(sizes)) > _SAME_JUMP * np.abs(sizes).mean():
-            mirrored = _sign_bit(values)
-            if mirrored:
-                text = (
-                    f"counts from {1 << mirrored} on mirror those below: bit {mirrored} is a sign."
-                )
-                found.append(_column(name, "wrap", text, {name: {"sign_bit": mirrored}}))
             continue
         period, said = _known_period(float(np.abs(sizes).mean()))
         entry: dict[str, float | str] = {"unwrap": period}
@@ -57,6 +57,26 @@ def wraps(log: Log) -> list[LogFinding]:
         )
         found.append(_column(name, "wrap", text, {name: entry}))
     return found + (_beside_degrees(log, found) if degrees else [])
+
+
+def counts(log: Log) -> list[LogFinding]:
+    """Return what to do about positions that hold encoder counts: whole numbers, far beyond turns.
+
+    Nothing in a log says how many counts make a turn.
+    """
+    names = [f"{joint}.position" for joint in log.with_quantity("position")]
+    held = [n for n in names if np.ptp(log.column(n)) > _COUNTS]
+    held = [n for n in held if np.array_equal(log.column(n), np.round(log.column(n)))]
+    if not held:
+        return []
+    entry = {"columns": {name: {"scale": float(f"{2.0 * pi / 4096:.10g}")} for name in held}}
+    text = f"{', '.join(held)}: whole numbers over {np.ptp(log.column(held[0])):g}: encoder counts."
+    way = (
+        "Of an encoder of 4096 counts a turn, "
+        + say_so(entry)
+        + "\nOf another, put 2 pi over its counts there."
+    )
+    return [LogFinding("error", "counts", held[0], text, way)]
 
 
 def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
@@ -146,11 +166,8 @@ def magnitudes(logs: Sequence[Log]) -> list[LogFinding]:
     ]
     held = {name: [log.column(name) for log in logs if log.has(name)] for name in names}
     known = {name: values for name, values in held.items() if any(map(np.any, values))}
-    if not known or any(v.min() < 0.0 < v.max() for each in known.values() for v in each):
-        return []
-    sides = {bool(v.max() > 0.0) for each in known.values() for v in each if np.any(v)}
-    folds = sum(_folds(np.abs(v)) for each in known.values() for v in each)
-    if len(sides) > 1 or folds < _FOLDS:
+    folds = mirrored([v for each in known.values() for v in each])
+    if not folds:
         return []
     listed = ", ".join(known)
     out = {"columns": {name: False for name in known}}
@@ -164,6 +181,16 @@ def magnitudes(logs: Sequence[Log]) -> list[LogFinding]:
         f"map the targets, and {say_so(out, 'leave the magnitudes out')}"
     )
     return [LogFinding("error", "torque_magnitude", next(iter(known)), text, way)]
+
+
+def mirrored(torques: Sequence[FloatArray]) -> int:
+    """Return how often torques of one kind are mirrored at zero, 0 if they have a sign."""
+    moved = [values for values in torques if np.any(values)]
+    if any(values.min() < 0.0 < values.max() for values in moved):
+        return 0
+    folds = sum(_folds(np.abs(values)) for values in moved)
+    one_side = len({bool(values.max() > 0.0) for values in moved}) == 1
+    return folds if one_side and folds >= _FOLDS else 0
 
 
 def _folds(values: FloatArray) -> int:

@@ -33,9 +33,9 @@ GAIN_SPREAD = float(np.log(4.0)) / 2.0
 """Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
 in 95 of 100 machines."""
 
-_GAINS = np.exp(np.linspace(-2.5, 2.5, 46) * GAIN_SPREAD)
-_PRIOR = -0.5 * (np.log(_GAINS) / GAIN_SPREAD) ** 2
-_PRIOR -= logsumexp(_PRIOR)
+GAINS = np.exp(np.linspace(-2.5, 2.5, 46) * GAIN_SPREAD)
+GAIN_PRIOR = -0.5 * (np.log(GAINS) / GAIN_SPREAD) ** 2
+GAIN_PRIOR -= logsumexp(GAIN_PRIOR)
 _RATIOS = np.exp(np.linspace(-2.5, 2.5, 101))
 _RATIO_PRIOR = -0.5 * np.log(_RATIOS) ** 2  # ratios of robots' gears differ by e or so
 _RATIO_PRIOR -= logsumexp(_RATIO_PRIOR)
@@ -102,14 +102,14 @@ def report(
     size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
     if size <= 0.0:
         nothing = np.zeros((1, _CAUSES))
-        flat = np.zeros(_GAINS.size)
+        flat = np.zeros(GAINS.size)
         return Report(flat, 0.0, 1.0, 0.0, nothing, nothing[:, 0], 0.0, np.zeros(_RATIOS.size))
     causes, drawn = _columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
     limit = _INERTIA * inertia / size
     count = min(samples, _MOST_SAMPLES)
-    gains, left = _likelihoods(reduced, _GAINS / size, rotor, limit, count)
+    gains, left = _likelihoods(reduced, GAINS / size, rotor, limit, count)
     ratios = np.zeros(_RATIOS.size)
     if rotor > 0.0:
         inertias = rotor / size * _RATIOS ** (power + 2.0)
@@ -120,7 +120,7 @@ def report(
     free = _EITHER_WAY + float(_log(_free_misfits([own], [target]), count)[0])
     return Report(
         gains=gains - 0.5 * _excess(size, whole, _MOST) ** 2,
-        gain=float(_GAINS[best]),
+        gain=float(GAINS[best]),
         left=float(left[best]),
         idle=free + _UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
         causes=own,
@@ -163,11 +163,11 @@ def evidence(logs: Sequence[tuple[Sequence[Report], FloatArray]]) -> float:
     )
     joints = zip(*(reports for reports, _ in logs), strict=True)
     strange = np.array([_STRANGE + _strange(reports) for reports in joints])
-    apart = float(np.sum(np.logaddexp(logsumexp(_PRIOR + total, axis=1), strange)))
-    near = -0.5 * (np.log(_GAINS[:, None] / _GAINS) / _ALIKE) ** 2
+    apart = float(np.sum(np.logaddexp(logsumexp(GAIN_PRIOR + total, axis=1), strange)))
+    near = -0.5 * (np.log(GAINS[:, None] / GAINS) / _ALIKE) ** 2
     near -= logsumexp(near, axis=1, keepdims=True)
     given = np.logaddexp(logsumexp(near[None] + total[:, None, :], axis=2), strange[:, None])
-    alike = float(logsumexp(_PRIOR + given.sum(axis=0)))
+    alike = float(logsumexp(GAIN_PRIOR + given.sum(axis=0)))
     return float(np.logaddexp(apart, alike) - np.log(2.0))
 
 

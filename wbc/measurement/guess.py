@@ -18,6 +18,7 @@ from wbc.errors import LogError, RobotError
 from wbc.files import write_text
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
 from wbc.measurement.column_map import parse_column_map
+from wbc.measurement.column_mistakes import mirrored
 from wbc.measurement.findings import LogFinding
 from wbc.measurement.log import Log
 from wbc.measurement.map_lines import Mend, merged, say_so
@@ -143,6 +144,12 @@ def guess_names(
     for name in mapped.get("columns", {}):
         joint, _, quantity = name.rpartition(".")
         held.setdefault(joint, set()).add(quantity)
+    refused = _unsigned(table, columns, held)
+    if refused:
+        mapped = merged(mapped, {"columns": dict.fromkeys(refused, False)})
+        reasons.append(
+            f"{', '.join(refused)}: left out, magnitudes without sign; the targets make the torque"
+        )
     driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
     targets = tuple(
         joint
@@ -240,6 +247,18 @@ def guess_ratios(
             if (value := _ratio(table, rotor, joint)) and name not in found:
                 found[name] = RatioGuess(value, f"'{rotor.name}' over '{joint.name}' in the log")
     return found
+
+
+def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[str]]) -> list[str]:
+    """Return the torques that have no sign, and take them from what joints with targets have."""
+    names = [name for name in columns if name.endswith(tuple(f".{q}" for q in REPORTED))]
+    torques = [table.numbers(columns[name]["from"]) for name in names]
+    joints = {name.rpartition(".")[0] for name in names}
+    if not mirrored(torques) or any("target_position" not in held[joint] for joint in joints):
+        return []
+    for joint in joints:
+        held[joint] -= set(REPORTED)
+    return names
 
 
 def _table(path: str | Path, start: Mapping[str, Any]) -> Table:

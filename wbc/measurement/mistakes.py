@@ -14,6 +14,7 @@ from wbc.measurement.channel_checks import resting_joints
 from wbc.measurement.clocks import find_repeats
 from wbc.measurement.column_mistakes import (
     MotionMistake,
+    counts,
     magnitudes,
     motion_mistakes,
     slow_clock,
@@ -21,7 +22,7 @@ from wbc.measurement.column_mistakes import (
     together_likely,
     wraps,
 )
-from wbc.measurement.evidence import Report, evidence, ratio_evidence, rows_of
+from wbc.measurement.evidence import GAIN_PRIOR, GAINS, Report, evidence, ratio_evidence, rows_of
 from wbc.measurement.findings import LogFinding
 from wbc.measurement.log import Log
 from wbc.measurement.map_lines import Mend, say_so, together
@@ -37,6 +38,10 @@ _GRAVITY = {
     "upside_down": "robot.toml must say so, at its top:\n"
     '    gravity = { value = [0, 0, 9.81], unit = "m/s^2", source = "hangs upside down" }',
 }
+_SCALE = (
+    "Check gear_ratio and torque constant in robot.toml and the masses of the model: each can make "
+    "such a factor."
+)
 _MORE = "Record more logs in which every joint moves, and give all of them together."
 
 
@@ -70,9 +75,10 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
     for own, moved in zip(found, _shared([_of_motion(log, ratios) for log in clean]), strict=True):
         own += moved
     refused = magnitudes(logs)
-    for own in found:
-        own += refused
-    if robot is not None and not refused:
+    counted = [counts(log) for log in clean]
+    for own, more in zip(found, counted, strict=True):
+        own += [*refused, *more]
+    if robot is not None and not refused and not any(counted):
         clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
         for mistake in torque_mistakes(robot, clean):
             for k in mistake.logs:
@@ -255,6 +261,8 @@ def _of_torque(mistake: Mistake, logs: Sequence[Log]) -> LogFinding:
     if mistake.kind == "gear_ratio":
         seen = f"{mistake.text}?"
         way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
+    elif mistake.kind == "torque_scale":
+        seen, way = f"{mistake.text}.", _SCALE
     elif mistake.kind in _GRAVITY and not mistake.others:
         seen, way = f"{_suspected(mistake)} {_seen(mistake)}", f"If so, {_GRAVITY[mistake.kind]}"
     else:
@@ -319,9 +327,14 @@ CERTAIN = 0.99
 _LOST, _LOST_OF_FEW = 0.3, 0.015
 _TIED = 2.0  # nats: odds of seven to one
 _PAIRS = 7  # driven joints up to which many may be exchanged: a third of a second per log
+# Share of the power of a report that a reading must explain to accuse anybody: with counts for
+# radians degrees explain .01 "better" than nothing; the true readings of the tests .46 and more.
+_LEAST_EXPLAINED = 0.25
 _OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
 _MOST_PARTS = 0.6  # of the logs, in which a correction must bring reports closer to the need
+_SAME_SCALE = 0.2  # of ln of a gain: a grid of .08, and what friction and noise add to it
+_OTHER_SCALE = 0.3  # of ln of a gain, from which a torque is of another scale
 _MOST = 3  # mistakes that are looked for one after another
 
 
@@ -374,7 +387,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Mistake]:
         if not shared or _better_alone(judged, mistakes[0]):
             mistakes = _of_some(judged) or mistakes
         if not mistakes:
-            return found
+            return found or _other_scale(robot, judged)
         found += mistakes
         certain = [m for m in mistakes if m.probability >= CERTAIN and m.mend and not m.others]
         if not certain:
@@ -427,6 +440,32 @@ def _of_all(robot: Robot, judged: Mapping[int, _Table]) -> list[Mistake]:
     texts = [text for text in first if text in shared]
     score = [_score(text, judged) for text in texts]
     return _another_ratio(robot, score, judged) or _likely(texts, np.array(score), judged, POSSIBLE)
+
+
+def _other_scale(robot: Robot, judged: Mapping[int, _Table]) -> list[Mistake]:
+    """Return the torques that are as many times too large in all joints, or in one alone.
+
+    A gear ratio, a torque constant and masses make the same factor; only a remark comes of it.
+    """
+    if not judged or robot.transmission.size < 2:
+        return []
+    each = [table[""].reports for table in judged.values()]
+    total = np.sum([np.stack([one.gains for one in reports]) for reports in each], axis=0)
+    gains = GAINS[np.argmax(total + GAIN_PRIOR, axis=1)]
+    clear = all(one.left < _LOST_OF_FEW * 4.0 for reports in each for one in reports)
+    sizes = np.abs(np.log(gains))
+    # A joint that friction and rotors move tells its scale less well.
+    alike = float(np.ptp(np.log(gains))) < 2.0 * _OTHER_SCALE < 2.0 * float(sizes.min())
+    odd = np.flatnonzero(sizes > _OTHER_SCALE)
+    alone = odd.size == 1 and float(np.sort(sizes)[-2]) < _SAME_SCALE
+    if not clear or not (alike or alone):
+        return []
+    first = next(iter(judged.values()))[""].reading
+    names = list(robot.transmission.joints)
+    which = ", ".join(names if alike else [names[int(odd[0])]])
+    factor = float(np.median(gains)) if alike else float(gains[odd[0]])
+    text = f"torques of {which} are {factor:.2g} times what the links need"
+    return [Mistake("torque_scale", text, (), first.mend, 0.5, 0.0, 0.0, (), tuple(judged))]
 
 
 def _better_alone(judged: Mapping[int, _Table], shared: Mistake) -> bool:
@@ -516,6 +555,8 @@ def _likely(
     tied = [texts[i] for i in ranked[1:4] if score[best] - score[i] < _TIED]
     others = tuple((text, table[text].reading.mend) for text in tied)
     before, after = _explained(texts[best], judged)
+    if after < _LEAST_EXPLAINED:
+        return []
     return [
         Mistake(
             reading.kind,

@@ -36,6 +36,7 @@ _OF_KINDS = {
 """What a unit measures -> the quantity that a name without one means."""
 _VECTORS = {("observation", "state"): "position", ("action",): "target_position"}  # LeRobot's
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
+_TARGETS |= {"control", "setpoint"}
 _FILL = {"meas", "measured", "act", "actual", "reported", "joint", "motor", "rotor", "state", "est"}
 
 

@@ -75,6 +75,7 @@ def load_logs(
     Args:
         paths: files. `FILE#PATTERN` picks logs by name (`*` and `?` allowed) from a file that holds
             several: a column map splits it, or its clock starts again (`#run1`, `#run2`).
+            `FILE+FILE` are columns of one run, put side by side by their clocks.
         columns: column map for foreign names and units, or its path; None for a file that has our
             names (`effort` is read as motor_torque).
         choices: `gear_ratios`: N of joints, for a map that names a side of the gear but no ratio.

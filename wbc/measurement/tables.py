@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from wbc.extras import INSTALLED_BY, needs
 from wbc.files import atomic_write
 from wbc.measurement.log import Log
 from wbc.measurement.map_lines import say_so
+from wbc.measurement.names import guess_name
 from wbc.measurement.schema import TIME, is_column
 
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".data", ".log", ".asc")
@@ -121,6 +123,10 @@ def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table
     Raises:
         LogError: no such file, a format that is not read, or a file that is not what it says.
     """
+    parts = _files(path)
+    if len(parts) > 1:
+        first, *others = (open_table(part, topic, header) for part in parts)
+        return _joined(path, first, others)
     if not path.exists():
         raise LogError(f"no log at '{path}'.")
     suffix = (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
@@ -149,8 +155,55 @@ def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table
     raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
 
 
+def _files(path: Path) -> list[Path]:
+    """Return the files of `A+B`, which are one run on one clock."""
+    parts = [Path(part) for part in str(path).split("+")]
+    return parts if len(parts) > 1 and all(part.exists() for part in parts) else [path]
+
+
+def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
+    """Return the rows of a table with the last row of others that was not later.
+
+    Columns of the others get what their file is called before their own name, without what both
+    files are called: of run1.state.csv and run1.control.csv, `control_positions_0`.
+
+    Raises:
+        LogError: a table without a column that looks like a clock.
+    """
+    columns = dict(first.columns)
+    time = first.numbers(_clock(first))
+    notes = list(first.notes)
+    for table in others:
+        clock = _clock(table)
+        stamps = table.numbers(clock)
+        rows = np.searchsorted(stamps, time, side="right") - 1
+        known = rows >= 0
+        theirs = [word for word in _words_of(table.path) if word not in _words_of(first.path)]
+        prefix = "_".join(theirs) or "other"
+        for name in table.names:
+            if name != clock and table.holds_numbers(name):
+                values = table.numbers(name)[np.maximum(rows, 0)]
+                columns[f"{prefix}_{name}"] = np.where(known, values, np.nan)
+        notes.append(f"columns of '{table.path.name}' were put beside, by {clock}.")
+    return Table(path, columns, first.units, tuple(notes))
+
+
+def _words_of(path: Path) -> list[str]:
+    return re.findall(r"[A-Za-z0-9]+", re.sub(r"(\.gz)?$", "", path.name).rpartition(".")[0])
+
+
+def _clock(table: Table) -> str:
+    names = [n for n in table.names if n == TIME or guess_name(n).quantity == TIME]
+    if not names:
+        raise LogError(f"{table.path}: no column looks like a clock, so nothing can be put beside.")
+    return names[0]
+
+
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file, or of all files below a folder in order of their names."""
+    if len(_files(path)) > 1:
+        whole = "".join(digest(part) for part in _files(path))
+        return hashlib.sha256(whole.encode("ascii")).hexdigest()
     if path.is_file():
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
