@@ -9,7 +9,7 @@ from wbc.compiled import Count, Dense, Nothing, OutDense, OutRow, Row, Table, co
 
 
 @compiled(Nothing, Row, Row, OutRow, counted=False)
-def _momentum(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> None:
+def momentum_of(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> None:
     """Write the momentum (6,) of a body (10,) with a spatial velocity (6,)."""
     m, x, y, z = body[0], body[1], body[2], body[3]
     a, b, c, p, q, r = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
@@ -82,7 +82,7 @@ def inertia_at(
     force = local(6)
     inertia[:] = 0.0
     for j in range(len(rows)):
-        _momentum(composite[rows[j, 0]], columns[j], force)
+        momentum_of(composite[rows[j, 0]], columns[j], force)
         i = j
         while i >= 0:
             if i < upto:
@@ -159,8 +159,8 @@ def bias_at(
         for k in range(6):
             motion[i, k] += own[k]
         _add_cross_motion(motion[i], own, rate[i])
-        _momentum(bodies[i], rate[i], force[i])
-        _momentum(bodies[i], motion[i], part)
+        momentum_of(bodies[i], rate[i], force[i])
+        momentum_of(bodies[i], motion[i], part)
         _add_cross_force(motion[i], part, force[i])
     for i in range(count - 1, -1, -1):
         first = joints[i, 3]

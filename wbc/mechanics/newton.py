@@ -50,6 +50,8 @@ _ROUNDS = 60
 _INNER = 10
 _SWEEPS = 160
 _NEAR = 1e3
+_WORK = 1e8
+"""Multiplications and additions, r^3 per linear system, after which no other way is begun."""
 
 
 @compiled(Nothing, Dense, Row, Row, OutRow, counted=False)
@@ -184,13 +186,16 @@ def softened(system: RowSystem, compliance: float, about: FloatArray) -> RowSyst
     )  # fmt: skip
 
 
-@compiled(Count, SYSTEM, Row, Number, OutRow)
-def proximal(system: RowSystem, start: FloatArray, tolerance: float, impulse: FloatArray) -> int:
+@compiled(Count, SYSTEM, Row, Number, Count, OutRow)
+def proximal(
+    system: RowSystem, start: FloatArray, tolerance: float, most: int, impulse: FloatArray
+) -> int:
     """Write the row impulses (r,) by proximal rounds, like `newton`.
 
     A split of forces that has to move far (a corner of a sole that must let go before the rest
     fits) moves by rounding errors over compliance per round: each round that Newton solves makes
-    the rows harder, each that it does not makes them softer.
+    the rows harder, each that it does not makes them softer. No round begins after `most` linear
+    systems.
     """
     used, compliance = 0, _FIRST
     impulse[:] = start
@@ -206,8 +211,8 @@ def proximal(system: RowSystem, start: FloatArray, tolerance: float, impulse: Fl
             compliance = max(_HARDER * compliance, _HARDEST)
         else:
             compliance *= _SOFTER
-            if compliance > _SOFTEST:
-                break
+        if compliance > _SOFTEST or used > most:
+            break
     return -used - 1
 
 
@@ -255,9 +260,9 @@ def sweep(system: RowSystem, impulse: FloatArray) -> None:
                 impulse[a] *= bound / np.sqrt(length)
 
 
-@compiled(several(Count, Count), SYSTEM, Row, Number, OutRow)
+@compiled(several(Count, Count), SYSTEM, Row, Number, Number, OutRow)
 def solve_system(
-    system: RowSystem, start: FloatArray, tolerance: float, impulse: FloatArray
+    system: RowSystem, start: FloatArray, tolerance: float, work: float, impulse: FloatArray
 ) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
@@ -265,6 +270,7 @@ def solve_system(
         system: of the rows.
         start: (r,) impulses of the step before, or zeros.
         tolerance: largest accepted residual.
+        work: share of `_WORK` beyond which nothing more is tried.
         impulse: to write; where nothing is found, the nearest.
 
     Returns:
@@ -278,7 +284,7 @@ def solve_system(
     used = newton(system, start, tolerance, limit, impulse)
     if used > 0:
         return used, NEWTON
-    used, none = -used - 1, np.zeros(size)
+    used, none, most = -used - 1, np.zeros(size), int(work * _WORK / size**3)
     # The last step's pieces lead astray: start from none.
     count = newton(system, none, tolerance, limit, impulse)
     used += abs(count)
@@ -290,13 +296,13 @@ def solve_system(
     if not np.isfinite(good):
         return used, UNSOLVED
     for fresh in range(2):
-        count = proximal(system, none if fresh else start, tolerance, impulse)
+        count = proximal(system, none if fresh else start, tolerance, most - used, impulse)
         used += abs(count)
         if count > 0:
             return used, PROXIMAL
     swept, nearest, least = np.zeros(size), np.zeros(size), np.inf
     done, aim = 0, 5
-    while aim <= _SWEEPS:
+    while aim <= _SWEEPS and (used <= most or done == 0):
         while done < aim:
             sweep(system, swept)
             done += 1
@@ -305,7 +311,7 @@ def solve_system(
             if way == 0:
                 count = newton(system, swept, tolerance, 15, impulse)
             else:
-                count = proximal(system, swept, tolerance, impulse)
+                count = proximal(system, swept, tolerance, most - used, impulse)
             used += abs(count)
             if count > 0:
                 return used, SWEEPS

@@ -27,6 +27,7 @@ class Barriers:
         size: 2 j + c.
         planar: whether no contact point can leave its x-z plane.
         moving: whether any ground moves.
+        asked: whether only Python knows how far some of the ground is.
         names: of the barriers (2 j + c).
     """
 
@@ -42,6 +43,7 @@ class Barriers:
             and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
         ]
         self._space, self._solids = space, terrain.solids
+        self.asked = any(solid.numbers() is None for solid in terrain.solids)
         self.moving = any(
             solid.velocity(np.zeros((1, 3)), 0.0, 0.0) is not None for solid in terrain.solids
         )

@@ -241,7 +241,8 @@ class Core:
         if error is not None:
             raise error
 
-    def _tell_motion(self, state: SimState) -> None:
+    def tell_motion(self, state: SimState) -> None:
+        """Give the loops the motion of loose motor outputs."""
         if self._loose:
             deflection, speed = self._drive.motion(state)
             self.exchange.motion[:, 0], self.exchange.motion[:, 1] = deflection, speed
@@ -282,7 +283,7 @@ class Core:
         Raises:
             SimulationError: the part has no solution, or several.
         """
-        self._tell_motion(state)
+        self.tell_motion(state)
         before = self._given(state, forces, external, kept, step, _NOTHING)
         out = np.empty(self._ends[-1]) if half is None else half
         closed, begun = np.empty(len(kept), dtype=np.bool_), half is not None
@@ -346,7 +347,7 @@ class Core:
         given: FloatArray,
     ) -> StepSolution:
         """Return the program of a part and its solution; arguments as of `part`."""
-        self._tell_motion(state)
+        self.tell_motion(state)
         before = self._given(state, forces, external, kept, step, given)
         rows, system, solved, _, inertia = part_in_rows(*before)
         return _solution(rows, system, solved, inertia, bool(len(given)))
@@ -382,7 +383,7 @@ class Core:
         Raises:
             SimulationError: the impact has no solution, or several.
         """
-        self._tell_motion(state)
+        self.tell_motion(state)
         size = len(closed)
         fresh, after_closed = np.empty((2, size), dtype=np.bool_)
         after, aims = np.empty(self._nv), np.empty(size)
@@ -435,7 +436,7 @@ class Core:
 
     def impact_solution(self, state: SimState, together: BoolArray, struck: Struck) -> StepSolution:
         """Return the program of an impact of barriers (2 j + c,) and its solution."""
-        self._tell_motion(state)
+        self.tell_motion(state)
         rows, system, solved, inertia = self._impact_in_rows(
             state, together, struck.aims, np.ascontiguousarray(struck.impulse)
         )

@@ -5,11 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Count, Number, OutPlaces, OutRow, Row, compiled, several
+from wbc.mechanics.inertia import bodies_at, momentum_of
+from wbc.mechanics.kinematics import columns_at, place
+from wbc.sim.contacts import solid_gap
+from wbc.sim.gears import motor_speeds
+from wbc.sim.part import spring_energy
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
+from wbc.sim.tables import DEFLECTION, INERTIA, STIFFNESS, opened, point_of_reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,29 +132,56 @@ def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
     return [("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)]
 
 
-def kinetic_energy(
-    setup: Setup, position: FloatArray, velocity: FloatArray, motor_speed: FloatArray
-) -> float:
-    """Return the kinetic energy at (q, v), inertial rotor coupling included [J].
+@compiled(several(Number, Number, Count), OutPlaces, OutRow, Row, Row)
+def survey(
+    whole: IntArray, numbers: FloatArray, q: FloatArray, v: FloatArray
+) -> tuple[float, float, int]:
+    """Return what a plant stores at q (nq,) and v (nv,) [J]; the deepest body, and its gap.
 
-    Args:
-        setup: the plant's.
-        position: q (nq,).
-        velocity: v (nv,).
-        motor_speed: (m,) of the motor outputs.
+    Stored are the kinetic energy of links and rotors, gravity's and the gear springs'. The gap is
+    that of the origin of the joint that carries a body, from the nearest solid that loops know.
     """
-    drive, space = setup.drive, setup.space
-    links = pin.computeKineticEnergy(space.model, space.data, position, velocity)
-    energy = float(links + 0.5 * drive.inertia @ motor_speed**2)
-    coupling = setup.coupling(position, velocity)
-    if coupling is not None:
-        energy += float((drive.ratio * motor_speed) @ (coupling.inertia @ velocity))
-    return energy
+    plant = opened(whole, numbers)
+    tree, placed, gears = plant.tree, plant.placed, plant.gears
+    joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
+    place(joints, tree.shapes, q, poses)
+    about = point_of_reference(plant.flight.bases, poses)
+    columns_at(joints, tree.shapes, poses, about, placed.columns)
+    bodies_at(joints, tree.shapes, poses, about, placed.bodies, placed.composite)
+    count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
+    motion, momentum, motor, normal = np.zeros((count, 6)), np.empty(6), np.empty(m), np.empty(3)
+    for i in range(count):
+        first, body = joints[i, 3], placed.bodies[i]
+        last = joints[i + 1, 3] if i + 1 < count else len(v)
+        for k in range(6):
+            motion[i, k] = motion[joints[i, 0], k] if joints[i, 0] >= 0 else 0.0
+            for row in range(first, last):
+                motion[i, k] += placed.columns[row, k] * v[row]
+        momentum_of(body, motion[i], momentum)
+        for k in range(6):
+            energy += 0.5 * momentum[k] * motion[i, k]
+        for k in range(3):
+            energy -= tree.gravity[k] * (body[1 + k] + body[0] * about[k])
+        gap = np.inf
+        for s in range(len(solids)):
+            gap = min(gap, solid_gap(solids[s], poses[i, 9:], normal))
+        if body[0] > 0.0 and gap < deepest:
+            deepest, lowest = gap, i
+    motor_speeds(gears, v, motor)
+    for g in range(m):
+        energy += 0.5 * gears.numbers[g, INERTIA] * motor[g] * motor[g]
+        if gears.numbers[g, STIFFNESS] < np.inf:
+            energy += spring_energy(gears.numbers[g], gears.motion[g, DEFLECTION])
+        if len(gears.coupling):
+            for c in range(len(v)):
+                energy += motor[g] * gears.coupling[g, c] * v[c]
+    return energy, deepest, lowest
 
 
-def mechanical_energy(setup: Setup, state: SimState) -> float:
-    """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
-    deflection, speed = setup.drive.motion(state)
-    height = pin.computePotentialEnergy(setup.space.model, setup.space.data, state.position)
-    kinetic = kinetic_energy(setup, state.position, state.velocity, speed)
-    return float(kinetic + height + setup.drive.spring_energy(deflection))
+def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:
+    """Return what `survey` finds in a state."""
+    setup.tell_coupling(state.position, state.velocity)
+    setup.core.tell_motion(state)
+    q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+    found: tuple[float, float, int] = survey(*setup.core.packed, q, v)
+    return found

@@ -320,7 +320,7 @@ def solve_gripped(
         the number of linear systems solved, and what `solve_system` says, or FLANKS.
     """
     if not gears.loose:
-        return solve_system(system, start, tolerance, impulse)
+        return solve_system(system, start, tolerance, 1.0, impulse)
     m, size, laws = len(gears.rows), len(start), system.laws
     near, passed, safe = no_grip(m), no_grip(m), no_grip(m)
     released, steepest = np.zeros(m), np.zeros(m)
@@ -337,7 +337,7 @@ def solve_gripped(
             laws[i, 7] = 0.0 if holds == 0.0 else (slope[i] if soft else np.inf)
             pulled = holds > 0.0 and soft
             laws[i, 8] = near.impulse[i] - slope[i] * near.end[i] if pulled else 0.0
-        used, way = solve_system(system, guess, tolerance, impulse)
+        used, way = solve_system(system, guess, tolerance, 1.0, impulse)
         work += used
         if way == UNSOLVED:
             return work, way

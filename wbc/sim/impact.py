@@ -49,6 +49,8 @@ restitution, what a moving ground gave, the kinetic energy before [J], what `Sol
 _SLOW = 1e-9
 _STOPPED = 1e-9
 _ROUNDING = 1e-9
+_SHARE_OF_WORK = 0.1
+"""Of what a step may do, for an impact with restitution: there is another without."""
 _TRIES = 5
 """Shares tried between none and all; the loss is quadratic in the share while rows keep to their
 pieces, so that false position meets it soon."""
@@ -215,22 +217,24 @@ def bounce(
         for k in range(9):
             system.laws[i, k] = laws[9 * i + k]
     rows.free[:] = v
-    solved = solve_part(plant, rows, system, v, np.zeros(len(rows.carried)), 0.0, given)
+    work = 1.0 if share == 0.0 else _SHARE_OF_WORK
+    start = np.zeros(len(rows.carried))
+    solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
     found[USED] += solved.used
     found[WAY], found[SHARE], found[ROWS_OF] = solved.way, share, len(solved.impulse)
     if solved.way < UNSOLVED:
-        following, work = rows.motor.copy(), 0.0
+        following, carried = rows.motor.copy(), 0.0
         for i in range(m):
             if plant.gears.at[i, 1] == 0:
                 following[i] = 0.0
                 for c in range(n):
                     following[i] += plant.gears.rows[i, c] * solved.after[c]
         for i in range(len(rows.carried)):
-            work += solved.impulse[i] * rows.carried[i]
+            carried += solved.impulse[i] * rows.carried[i]
         had, has = kinetic_of(plant, v, rows.motor), kinetic_of(plant, solved.after, following)
         mesh = solved.impulse[:m]
         found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
-        found[CONTACT], found[WORK] = had - has + work - found[MESH], work
+        found[CONTACT], found[WORK] = had - has + carried - found[MESH], carried
         found[ENERGY] = had
     return solved
 
@@ -393,5 +397,5 @@ def impact_in_rows(
     rows.targets[:] = targets
     system = part_system(rows, plant.obstacles.tangents)
     start = np.zeros(len(rows.carried))
-    solved = solve_part(plant, rows, system, v, start, 0.0, given)
+    solved = solve_part(plant, rows, system, v, start, 0.0, 1.0, given)
     return rows, system, solved, plant.placed.inertia.copy()

@@ -164,7 +164,7 @@ SMOOTH, LANDED = 1, 2
 MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION, CONTACT, NORMAL, TRAFFIC, KINETIC = range(10)
 """Work and losses of a part [J]: see `EnergyFlow`; what normals made; bounds of what moved."""
 
-_COUPLING_ROUNDS = 60
+_COUPLING_ROUNDS = 200
 _COUPLING_TOLERANCE = 1e-13
 _SLOWEST = 1e-9
 
@@ -327,7 +327,7 @@ def undecided(plant: Opened, laws: FloatArray) -> bool:
     return found and not plant.gears.loose and len(plant.gears.coupling) == 0
 
 
-@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Row, Number, OutDense, OutRow)
+@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Row, Number, OutDense, OutRow, counted=False)
 def lag_coupling(
     plant: Opened,
     rows: PartRows,
@@ -378,7 +378,7 @@ def lag_coupling(
             system.free[i] += rows.matrix[i, c] * shifted[c]
 
 
-@compiled(SOLVED, OPENED, ROWS, SYSTEM, Row, Row, Number, Row)
+@compiled(SOLVED, OPENED, ROWS, SYSTEM, Row, Row, Number, Number, Row)
 def solve_part(
     plant: Opened,
     rows: PartRows,
@@ -386,6 +386,7 @@ def solve_part(
     speed: FloatArray,
     start: FloatArray,
     step: float,
+    work: float,
     given: FloatArray,
 ) -> Solved:
     """Return how the rows of a part end, with every row, flank and coupling on its law.
@@ -397,6 +398,7 @@ def solve_part(
         speed: v (nv,) before.
         start: (r,) impulses to start from.
         step: h [s], zero for an impact.
+        work: share of what `solve_system` may do in an impact.
         given: (r,) the impulses where they are known already, else empty.
     """
     size, n, m = len(start), len(speed), len(plant.gears.rows)
@@ -412,7 +414,7 @@ def solve_part(
         impulse[:] = given
     elif undecided(plant, laws):
         way = UNDECIDED
-    coupled = len(plant.gears.coupling) > 0
+    coupled, missed, relaxed = len(plant.gears.coupling) > 0, np.zeros(n), 1.0
     for turn in range(_COUPLING_ROUNDS + 1):
         if turn == _COUPLING_ROUNDS:
             way = UNSETTLED
@@ -426,18 +428,26 @@ def solve_part(
                     plant.gears, system, rows.relative, step, start, tolerance, impulse, end, damped
                 )
             else:
-                more, way = solve_system(system, start, tolerance, impulse)
+                more, way = solve_system(system, start, tolerance, work, impulse)
             used += more
         velocity_after(system, rows.lower, shifted, impulse, after)
         if not coupled:
             break
-        moved, largest = 0.0, 0.0
+        moved, largest, change, square = 0.0, 0.0, 0.0, 0.0
         for c in range(n):
             moved = max(moved, abs(after[c] - last[c]))
             largest = max(largest, abs(last[c]))
-            last[c] = after[c]
+            turned = after[c] - last[c] - missed[c]
+            change += missed[c] * turned
+            square += turned * turned
         if moved <= _COUPLING_TOLERANCE * (1.0 + largest):
             break
+        # Aitken's relaxation: heavy rotors would let plain repetition swing out.
+        if turn > 0 and square > 0.0:
+            relaxed = min(max(-relaxed * change / square, 0.05), 2.0)
+        for c in range(n):
+            missed[c] = after[c] - last[c]
+            last[c] += relaxed * missed[c]
     rows.free[:] = shifted
     speeds_at(system.delassus, system.free, impulse, row_speed)
     good = 0.0
@@ -448,7 +458,7 @@ def solve_part(
     return Solved(impulse, row_speed, after, end, damped, used, way)
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, OutRow, OutRow, OutRow)
+@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, OutRow, OutRow, OutRow, counted=False)
 def gears_after(
     plant: Opened,
     acting: Acting,
@@ -478,7 +488,18 @@ def spring_energy(gear: FloatArray, deflection: float) -> float:
     return stored
 
 
-@compiled(several(Number, Number), OPENED, ACTING, ROWS, SOLVED, Count, Number, Number, Number)
+@compiled(
+    several(Number, Number),
+    OPENED,
+    ACTING,
+    ROWS,
+    SOLVED,
+    Count,
+    Number,
+    Number,
+    Number,
+    counted=False,
+)
 def loose_losses(
     plant: Opened,
     acting: Acting,
@@ -528,7 +549,7 @@ def loose_losses(
     return lost, 0.0
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, Row, Row, Row, OutRow)
+@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, Row, Row, Row, OutRow, counted=False)
 def books_of(
     plant: Opened,
     acting: Acting,
@@ -648,7 +669,7 @@ def from_middle(
         return 10 + NO_INERTIA
     system = part_system(rows, plant.obstacles.tangents)
     start = recalled(acting.stored, rows.places)
-    solved = solve_part(plant, rows, system, speed, start, step, given)
+    solved = solve_part(plant, rows, system, speed, start, step, 1.0, given)
     gears_after(plant, acting, rows, solved, motor, deflection, mesh)
     out[ends[10]] = solved.used
     if solved.way >= UNSOLVED:
@@ -760,5 +781,5 @@ def part_in_rows(
     rows = rows_of(plant, acting, closed, middle, speed, rate, np.empty(len(closed)))
     system = part_system(rows, plant.obstacles.tangents)
     start = recalled(stored, rows.places)
-    solved = solve_part(plant, rows, system, speed, start, step, given)
+    solved = solve_part(plant, rows, system, speed, start, step, 1.0, given)
     return rows, system, solved, start, plant.placed.inertia.copy()

@@ -14,7 +14,7 @@ from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
 from wbc.errors import SimulationError
 from wbc.robot import Robot, body_contacts
 from wbc.sim.course import Course
-from wbc.sim.energy import mechanical_energy
+from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup, prepare
@@ -163,7 +163,7 @@ class Plant:
 
     def mechanical_energy(self, state: SimState) -> float:
         """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
-        return mechanical_energy(self._setup, state)
+        return surveyed(self._setup, state)[0]
 
     def encoders(self, state: SimState) -> SimState:
         """Return the state with q and v as encoders on the motors show them.

@@ -319,7 +319,7 @@ def solve_rows(
         if rows.size:
             return *solve_in_ranges(system, rows, start, tolerance, names), "ranges"
     impulse = np.empty(len(start))
-    used, way = solve_system(system, start, tolerance, impulse)
+    used, way = solve_system(system, start, tolerance, 1.0, impulse)
     if way == UNSOLVED:
         raise unsolved(system, impulse, tolerance)
     return impulse, used, WAYS[way]

@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.mechanics.kinematics import place
 from wbc.sim.barriers import TOUCH
 from wbc.sim.course import Impact
-from wbc.sim.energy import EnergyAudit, EnergyFlow, mechanical_energy
+from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.flow import Flow
 from wbc.sim.part import KINETIC, NORMAL, TRAFFIC
 from wbc.sim.program import StepSolution
@@ -102,13 +102,18 @@ class StepResult:
     @cached_property
     def balance(self) -> EnergyAudit:
         """Work in, energy stored, losses, and what they do not close by."""
-        stored = mechanical_energy(self.setup, self.state)
-        return EnergyAudit(self.energy, stored - mechanical_energy(self.setup, self.start))
+        before, _, _ = surveyed(self.setup, self.start)
+        return EnergyAudit(self.energy, self._end[0] - before)
 
     @cached_property
     def events(self) -> tuple[StepEvent, ...]:
         """Energy that the step made, overlaps that are left; empty in a good step."""
-        return events_of(self.setup, self.parts, self.impacts, self.balance)
+        return events_of(self.setup, self.parts, self.impacts, self.balance, self._end)
+
+    @cached_property
+    def _end(self) -> tuple[float, float, int]:
+        """Energy that is stored at the end [J], and the deepest body, see `survey`."""
+        return surveyed(self.setup, self.state)
 
     @property
     def solutions(self) -> tuple[StepSolution, ...]:
@@ -138,10 +143,21 @@ def _sum(several: Sequence[FloatArray]) -> FloatArray:
 
 
 def events_of(
-    setup: Setup, parts: Sequence[Flow], impacts: Sequence[Impact], balance: EnergyAudit
+    setup: Setup,
+    parts: Sequence[Flow],
+    impacts: Sequence[Impact],
+    balance: EnergyAudit,
+    end: tuple[float, float, int],
 ) -> tuple[StepEvent, ...]:
-    """Return what happened in the parts and impacts of a step with an energy `balance`."""
-    found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1])]
+    """Return what happened in the parts and impacts of a step.
+
+    Args:
+        setup: the plant's.
+        parts, impacts: of the step.
+        balance: of its energy.
+        end: what `survey` found at its end.
+    """
+    found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1], *end[1:])]
     kinetic = max((float(part.end.books[KINETIC]) for part in parts), default=0.0)
     play = kinetic + abs(balance.flow.work) + balance.flow.lost
     if -balance.residual > _COARSE * play + 1e-9:
@@ -172,26 +188,32 @@ def _overlaps(setup: Setup, parts: Sequence[Flow]) -> Iterator[StepEvent]:
             )
 
 
-def _sunk(setup: Setup, last: Flow) -> Iterator[StepEvent]:
-    """Yield the deepest joint under the ground at the end of a step."""
+def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEvent]:
+    """Yield the deepest joint under the ground at the end of a step.
+
+    Args:
+        setup: the plant's.
+        last: its last part.
+        gap, lowest: of the deepest body, as far as loops know the ground.
+    """
     state, tree = last.state, setup.core.tree
     if not setup.flies or not setup.robot.contacts:
         return
-    poses = np.empty((len(tree.joints), 12))
-    place(tree.joints, tree.shapes, state.position, poses)
-    links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
-    gaps = setup.barriers.gaps_of(poses[links, 9:], state.time)
-    deepest = int(np.argmin(gaps))
+    if setup.barriers.asked:
+        poses = np.empty((len(tree.joints), 12))
+        place(tree.joints, tree.shapes, state.position, poses)
+        links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
+        gaps = setup.barriers.gaps_of(poses[links, 9:], state.time)
+        gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
     # Contacts may be as deep as a step leaves them.
     allowed = max((float(np.max(last.overlap)) if len(last.overlap) else 0.0), TOUCH)
-    if gaps[deepest] < -allowed:
-        joint = setup.robot.joints[links[deepest]]
+    if gap < -allowed:
         yield StepEvent(
             "sunk",
             state.time,
-            -float(gaps[deepest]),
-            f"joint '{joint}' is {-gaps[deepest]:.3g} m under the ground: no contact holds its "
-            'link. Give the robot contacts there, or the plant bodies="all"',
+            -gap,
+            f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no contact "
+            'holds its link. Give the robot contacts there, or the plant bodies="all"',
         )
 
 

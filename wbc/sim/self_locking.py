@@ -38,6 +38,7 @@ _SLOWEST = 1e-9
 _MOST = 6
 """Gears tried in all ranges: 3^6 solves take about a tenth of a second."""
 
+_SYSTEMS = 300  # linear systems of proximal rounds for one choice of ranges
 _HIGH, _FALL, _LOW = range(3)
 _NAMES = "driving", "driven back", "locked"
 _UP, _DOWN, _INERTIA, _BACKWARD, _FRICTION, _DAMPING, _STIFFNESS, _PRELOAD = 0, 1, 2, 4, 5, 6, 7, 8
@@ -174,7 +175,7 @@ def _candidates(
         if len(kept):
             used = newton(inner, origin, 0.1 * tolerance, 8, part)
             if used < 0:
-                used = proximal(inner, origin, 0.1 * tolerance, part) - used
+                used = proximal(inner, origin, 0.1 * tolerance, _SYSTEMS, part) - used
         if used > 0:
             impulse = np.zeros(len(system.free))
             impulse[kept] = part
