@@ -27,9 +27,7 @@ from wbc.robot import Robot
 _JITTER = 0.5
 _FEW_ROWS = 100
 _RATE_RATIO = 1.5
-_DEGREES = 180.0 / pi
 _SCALE_ERROR = 0.05
-_SCALE_TRUSTED = 0.99
 _WELL_CORRELATED = 0.9
 _DELAY_SAMPLES = 0.25
 _MANY_TURNS = 6.0 * pi
@@ -188,7 +186,7 @@ def check_clock(log: Log) -> list[LogFinding]:
 
 
 def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFinding]:
-    """Return findings about velocities that are late, mis-scaled or of something else.
+    """Return findings about velocities that are late or of something else.
 
     Args:
         log: the log.
@@ -208,8 +206,6 @@ def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFindi
                 )
             )
             continue
-        if abs(fit.scale - 1.0) > _SCALE_ERROR and abs(fit.correlation) > _SCALE_TRUSTED:
-            findings.append(_scale_finding(name, fit.scale))
         if abs(fit.delay) > max(_DELAY_SAMPLES * log.sample_time, 4.0 * fit.delay_error):
             findings.append(_delay_finding(name, fit, log.sample_time))
     return findings
@@ -226,16 +222,6 @@ def _delay_finding(name: str, fit: VelocityFit, sample_time: float) -> LogFindin
     side = "behind" if fit.delay > 0.0 else "ahead of"
     text = f"{abs(1e3 * fit.delay):.2f} ms ({samples:.1f} samples) {side} the position."
     return LogFinding("warning", "clock_lag", name, text, way_out, aligned)
-
-
-def _scale_finding(name: str, scale: float) -> LogFinding:
-    return LogFinding(
-        "warning",
-        "velocity_scale",
-        name,
-        f"it is {scale:.4g} times the derivative of the position.",
-        "Check unit and scale of both; the position is usually the one to trust.",
-    )
 
 
 def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
@@ -318,10 +304,10 @@ def check_ranges(log: Log, limits: Mapping[str, tuple[float, float]]) -> list[Lo
 
 
 def check_set(logs: Sequence[Log]) -> list[LogFinding]:
-    """Return findings about duplicates, different joints, channels, rates and scales."""
+    """Return findings about duplicates, different joints, channels and rates."""
     if len(logs) < 2:
         return []
-    return [*_duplicates(logs), *_joints(logs), *_rates(logs), *_scales(logs)]
+    return [*_duplicates(logs), *_joints(logs), *_rates(logs)]
 
 
 def _duplicates(logs: Sequence[Log]) -> list[LogFinding]:
@@ -371,22 +357,3 @@ def _rates(logs: Sequence[Log]) -> list[LogFinding]:
     )
     way_out = "Fine if they were recorded so; otherwise one clock is in another unit."
     return [LogFinding("warning", "rates_differ", "time", text, way_out)]
-
-
-def _scales(logs: Sequence[Log]) -> list[LogFinding]:
-    """Return findings where one log moves about 57 times as far as the others (degrees)."""
-    findings = []
-    for joint in logs[0].joints:
-        name = f"{joint}.position"
-        spans = [float(np.ptp(log.column(name))) for log in logs if log.has(name)]
-        moving = [span for span in spans if span > 0.0]
-        if len(moving) < 2:
-            continue
-        ratio = (
-            max(moving) / float(np.median(moving)) if len(moving) > 2 else max(moving) / min(moving)
-        )
-        if ratio > 0.5 * _DEGREES and max(moving) > 2.0 * pi:
-            text = f"one log spans {max(moving):.4g}, another {min(moving):.4g}."
-            way_out = "If some logs are in degrees, map their unit."
-            findings.append(LogFinding("warning", "scales_differ", name, text, way_out))
-    return findings

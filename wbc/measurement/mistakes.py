@@ -417,15 +417,17 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> dict[int, _Table]:
     benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
     least = _LOST_OF_FEW if robot.transmission.size <= _PAIRS else _LOST
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
-    lost = np.zeros(robot.transmission.size, dtype=bool)
+    lost, doubtful = np.zeros(robot.transmission.size, dtype=bool), False
     for k, bench in benches.items():
-        lost |= [one.left > least for one in bench.reports(as_it_stands(known[k]))]
+        left = np.array([one.left for one in bench.reports(as_it_stands(known[k]))])
+        lost |= left > least
+        doubtful |= bool(np.any(left > _LOST_OF_FEW))
     return {
         k: {
             reading.text: _Judged(
                 reading, bench.reports(reading), bench.unrelated(reading), bench.strays(reading)
             )
-            for reading in readings(known[k], logs[k], lost)
+            for reading in readings(known[k], logs[k], lost, doubtful)
         }
         for k, bench in benches.items()
     }

@@ -80,7 +80,7 @@ class Reading:
         return np.asarray(torque[:, self.torque_order] * factor)
 
 
-def readings(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
+def readings(rows: LogRows, log: Log, lost: BoolArray, doubtful: bool) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
     Args:
@@ -88,6 +88,8 @@ def readings(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
         log: names the columns.
         lost: (m,) driven joints whose report does not follow the need as the log stands; only
             theirs may be exchanged.
+        doubtful: whether any report leaves more than physics usually does; only then gravity, lags
+            and zeros are asked about.
     """
     as_is = as_it_stands(rows)
     yield as_is
@@ -95,8 +97,9 @@ def readings(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
     yield from _units(rows, log, as_is)
     yield from _sides(rows, as_is)
     yield from _exchanges(rows, log, lost, as_is)
-    yield from _left_out(rows, as_is)
-    yield from _zeros(rows, log, as_is)
+    if doubtful:
+        yield from _left_out(rows, as_is)
+        yield from _zeros(rows, log, as_is)
 
 
 def as_it_stands(rows: LogRows) -> Reading:

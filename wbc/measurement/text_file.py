@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Sequence
 from csv import reader
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
@@ -30,6 +31,7 @@ with needs("logs", "reading CSV files"):
 _MARKS = (",", ";", "\t", "|", " ")
 _COMMENT = ("#", "%")
 _HEAD_LINES = 200
+_SNIFFED = 40  # lines that tell what stands between cells
 _EMPTY = ("", "nan", "null", "na", "n/a", "none")
 _GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
@@ -46,7 +48,7 @@ class _Layout:
     first: list[str]
     below: list[list[str]]
 
-    @property
+    @cached_property
     def width(self) -> int:
         return Counter(map(len, self.below)).most_common(1)[0][0] if self.below else len(self.first)
 
@@ -87,7 +89,7 @@ def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
     first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
     if first == len(lines):
         raise LogError(f"'{path}' is empty; a header line with column names is expected.")
-    layout = _layout([line for line in lines[first:] if _says(line)])
+    layout = _layout([line for line in lines[first:] if _says(line)][:_SNIFFED])
     names = _names(path, layout, lines[:first], tuple(header))
     skipped = int(not all(map(layout.is_number, layout.first)))
     units: dict[str, str] = {}
