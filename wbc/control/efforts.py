@@ -17,8 +17,8 @@ class GearCost(NamedTuple):
     """A cost 1/2 sum weight (slope T + rotor share)^2 over the gears.
 
     Attributes:
-        weight: (m,) >= 0.
-        slope: (m,) on the output torque T.
+        weight: (..., m) >= 0.
+        slope: (..., m) on the output torque T.
         rotor: 1 to add what the rotor itself takes (inertia, friction), 0 not to.
     """
 
@@ -69,7 +69,7 @@ class Effort(ABC):
 
         Args:
             robot: the robot.
-            slope: e (m,), mesh input per output torque in the predicted directions.
+            slope: e (..., m), mesh input per output torque in the predicted directions.
             speed: expected dpsi (m,) [rad/s].
             last_output: T (m,) of the last tick [N m].
         """

@@ -183,13 +183,14 @@ class Level:
     def _take_efforts(self, asked: Asked, above: Answer | None) -> None:
         """Take what efforts cost for the gears as they are judged now."""
         gears = self.program.memory.gears
-        turning, speed, sigma, positive, negative = np.empty((5, len(asked.output)))
+        memory = np.empty((5, len(asked.output)))
+        turning, speed, sigma, negative, positive = memory
         motors = turning, speed, sigma
         velocity = asked.motion.velocity
         place_judged(gears, asked.expected, velocity, asked.dt, np.empty(len(velocity)), motors)
         place_slopes(gears, sigma, positive, negative)
         first = asked.output if above is None else above.gears[OUTPUT]
-        self.program.take_efforts((negative, positive), turning, asked.output, first)
+        self.program.take_efforts(memory[3:], turning, asked.output, first)
 
     def _hold(self, above: Answer, sigma: FloatArray) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""

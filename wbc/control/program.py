@@ -257,7 +257,7 @@ class Program:
 
     def take_efforts(
         self,
-        slopes: tuple[FloatArray, FloatArray],
+        slopes: FloatArray,
         speed: FloatArray,
         last_output: FloatArray,
         positive: FloatArray,
@@ -265,18 +265,17 @@ class Program:
         """Take what efforts cost.
 
         Args:
-            slopes: e (m,) of the mesh law for T <= 0 and for T > 0.
+            slopes: e (2, m) of the mesh law for T <= 0 and for T > 0.
             speed: expected dpsi (m,) [rad/s].
             last_output: T (m,) of the last tick [N m].
             positive: T (m,) whose signs are the first guess.
         """
         memory = self.memory
         for place, effort in enumerate(self._efforts):
-            for side, slope in enumerate(slopes):
-                cost = effort.cost(self._recipe.robot, slope, speed, last_output)
-                memory.effort_weight[2 * place + side] = cost.weight
-                memory.effort_slope[2 * place + side] = cost.slope
-                memory.effort_rotor[place] = cost.rotor
+            cost, both = effort.cost(self._recipe.robot, slopes, speed, last_output), 2 * place
+            memory.effort_weight[both : both + 2] = cost.weight
+            memory.effort_slope[both : both + 2] = cost.slope
+            memory.effort_rotor[place] = cost.rotor
         memory.positive[:] = positive > 0.0
 
     @property
