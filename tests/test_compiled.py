@@ -153,6 +153,28 @@ def test_what_a_module_kept_under_another_name_is_compiled_anew(run, tmp_path):
     assert done.stdout.split()[:1] == ["2.0"], done.stderr
 
 
+def test_a_function_is_compiled_anew_when_fields_have_changed_places(tmp_path):
+    """A group that it makes in their order, and reads by their names."""
+    code = (
+        "from typing import NamedTuple\n"
+        "from wbc.compiled import Number, compiled\n"
+        "class Pair(NamedTuple):\n"
+        "    {first}: float\n"
+        "    {second}: float\n"
+        "@compiled(Number, Number, Number)\n"
+        "def left(a, b):\n"
+        "    return Pair(a, b).left\n"
+        "print(left(1.0, 2.0))\n"
+    )
+    own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    for first, second, found in (("left", "right", "1.0"), ("right", "left", "2.0")):
+        (tmp_path / "pairs.py").write_text(code.format(first=first, second=second))
+        done = subprocess.run(
+            [sys.executable, "pairs.py"], cwd=tmp_path, env=own, capture_output=True, text=True
+        )
+        assert done.stdout.strip() == found, done.stderr
+
+
 READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
 
 

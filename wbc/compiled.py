@@ -320,21 +320,34 @@ def _can_be_written(folder: Path) -> bool:
     return True
 
 
-def _stamp(function: Callable[..., Any], declared: object) -> str:
+def _stamp(function: Callable[..., Any], declared: tuple[Any, bool]) -> str:
     """Return a text that differs where the machine code of a function would.
 
     That also holds the functions that it calls and the numbers that it reads from its module. Its
     place in the file, its text and comments do not matter.
     """
     versions = numba.__version__, *sys.version_info[:2]
-    parts = [repr((versions, declared)), *_described(function.__code__, function.__doc__)]
+    signature, _ = declared
+    names = [
+        name for kind in (signature.return_type, *signature.args) for name in _field_names(kind)
+    ]
+    parts = [repr((versions, declared)), *names, *_described(function.__code__, function.__doc__)]
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)
         if isinstance(used, int | float | tuple):
             parts.append(f"{name} = {used!r}")
         elif isinstance(used, MachineCode):
             parts.append(used.stamp)
+        parts.extend(getattr(used, "_fields", ()))
     return sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _field_names(kind: Any) -> Iterator[str]:
+    """Return the names of fields within a type: code holds their places, the type's name not."""
+    if isinstance(kind, types.BaseNamedTuple):
+        yield repr(kind.fields)
+    for part in getattr(kind, "types", ()):
+        yield from _field_names(part)
 
 
 def _described(code: CodeType, text: str | None) -> Iterator[str]:
