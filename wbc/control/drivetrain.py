@@ -119,7 +119,8 @@ class Drivetrain:
         self._smooth, self._dry = self._by("joint_torque"), self._by("joint_friction")
         self._rotor, self._efficient = self._by("rotor_torque"), self._by("gear_efficiencies")
         self._drive, self._truth = self._by("drive_inverse")[::-1], self._by("true")[::-1]
-        tabled = bool(len(self._table.joints) or self._table.act_on_gears)
+        self._drives_act, self._gears_act = self._table.act_on_drives, self._table.act_on_gears
+        tabled = bool(len(self._table.joints) or self._gears_act)
         self._acts = bool(tabled or self._smooth or self._dry or self._efficient)
         self._varies = limit is not None and (not limit.is_constant or bool(self._rotor))
         self._contacts: object = None
@@ -190,7 +191,7 @@ class Drivetrain:
     def _ask_effects(self, motion: Motion) -> None:
         """Write the torques of the effects on the coordinates, and the efficiencies of gears."""
         self.on_joints(motion, self.memory.effects, self.memory.rubbing)
-        if self._table.act_on_gears:
+        if self._gears_act:
             gears, now = self.robot.transmission, np.empty((2, self.size))
             given = gears.forward_efficiency, gears.backward_efficiency
             fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
@@ -285,7 +286,7 @@ class Drivetrain:
     @property
     def drives_differ(self) -> bool:
         """Whether any effect stands between the torque on the rotors and the drive command."""
-        return bool(self._table.act_on_drives or self._rotor or self._drive)
+        return bool(self._drives_act or self._rotor or self._drive)
 
     def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""
@@ -293,7 +294,7 @@ class Drivetrain:
         added = self._on_rotors(motion)
         if added is not None:
             rotor = rotor - added
-        if self._table.act_on_drives:
+        if self._drives_act:
             command = np.empty(self.size)
             fill_commands(self._table.drives, rotor, command)
             rotor = command
