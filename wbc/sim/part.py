@@ -692,6 +692,11 @@ def from_middle(
         plant, closed, rows.matrix[elements : elements + both], pressed, middle, after, step,
         acting.time + step, q_end, v_end, gap, overlap, moved,
     )  # fmt: skip
+    good = 0.0
+    for c in range(len(v_end)):
+        good += v_end[c]
+    if not np.isfinite(good):  # it blew up on the way
+        return 10 + NO_INERTIA
     for i in range(len(motor)):
         if plant.gears.at[i, 1] == 1:  # motors stay where they are
             for c in range(len(after)):
