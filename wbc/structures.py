@@ -86,7 +86,7 @@ def _unboxed(kind: Any, value: Any, context: Any) -> Any:
     return NativeValue(context.builder.inttoptr(number, ir.IntType(64).as_pointer()))
 
 
-class Held:
+class NamedArrays:
     """Arrays, and structures of arrays, by name; none can be replaced by another one."""
 
     _numba_type_: ClassVar[Any]
@@ -135,7 +135,7 @@ class Structure:
             fields: name -> kind of array, as in `wbc.compiled`, or of structure.
         """
         self.kind = _Kind(label, tuple(fields.items()))
-        self._made = type(label, (Held,), {"_numba_type_": self.kind, "_fields": fields})
+        self._made = type(label, (NamedArrays,), {"_numba_type_": self.kind, "_fields": fields})
 
     def of(self, **values: Any) -> Any:
         """Return a structure that holds these arrays; they are read and written where they lie.

@@ -13,8 +13,8 @@ from wbc.control import (
     RotorTorqueLimit,
     Shape,
 )
-from wbc.control.collision import CollisionRows
 from wbc.control.kinematics import Kinematics
+from wbc.control.rows.collision import CollisionRows
 
 
 def collision(foreign):

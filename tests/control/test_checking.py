@@ -33,8 +33,8 @@ from wbc.control import (
     Task,
 )
 from wbc.control.checking import check_contact, check_joint_limit, check_task, check_torque_limit
-from wbc.control.directions import DirectionSearch
 from wbc.control.kinematics import Kinematics
+from wbc.control.qp.directions import DirectionSearch
 from wbc.effects import load_robot
 
 SOLO = load_robot("solo12")
@@ -237,7 +237,7 @@ def test_nothing_exported_goes_unchecked():
     assert {kind for kind in kinds if issubclass(kind, Task)} - {Task} == checked
     rests = {kind for kind in kinds if issubclass(kind, Contact)} - {Contact}
     assert rests == {type(contact) for _, contact in CONTACTS.values()}
-    limits = {k for k in kinds if k.__module__.startswith("wbc.control.limits")}
+    limits = {k for k in kinds if k.__module__.startswith("wbc.control.rows.limits")}
     assert limits - {CollisionLimit, Shape} == set(LIMITS)  # those in test_collision
 
 

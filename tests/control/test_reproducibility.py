@@ -12,8 +12,8 @@ import pinocchio as pin
 
 from sims.legged import controller, feet
 from wbc.control import Controller, ControllerSettings
-from wbc.control.problem import QPProblem
-from wbc.control.solvers import make_solver
+from wbc.control.qp.problem import QPProblem
+from wbc.control.qp.solvers import make_solver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 

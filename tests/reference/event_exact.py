@@ -22,8 +22,8 @@ from wbc.errors import SimulationError
 from wbc.mechanics.rows import branch_of
 from wbc.robot import Robot
 from wbc.sim import Elements, StepProgram, Unilateral, solve_program
-from wbc.sim.forces import EffectForces, PlantEffects
-from wbc.sim.gears import Drivetrain
+from wbc.sim.step.forces import EffectForces, PlantEffects
+from wbc.sim.step.gears import Drivetrain
 
 _MAX_PIECES = 2000
 _REST = 1e-10

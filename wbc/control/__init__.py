@@ -1,11 +1,16 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
-from wbc.control.collision import CollisionLimit, Shape
 from wbc.control.command import Command, Status
-from wbc.control.contacts import ConeApproximation, Contact, PointContact
 from wbc.control.controller import Controller
 from wbc.control.drivetrain import DisturbanceObserver
-from wbc.control.efforts import (
+from wbc.control.explain import explain
+from wbc.control.gears import RestPolicy
+from wbc.control.policies import Damped, Hold, LetDown, RepeatLast, SafetyPolicy, Situation
+from wbc.control.qp.solvers import WarmStart
+from wbc.control.reference import Reference, State
+from wbc.control.rows.collision import CollisionLimit, Shape
+from wbc.control.rows.contacts import ConeApproximation, Contact, PointContact
+from wbc.control.rows.efforts import (
     ContactForceTask,
     Effort,
     JouleHeatEffort,
@@ -13,33 +18,28 @@ from wbc.control.efforts import (
     OutputTorqueEffort,
     RotorTorqueEffort,
 )
-from wbc.control.explain import explain
-from wbc.control.frame_tasks import (
+from wbc.control.rows.frame_tasks import (
     FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
     GazeTask,
 )
-from wbc.control.gears import RestPolicy
-from wbc.control.limits import JointLimit, MotorBraking, RotorTorqueLimit
-from wbc.control.point_foot import PointFootBalanceTask
-from wbc.control.policies import Damped, Hold, LetDown, RepeatLast, SafetyPolicy, Situation
-from wbc.control.posture import PostureTask
-from wbc.control.reference import Reference, State
-from wbc.control.schedule import ContactRamp, ContactSchedule
-from wbc.control.settings import ControllerSettings
-from wbc.control.solvers import WarmStart
-from wbc.control.speed import SpeedBlend
-from wbc.control.surface import SurfaceContact
-from wbc.control.task import Task
-from wbc.control.whole_body_tasks import (
+from wbc.control.rows.limits import JointLimit, MotorBraking, RotorTorqueLimit
+from wbc.control.rows.point_foot import PointFootBalanceTask
+from wbc.control.rows.posture import PostureTask
+from wbc.control.rows.schedule import ContactRamp, ContactSchedule
+from wbc.control.rows.surface import SurfaceContact
+from wbc.control.rows.task import Task
+from wbc.control.rows.whole_body_tasks import (
     AngularMomentumTask,
     CapturePointTask,
     CenterOfMassTask,
     CentroidalMomentumTask,
     LinearMomentumTask,
 )
+from wbc.control.settings import ControllerSettings
+from wbc.control.speed import SpeedBlend
 
 __all__ = [
     "AngularMomentumTask",

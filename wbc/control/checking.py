@@ -9,16 +9,16 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import Contact, PointContact
 from wbc.control.controller import Controller
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit, RotorTorqueLimit
-from wbc.control.posture import PostureTask
+from wbc.control.qp.solvers import WarmStart
 from wbc.control.reference import Reference
+from wbc.control.rows.contacts import Contact, PointContact
+from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
+from wbc.control.rows.posture import PostureTask
+from wbc.control.rows.task import Task
 from wbc.control.settings import ControllerSettings
-from wbc.control.solvers import WarmStart
 from wbc.control.speed import SpeedBlend
-from wbc.control.task import Task
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot

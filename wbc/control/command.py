@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 from wbc.arrays import FloatArray
 from wbc.control.gears import gear_directions
-from wbc.control.problem import BlockProblem, QPSolution
+from wbc.control.qp.problem import BlockProblem, QPSolution
 
 
 class RowNames(Protocol):

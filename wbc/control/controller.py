@@ -12,13 +12,8 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.compiled import make_ready
-from wbc.control.collision import CollisionLimit, CollisionRows
 from wbc.control.command import Command, Refused, Status
-from wbc.control.contact_set import ContactSet
-from wbc.control.contacts import BoundContact, Contact
-from wbc.control.directions import DirectedSolution
-from wbc.control.drivetrain import Drivetrain
-from wbc.control.efforts import ContactForceTask, Effort
+from wbc.control.drivetrain import GearModel
 from wbc.control.fallback import Fallback, Standing
 from wbc.control.gears import GearLaw
 from wbc.control.inputs import (
@@ -30,18 +25,23 @@ from wbc.control.inputs import (
     step_complaint,
 )
 from wbc.control.kinematics import Kinematics
-from wbc.control.level import Answer, Asked, Level, Levels, Refusal, descend
-from wbc.control.limits import JointLimit, RotorTorqueLimit
 from wbc.control.outcome import command_of
-from wbc.control.problem import QPProblem
-from wbc.control.program import NO_JOINTS, Recipe
+from wbc.control.qp.directions import DirectedSolution
+from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
+from wbc.control.qp.problem import QPProblem
+from wbc.control.qp.program import NO_JOINTS, Recipe
+from wbc.control.qp.solvers import check_solver
+from wbc.control.qp.torque_stage import RotorTorqueStage
 from wbc.control.reference import Reference, State
+from wbc.control.rows.collision import CollisionLimit, CollisionRows
+from wbc.control.rows.contact_set import ContactSet
+from wbc.control.rows.contacts import BoundContact, Contact
+from wbc.control.rows.efforts import ContactForceTask, Effort
+from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
+from wbc.control.rows.task import Task
+from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.solvers import check_solver
-from wbc.control.task import Task
-from wbc.control.task_stack import TaskStack
 from wbc.control.tick import MOVED, OUTPUT, RESTED, TORQUE_ROW
-from wbc.control.torque_stage import RotorTorqueStage
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
@@ -107,7 +107,7 @@ class Controller:
             settings.speed_blend,
             settings.disturbance,
         )
-        self._drivetrain = Drivetrain(robot, self._kinematics, law, torque, blend, observer)
+        self._drivetrain = GearModel(robot, self._kinematics, law, torque, blend, observer)
         self._fallback = Fallback(
             robot,
             self._drivetrain,
@@ -220,7 +220,7 @@ class Controller:
             motion = self._drivetrain.true_motion(motion)
             levels = self._levels.of(given.contacts)
             asked = self._asked(motion, given, levels[0].program.contacts)
-            if not isinstance(asked, Asked):
+            if not isinstance(asked, PendingTick):
                 return self._safe(motion, asked, given.dt, start)
             answer = descend(levels, asked)
             self._level = answer.level
@@ -234,7 +234,9 @@ class Controller:
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
             return self._safe(motion, complaint, given.dt, start)
 
-    def _asked(self, motion: Motion, given: TickInputs, contacts: ContactSet) -> Asked | Complaint:
+    def _asked(
+        self, motion: Motion, given: TickInputs, contacts: ContactSet
+    ) -> PendingTick | Complaint:
         """Write what only Python can say of a state; nothing is remembered."""
         kinematics, moved = self._kinematics, self._asks_ahead
         try:
@@ -256,7 +258,7 @@ class Controller:
         if rested:
             contacts.fill(kinematics, self._anchors)
         self._drivetrain.take(motion, contacts.contacts)
-        return Asked(
+        return PendingTick(
             *(motion, given.references, given.contacts, given.dt),
             *(self._expected, self._output, told),
         )
@@ -290,7 +292,7 @@ class Controller:
         motion = self._drivetrain.true_motion(motion)
         first = self._levels.of(contacts)[0]
         asked = self._asked(motion, given, first.program.contacts)
-        if not isinstance(asked, Asked):
+        if not isinstance(asked, PendingTick):
             raise ControlError(asked[1])
         first.evaluate(asked)
         return first.built(self._output)
@@ -300,7 +302,7 @@ class Controller:
         hook, state = self.settings.state_hook, given.state
         return self._states.admitted(state if hook is None else hook(state))
 
-    def _refused(self, refusal: Refusal, asked: Asked, start: float) -> Command:
+    def _refused(self, refusal: Refusal, asked: PendingTick, start: float) -> Command:
         """Return the safe command of a tick that has no usable solution."""
         complaint = refusal.complaint or size_complaint(asked.references)
         if complaint[0] is not Status.NOT_FINITE:
@@ -313,7 +315,7 @@ class Controller:
             refused = Refused(program.blocks().copied(), program)
         return self._safe(asked.motion, complaint, asked.dt, start, refusal.found, refused)
 
-    def _remember(self, answer: Answer, asked: Asked) -> None:
+    def _remember(self, answer: SolvedLevel, asked: PendingTick) -> None:
         """Take what the next tick starts from."""
         for stack in self._stacks:
             stack.remember()

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.gear_rows import GEARS, OBSERVES
 from wbc.control.gears import GearLaw
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import RotorTorqueLimit
+from wbc.control.qp.gear_rows import GEARS, OBSERVES
+from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.speed import SpeedBlend
 from wbc.dynamics import Terms, rotor_coupling
 from wbc.effects.tables import (
@@ -70,7 +70,7 @@ class DisturbanceObserver:
         return np.array(np.broadcast_to(bound, (nv,)))
 
 
-class Drivetrain:
+class GearModel:
     """Gears, motors and effects of a robot in one structure, kept up to date tick by tick.
 
     K' E_s H_s K qdd + K' E_s c_s = J'f + [0; B E_m] tau_phi holds row by row as

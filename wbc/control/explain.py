@@ -8,7 +8,7 @@ import numpy as np
 from proxsuite import proxqp
 
 from wbc.control.command import Command, RowNames
-from wbc.control.problem import QPProblem
+from wbc.control.qp.problem import QPProblem
 from wbc.errors import ControlError
 
 

@@ -12,13 +12,13 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, KnownProspect, Refused
-from wbc.control.contact_set import ContactSet
-from wbc.control.contacts import BoundContact
-from wbc.control.directions import DirectedSolution
-from wbc.control.drivetrain import Drivetrain
+from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint
 from wbc.control.kinematics import Kinematics
 from wbc.control.policies import LastGood, SafetyPolicy, Situation, Statics
+from wbc.control.qp.directions import DirectedSolution
+from wbc.control.rows.contact_set import ContactSet
+from wbc.control.rows.contacts import BoundContact
 from wbc.control.statics import STATICS, place_clipped, place_statics
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
@@ -30,7 +30,7 @@ _SOFT = 1e-9
 class Standing:
     """Torques that hold a robot at rest, and the inertia that its motors feel."""
 
-    def __init__(self, robot: Robot, drivetrain: Drivetrain, frames: Sequence[pin.Frame]) -> None:
+    def __init__(self, robot: Robot, drivetrain: GearModel, frames: Sequence[pin.Frame]) -> None:
         """Make memory of its own, so that nothing of a tick is overwritten."""
         self._robot, self._drivetrain = robot, drivetrain
         self._kinematics = Kinematics(robot, frames)
@@ -95,7 +95,7 @@ class Fallback:
     def __init__(
         self,
         robot: Robot,
-        drivetrain: Drivetrain,
+        drivetrain: GearModel,
         standing: Standing,
         policy: SafetyPolicy,
         contacts: tuple[BoundContact, ...],

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.gear_rows import allowed
+from wbc.control.qp.gear_rows import allowed
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 

@@ -12,10 +12,10 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, frozen, is_real, reals
 from wbc.compiled import Number, Places, Vector, compiled
 from wbc.control.command import Status
-from wbc.control.contacts import BoundContact
-from wbc.control.efforts import ContactForceTask
-from wbc.control.problem import is_finite
+from wbc.control.qp.problem import is_finite
 from wbc.control.reference import Reference, State
+from wbc.control.rows.contacts import BoundContact
+from wbc.control.rows.efforts import ContactForceTask
 from wbc.errors import unknown_name
 from wbc.robot import Motion, Robot
 

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
-from wbc.control.drivetrain import Drivetrain, joint_targets
+from wbc.control.drivetrain import GearModel, joint_targets
 from wbc.control.gears import gear_directions
-from wbc.control.level import Answer
-from wbc.control.program import Program
+from wbc.control.qp.level import SolvedLevel
+from wbc.control.qp.program import Program
 from wbc.control.tick import DRIVE, MESH, OUTPUT, SIGMA, TORQUE_ROW, TURNING
 from wbc.robot import Motion, Robot
 
@@ -44,8 +44,8 @@ class ExpectedProspect(NamedTuple):
 
 
 def command_of(
-    answer: Answer,
-    drivetrain: Drivetrain,
+    answer: SolvedLevel,
+    drivetrain: GearModel,
     motion: Motion,
     dt: float,
     start: float,

@@ -10,8 +10,8 @@ from wbc.control.drivetrain import DisturbanceObserver
 from wbc.control.gears import RestPolicy
 from wbc.control.inputs import step_complaint
 from wbc.control.policies import LetDown, SafetyPolicy
+from wbc.control.qp.solvers import WarmStart
 from wbc.control.reference import State
-from wbc.control.solvers import WarmStart
 from wbc.control.speed import SpeedBlend
 from wbc.errors import ControlError
 

@@ -21,7 +21,7 @@ from wbc.compiled import (
     Vector,
     compiled,
 )
-from wbc.control.linalg import factorise, substitute
+from wbc.control.qp.linalg import factorise, substitute
 from wbc.structures import Structure
 
 

@@ -26,8 +26,8 @@ from wbc.compiled import (
     compiled,
     view,
 )
-from wbc.control.active_set import SOLVER, place_multipliers, settle
-from wbc.control.gear_rows import (
+from wbc.control.qp.active_set import SOLVER, place_multipliers, settle
+from wbc.control.qp.gear_rows import (
     GEARS,
     LIMITED,
     place_judged,
@@ -37,7 +37,7 @@ from wbc.control.gear_rows import (
     place_slopes,
     place_torques,
 )
-from wbc.control.joint_rows import JOINTS, place_joint_bounds
+from wbc.control.rows.joint_rows import JOINTS, place_joint_bounds
 from wbc.control.tree import (
     DISTANCE,
     MOMENTUM,

@@ -17,13 +17,19 @@ if TYPE_CHECKING:
         TorqueLag,
         with_wrong_efficiencies,
     )
-    from wbc.sim.course import Impact
-    from wbc.sim.energy import EnergyAudit, EnergyFlow
     from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.height_field import HeightField
     from wbc.sim.moving_ground import Moving
     from wbc.sim.plant import Plant
-    from wbc.sim.program import (
+    from wbc.sim.recorder import Recorder
+    from wbc.sim.result import StepEvent, StepResult
+    from wbc.sim.sensors.sensor import Sensor
+    from wbc.sim.sensors.sensor_model import SensorModel
+    from wbc.sim.simulation import Simulation, simulate
+    from wbc.sim.state import SimState
+    from wbc.sim.step.course import Impact
+    from wbc.sim.step.energy import EnergyAudit, EnergyFlow
+    from wbc.sim.step.program import (
         Elements,
         Residuals,
         StepProgram,
@@ -31,12 +37,6 @@ if TYPE_CHECKING:
         Unilateral,
         solve_program,
     )
-    from wbc.sim.recorder import Recorder
-    from wbc.sim.result import StepEvent, StepResult
-    from wbc.sim.sensors.sensor import Sensor
-    from wbc.sim.sensors.sensor_model import SensorModel
-    from wbc.sim.simulation import Simulation, simulate
-    from wbc.sim.state import SimState
 
 __all__ = [
     "Box",

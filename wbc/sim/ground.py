@@ -72,7 +72,7 @@ class Solid(Terrain):
 
     def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Terrain.gap`."""
-        from wbc.sim.contacts import solid_gaps  # who only draws a ground waits for no loops
+        from wbc.sim.step.contacts import solid_gaps  # who only draws a ground waits for no loops
 
         gaps, normals = np.empty(len(points)), np.empty((len(points), 3))
         solid_gaps(self.numbers(), np.ascontiguousarray(points), gaps, normals)

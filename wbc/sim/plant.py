@@ -13,12 +13,12 @@ from wbc.arrays import FloatArray, checked
 from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
 from wbc.errors import SimulationError
 from wbc.robot import Robot, body_contacts
-from wbc.sim.course import Course
-from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
+from wbc.sim.step.course import Course
+from wbc.sim.step.energy import surveyed
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 

@@ -8,9 +8,9 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.sim.gears import Drivetrain
 from wbc.sim.result import StepResult
 from wbc.sim.state import SimState
+from wbc.sim.step.gears import Drivetrain
 
 _BASE = (
     *(f"base.position.{axis}" for axis in "xyz"),

@@ -14,13 +14,13 @@ from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
 from wbc.sim.barriers import Barriers
-from wbc.sim.core import Core
-from wbc.sim.forces import PlantEffects
-from wbc.sim.gears import Drivetrain
 from wbc.sim.ground import Terrain
-from wbc.sim.motion import free_bases
-from wbc.sim.program import NOT_POSITIVE
-from wbc.sim.tables import BACKWARD, INVERSE
+from wbc.sim.step.core import Core
+from wbc.sim.step.forces import PlantEffects
+from wbc.sim.step.gears import Drivetrain
+from wbc.sim.step.motion import free_bases
+from wbc.sim.step.program import NOT_POSITIVE
+from wbc.sim.step.tables import BACKWARD, INVERSE
 
 
 @dataclass(frozen=True, eq=False, slots=True)

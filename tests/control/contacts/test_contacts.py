@@ -18,8 +18,8 @@ from wbc.control import (
     SurfaceContact,
 )
 from wbc.control.checking import check_contact
-from wbc.control.contacts import pyramid
-from wbc.control.surface import wrench_cone
+from wbc.control.rows.contacts import pyramid
+from wbc.control.rows.surface import wrench_cone
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion

@@ -19,7 +19,7 @@ from wbc.control import (
     Status,
     SurfaceContact,
 )
-from wbc.control.surface import polygon_cone, wrench_cone
+from wbc.control.rows.surface import polygon_cone, wrench_cone
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.errors import ControlError

@@ -23,8 +23,8 @@ from wbc.control import (
     Shape,
     Status,
 )
-from wbc.control.collision import CollisionRows
 from wbc.control.kinematics import Kinematics
+from wbc.control.rows.collision import CollisionRows
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion

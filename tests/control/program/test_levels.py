@@ -18,11 +18,11 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.directions import DirectionSearch
-from wbc.control.level import Level, Refusal
-from wbc.control.linalg import extend_basis
-from wbc.control.problem import QPStatus
-from wbc.control.solvers import make_solver
+from wbc.control.qp.directions import DirectionSearch
+from wbc.control.qp.level import Level, Refusal
+from wbc.control.qp.linalg import extend_basis
+from wbc.control.qp.problem import QPStatus
+from wbc.control.qp.solvers import make_solver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 

@@ -17,9 +17,9 @@ from wbc.control import (
     Status,
     WarmStart,
 )
-from wbc.control.directions import DirectionSearch
-from wbc.control.problem import QPStatus
-from wbc.control.solvers import ForeignSolver, make_solver
+from wbc.control.qp.directions import DirectionSearch
+from wbc.control.qp.problem import QPStatus
+from wbc.control.qp.solvers import ForeignSolver, make_solver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 

@@ -44,7 +44,7 @@ from wbc.control import (
     Task,
     WarmStart,
 )
-from wbc.control.solvers import ForeignSolver
+from wbc.control.qp.solvers import ForeignSolver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -212,7 +212,11 @@ def test_every_exported_kind_goes_through_both_solvers():
     assert of(Task) == {*TASKS, PointFootBalanceTask}
     assert of(Effort) | {ContactForceTask} == set(EFFORTS)
     assert of(Contact) == set(CONTACTS)
-    limits = {k for k in kinds if k.__module__ in ("wbc.control.limits", "wbc.control.collision")}
+    limits = {
+        k
+        for k in kinds
+        if k.__module__ in ("wbc.control.rows.limits", "wbc.control.rows.collision")
+    }
     assert limits - {Shape} == set(LIMITS)
     for kind, names in CONTACTS.items():
         assert all(type(foot) is kind for name in names for foot in feet(load_robot(name)))

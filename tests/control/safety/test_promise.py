@@ -22,8 +22,8 @@ from wbc.control import (
     Status,
     explain,
 )
-from wbc.control.problem import QPStatus
-from wbc.control.solvers import ForeignSolver
+from wbc.control.qp.problem import QPStatus
+from wbc.control.qp.solvers import ForeignSolver
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.robot.loading.library import robot_names

@@ -21,7 +21,7 @@ from wbc.control import (
     Status,
 )
 from wbc.control.inputs import LONGEST
-from wbc.control.task import Task
+from wbc.control.rows.task import Task
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion

@@ -10,7 +10,7 @@ from tests.sim.step.test_cones import CORPORA, random_step
 from wbc.mechanics.in_velocities import solve_in_velocities
 from wbc.mechanics.newton import look_at, newton
 from wbc.mechanics.rows import solve_pieces
-from wbc.sim.program import tolerance_of
+from wbc.sim.step.program import tolerance_of
 
 
 def _both(program):

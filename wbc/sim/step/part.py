@@ -35,11 +35,11 @@ from wbc.mechanics.momentum import part_on_joints
 from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at, velocity_after
 from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
 from wbc.mechanics.tree import Tree
-from wbc.sim.arrival import arrive
-from wbc.sim.contacts import barrier_rows, gaps_at, ground_speeds, lowest_speeds, world_pushes
-from wbc.sim.gears import FLANKS, gear_laws, motor_speeds, solve_gripped
-from wbc.sim.motion import to_middle
-from wbc.sim.tables import (
+from wbc.sim.step.arrival import arrive
+from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, lowest_speeds, world_pushes
+from wbc.sim.step.gears import FLANKS, gear_laws, motor_speeds, solve_gripped
+from wbc.sim.step.motion import to_middle
+from wbc.sim.step.tables import (
     ACCURACY,
     BACKWARD,
     COULOMB,

@@ -10,20 +10,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.active_set import SOLVER
-from wbc.control.collision import CollisionRows
-from wbc.control.contact_set import ContactSet
-from wbc.control.drivetrain import Drivetrain
-from wbc.control.efforts import ContactForceTask, Effort
-from wbc.control.gear_rows import LIMITED
-from wbc.control.joint_rows import JOINTS
+from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
-from wbc.control.limits import JointLimit
-from wbc.control.linalg import extend_basis
-from wbc.control.lock_rows import LOCK
-from wbc.control.problem import INFINITE, BlockProblem
+from wbc.control.qp.active_set import SOLVER
+from wbc.control.qp.gear_rows import LIMITED
+from wbc.control.qp.linalg import extend_basis
+from wbc.control.qp.lock_rows import LOCK
+from wbc.control.qp.problem import INFINITE, BlockProblem
 from wbc.control.reference import Reference
-from wbc.control.task_stack import TaskStack
+from wbc.control.rows.collision import CollisionRows
+from wbc.control.rows.contact_set import ContactSet
+from wbc.control.rows.efforts import ContactForceTask, Effort
+from wbc.control.rows.joint_rows import JOINTS
+from wbc.control.rows.limits import JointLimit
+from wbc.control.rows.task_stack import TaskStack
 from wbc.control.tick import COST, FIRST, GEAR_ROWS, HARD, PROGRAM
 from wbc.robot import Robot
 
@@ -54,7 +54,7 @@ class Recipe:
     """
 
     robot: Robot
-    drivetrain: Drivetrain
+    drivetrain: GearModel
     kinematics: Kinematics
     joint_limit: JointLimit | None
     joints: Any

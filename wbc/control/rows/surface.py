@@ -11,8 +11,8 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, frozen
-from wbc.control.contacts import BoundContact, Cone, ConeApproximation, Contact
 from wbc.control.kinematics import RowKind, StateRows
+from wbc.control.rows.contacts import BoundContact, Cone, ConeApproximation, Contact
 from wbc.errors import ControlError
 from wbc.robot import Robot
 

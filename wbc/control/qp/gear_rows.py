@@ -26,7 +26,7 @@ from wbc.compiled import (
     Vector,
     compiled,
 )
-from wbc.control.problem import INFINITE
+from wbc.control.qp.problem import INFINITE
 from wbc.control.tree import TREE
 from wbc.structures import Structure
 

@@ -31,7 +31,7 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.linalg import factorise_from, substitute
+from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.structures import Structure
 
 _SOLVES = 4  # two suffice but where rows all but repeat each other

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.reference import Target
-from wbc.control.task import Gains, Task, axis_rows
+from wbc.control.rows.task import Gains, Task, axis_rows
 from wbc.errors import ControlError
 from wbc.robot import Robot
 

@@ -10,7 +10,7 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Nothing, Number, OutRow, Places, Row, Vector, compiled
-from wbc.control.gear_rows import GEARS
+from wbc.control.qp.gear_rows import GEARS
 from wbc.structures import Structure
 
 JOINTS = Structure(

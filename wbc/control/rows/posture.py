@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.kinematics import Kinematics
 from wbc.control.reference import Target
-from wbc.control.task import Task
+from wbc.control.rows.task import Task
 from wbc.errors import ControlError
 from wbc.robot import Robot
 

@@ -13,7 +13,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, checked
 from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
 from wbc.control.reference import Target
-from wbc.control.task import (
+from wbc.control.rows.task import (
     Task,
     axis_rows,
     pose_target,

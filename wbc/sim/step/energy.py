@@ -10,12 +10,12 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import Count, Number, OutPlaces, OutRow, Row, compiled, several
 from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
-from wbc.sim.contacts import solid_gap
-from wbc.sim.gears import motor_speeds
-from wbc.sim.part import spring_energy
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.tables import DEFLECTION, INERTIA, STIFFNESS, opened, point_of_reference
+from wbc.sim.step.contacts import solid_gap
+from wbc.sim.step.gears import motor_speeds
+from wbc.sim.step.part import spring_energy
+from wbc.sim.step.tables import DEFLECTION, INERTIA, STIFFNESS, opened, point_of_reference
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,15 +12,16 @@ from wbc.errors import SimulationError
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.tree import tree_of
 from wbc.robot import Robot
-from wbc.sim.arrival import DRIFT, lift
 from wbc.sim.barriers import TOUCH, Barriers
-from wbc.sim.contacts import GAPS
-from wbc.sim.forces import EffectForces
-from wbc.sim.gears import FLANKS, Drivetrain
 from wbc.sim.ground import Terrain
-from wbc.sim.impact import HIT, WAY, gaps_of, impact_at, impact_in_rows
-from wbc.sim.motion import free_bases
-from wbc.sim.part import (
+from wbc.sim.state import SimState
+from wbc.sim.step.arrival import DRIFT, lift
+from wbc.sim.step.contacts import GAPS
+from wbc.sim.step.forces import EffectForces
+from wbc.sim.step.gears import FLANKS, Drivetrain
+from wbc.sim.step.impact import HIT, WAY, gaps_of, impact_at, impact_in_rows
+from wbc.sim.step.motion import free_bases
+from wbc.sim.step.part import (
     LANDED,
     NO_INERTIA,
     UNDECIDED,
@@ -31,7 +32,7 @@ from wbc.sim.part import (
     part_in_rows,
     part_of_step,
 )
-from wbc.sim.program import (
+from wbc.sim.step.program import (
     TOLERANCE,
     Elements,
     StepProgram,
@@ -42,8 +43,7 @@ from wbc.sim.program import (
     tolerance_of,
     unsolved,
 )
-from wbc.sim.state import SimState
-from wbc.sim.tables import Exchange, Obstacles, opened, packed_plant
+from wbc.sim.step.tables import Exchange, Obstacles, opened, packed_plant
 
 COUPLING_FAILED = (
     "the inertial coupling of rotors and housings did not settle: a rotor is about as heavy as the "

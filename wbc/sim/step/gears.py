@@ -29,7 +29,7 @@ from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at
 from wbc.mechanics.rows import SYSTEM, RowSystem, own_speed
 from wbc.robot import Robot
 from wbc.sim.state import SimState
-from wbc.sim.tables import (
+from wbc.sim.step.tables import (
     BACKWARD,
     COULOMB,
     DAMPING,
@@ -243,7 +243,7 @@ def flanks_at(
     return impulse, slope, damped, slope > 0.0 or impulse != 0.0
 
 
-class Held(NamedTuple):
+class FlankImpulses(NamedTuple):
     """What loose gears pass near the relative speeds at which a part is taken to end, (m,) each.
 
     Attributes:
@@ -261,17 +261,19 @@ class Held(NamedTuple):
     held: FloatArray
 
 
-HELD = group(Held, *(OutRow,) * 5)
+HELD = group(FlankImpulses, *(OutRow,) * 5)
 
 
 @compiled(HELD, Count)
-def no_grip(m: int) -> Held:
+def no_grip(m: int) -> FlankImpulses:
     """Return room for what m gears pass."""
-    return Held(np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m))
+    return FlankImpulses(np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m))
 
 
 @compiled(Nothing, GEARS, Row, Number, Row, HELD, counted=False)
-def take_hold(gears: Gears, relative: FloatArray, step: float, end: FloatArray, held: Held) -> None:
+def take_hold(
+    gears: Gears, relative: FloatArray, step: float, end: FloatArray, held: FlankImpulses
+) -> None:
     """Write what loose gears pass that start at relative speeds (m,) and end at `end` (m,)."""
     for i in range(len(end)):
         if gears.at[i, 1] == 1:

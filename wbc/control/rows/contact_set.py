@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.contacts import BoundContact
 from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.rows.contacts import BoundContact
 from wbc.control.tick import CONTACTS, rest
 from wbc.robot import Robot
 

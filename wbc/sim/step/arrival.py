@@ -30,9 +30,18 @@ from wbc.mechanics.linear import (
     rest_of_way,
     solve_factored,
 )
-from wbc.sim.contacts import barrier_rows, gaps_at
-from wbc.sim.motion import advance, base_rows, carry, look, set_momentum
-from wbc.sim.tables import DRIFT_FROM, GEARS, INERTIA, OPENED, RETURN_SPEED, TOUCH, Gears, Opened
+from wbc.sim.step.contacts import barrier_rows, gaps_at
+from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
+from wbc.sim.step.tables import (
+    DRIFT_FROM,
+    GEARS,
+    INERTIA,
+    OPENED,
+    RETURN_SPEED,
+    TOUCH,
+    Gears,
+    Opened,
+)
 
 DRIFT = 1e-8
 """Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""

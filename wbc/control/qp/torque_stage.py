@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.drivetrain import Drivetrain
-from wbc.control.gear_rows import place_slopes
-from wbc.control.problem import QPProblem
-from wbc.control.solvers import make_solver
+from wbc.control.drivetrain import GearModel
+from wbc.control.qp.gear_rows import place_slopes
+from wbc.control.qp.problem import QPProblem
+from wbc.control.qp.solvers import make_solver
 from wbc.control.tick import CLIPPED, MESH, OUTPUT, SHARE, SIGMA, TORQUE_ROW
 
 
@@ -28,7 +28,7 @@ class RotorTorqueStage:
     """
 
     def __init__(
-        self, drivetrain: Drivetrain, solver: str, tolerance: float, iterations: int
+        self, drivetrain: GearModel, solver: str, tolerance: float, iterations: int
     ) -> None:
         """Prepare for some gears."""
         self._law, self._gears = drivetrain.law, drivetrain.memory

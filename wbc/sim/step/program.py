@@ -31,7 +31,7 @@ from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED, WAYS, distance, look_at, solve_system, velocity_after
 from wbc.mechanics.rows import RowSystem, own_speed, system_of
-from wbc.sim.self_locking import falling_rows, solve_in_ranges, undecided_rows
+from wbc.sim.step.self_locking import falling_rows, solve_in_ranges, undecided_rows
 
 TOLERANCE = 1e-10
 """Accepted distance of a row from its law, as a share of the largest speed or target plus 1.

@@ -23,9 +23,9 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.control.kinematics import Kinematics, RowKind, StateRows
-from wbc.control.linalg import factorise, substitute
+from wbc.control.qp.linalg import factorise, substitute
 from wbc.control.reference import Reference, Target
-from wbc.control.task import Task, number_target, require_frame
+from wbc.control.rows.task import Task, number_target, require_frame
 from wbc.errors import ControlError
 from wbc.robot import Robot
 

@@ -34,8 +34,8 @@ from wbc.mechanics.kinematics import columns_at, moved_along, place
 from wbc.mechanics.momentum import momentum_at, velocity_at
 from wbc.mechanics.tree import Tree
 from wbc.robot import Robot
-from wbc.sim.contacts import rates_at, touch_ground
-from wbc.sim.tables import (
+from wbc.sim.step.contacts import rates_at, touch_ground
+from wbc.sim.step.tables import (
     FIRST,
     FLIGHT,
     FRAME,

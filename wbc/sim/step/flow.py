@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.sim.core import Ended
-from wbc.sim.energy import EnergyFlow
-from wbc.sim.forces import EffectForces
-from wbc.sim.part import CONTACT, FRICTION, GEAR, GROUND, MESH, MOTOR, ROTOR
-from wbc.sim.program import StepSolution
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
+from wbc.sim.step.core import Ended
+from wbc.sim.step.energy import EnergyFlow
+from wbc.sim.step.forces import EffectForces
+from wbc.sim.step.part import CONTACT, FRICTION, GEAR, GROUND, MESH, MOTOR, ROTOR
+from wbc.sim.step.program import StepSolution
 
 _MESH_ROUNDS = 40
 _MESH_TOLERANCE = 1e-9  # of the torque that a gear carries; steps are solved to 1e-10

@@ -11,7 +11,7 @@ import numpy as np
 import qpsolvers
 from proxsuite import proxqp
 
-from wbc.control.problem import INFINITE, QPProblem, QPSolution, QPStatus
+from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
 from wbc.errors import ControlError, unknown_name
 
 _PROXQP = {

@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, reals
 from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.reference import Reference, Target
-from wbc.control.task import Task
+from wbc.control.rows.task import Task
 from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot

@@ -23,7 +23,7 @@ from wbc.compiled import (
     compiled,
     local,
 )
-from wbc.sim.tables import OPENED, Opened, point_of_reference
+from wbc.sim.step.tables import OPENED, Opened, point_of_reference
 
 PLANE, BOX, BALL = 0.0, 1.0, 2.0
 """Kinds of solids, first of the numbers of a solid (20,).

@@ -27,10 +27,10 @@ from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import SYSTEM, RowSystem
-from wbc.sim.contacts import barrier_rows, gaps_at, ground_speeds, world_pushes
-from wbc.sim.gears import motor_speeds
-from wbc.sim.motion import look
-from wbc.sim.part import (
+from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, world_pushes
+from wbc.sim.step.gears import motor_speeds
+from wbc.sim.step.motion import look
+from wbc.sim.step.part import (
     NO_INERTIA,
     ROWS,
     SOLVED,
@@ -39,7 +39,7 @@ from wbc.sim.part import (
     part_system,
     solve_part,
 )
-from wbc.sim.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opened, opened
+from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opened, opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""

@@ -12,12 +12,12 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import Count, Flags, Number, OutFlags, OutRow, Row, compiled
 from wbc.errors import SimulationError
 from wbc.sim.barriers import TOUCH
-from wbc.sim.core import Struck
-from wbc.sim.flow import Flow, PartInput, flow
-from wbc.sim.impact import APART, CONTACT, ENERGY, MESH, RESTING, SHARE, WORK
-from wbc.sim.program import StepSolution
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
+from wbc.sim.step.core import Struck
+from wbc.sim.step.flow import Flow, PartInput, flow
+from wbc.sim.step.impact import APART, CONTACT, ENERGY, MESH, RESTING, SHARE, WORK
+from wbc.sim.step.program import StepSolution
 
 _TRIES = 40
 

@@ -17,8 +17,8 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.linalg import extend_basis, factorise, remove, substitute
-from wbc.control.problem import INFINITE
+from wbc.control.qp.linalg import extend_basis, factorise, remove, substitute
+from wbc.control.qp.problem import INFINITE
 from wbc.control.tick import BOUNDS, COST, HARD, PROGRAM, REGULAR, TASKS, TORQUE
 from wbc.structures import Structure
 

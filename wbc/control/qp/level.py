@@ -11,17 +11,18 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Status
-from wbc.control.contact_set import ContactRanks, ContactSet
-from wbc.control.contacts import BoundContact
-from wbc.control.directions import DirectedSolution, DirectionSearch, ProgramSolver
-from wbc.control.gear_rows import place_judged, place_slopes
 from wbc.control.inputs import Complaint
-from wbc.control.lock_rows import hold, place_above
-from wbc.control.problem import QPProblem, QPSolution, QPStatus, is_finite
-from wbc.control.program import REACH, Program, Recipe
+from wbc.control.qp.directions import DirectedSolution, DirectionSearch, ProgramSolver
+from wbc.control.qp.gear_rows import place_judged, place_slopes
+from wbc.control.qp.lock_rows import hold, place_above
+from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus, is_finite
+from wbc.control.qp.program import REACH, Program, Recipe
+from wbc.control.qp.solvers import WarmStart, solver_names
+from wbc.control.qp.torque_stage import RotorTorqueStage
 from wbc.control.reference import Reference
+from wbc.control.rows.contact_set import ContactRanks, ContactSet
+from wbc.control.rows.contacts import BoundContact
 from wbc.control.settings import ControllerSettings
-from wbc.control.solvers import WarmStart, solver_names
 from wbc.control.tick import (
     BASED,
     DONE,
@@ -36,7 +37,6 @@ from wbc.control.tick import (
     solve,
     tick,
 )
-from wbc.control.torque_stage import RotorTorqueStage
 from wbc.robot import Motion
 
 _BINDS = 1e-6
@@ -45,7 +45,7 @@ _FEW = 4
 _SOLVED: Complaint = (Status.SOLVED, "")
 
 
-class Asked(NamedTuple):
+class PendingTick(NamedTuple):
     """What a tick knows before its programs are solved.
 
     Attributes:
@@ -67,7 +67,7 @@ class Asked(NamedTuple):
     told: int
 
 
-class Answer(NamedTuple):
+class SolvedLevel(NamedTuple):
     """A usable solution and the torques that bring it about.
 
     Attributes:
@@ -93,7 +93,7 @@ class Answer(NamedTuple):
         """The rows of the gears (9, m), see `wbc.control.tick`."""
         return self.level.program.gear_rows(self.block)
 
-    def without_lower(self, complaint: Complaint) -> Answer:
+    def without_lower(self, complaint: Complaint) -> SolvedLevel:
         """Return the answer of a level whose next one has only a complaint."""
         message = f"the tasks of a lower level are left out: {complaint[1]}"
         return self._replace(verdict=(Status.INACCURATE, message))
@@ -144,7 +144,7 @@ class Level:
         self._saturated = False
         self._solver.forget()
 
-    def step(self, asked: Asked, above: Answer | None) -> Answer | Refusal:
+    def step(self, asked: PendingTick, above: SolvedLevel | None) -> SolvedLevel | Refusal:
         """Return the solution of a tick, or why there is none; `above` is decided already."""
         start, program = perf_counter(), self.program
         block = self._block = np.empty(program.size)
@@ -156,10 +156,10 @@ class Level:
             hard = int(program.memory.counts[HARD])
             y, z = program.with_hard_tasks(mine[:hard]), mine[hard : hard + program.plain]
             solution = QPSolution(block[x], y, z, QPStatus.SOLVED, 0)
-            return Answer(self, block, solution, None, _SOLVED, True, perf_counter() - start)
+            return SolvedLevel(self, block, solution, None, _SOLVED, True, perf_counter() - start)
         return self._searched(asked, above, block, start)
 
-    def _pass(self, asked: Asked, above: Answer | None, block: FloatArray) -> int:
+    def _pass(self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray) -> int:
         """Do the compiled part of a tick; return how it ended."""
         program, memory = self.program, self.program.memory
         motion, _, _, dt, expected, _, told = asked
@@ -180,7 +180,7 @@ class Level:
         self._hold(above, program.gear_rows(block)[SIGMA])
         return solve(memory, dt, block) if tries else ended
 
-    def _take_efforts(self, asked: Asked, above: Answer | None) -> None:
+    def _take_efforts(self, asked: PendingTick, above: SolvedLevel | None) -> None:
         """Take what efforts cost for the gears as they are judged now."""
         gears = self.program.memory.gears
         memory = np.empty((5, len(asked.output)))
@@ -192,7 +192,7 @@ class Level:
         first = asked.output if above is None else above.gears[OUTPUT]
         self.program.take_efforts(memory[3:], turning, asked.output, first)
 
-    def _hold(self, above: Answer, sigma: FloatArray) -> None:
+    def _hold(self, above: SolvedLevel, sigma: FloatArray) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""
         program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
         for tasks in self._above:
@@ -207,8 +207,8 @@ class Level:
         hold(memory, lock, x, limited, program.unlocked, reach)
 
     def _searched(
-        self, asked: Asked, above: Answer | None, block: FloatArray, start: float
-    ) -> Answer | Refusal:
+        self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray, start: float
+    ) -> SolvedLevel | Refusal:
         """Return the solution of the program with torque limits, or why there is none."""
         program, gears = self.program, self.program.gear_rows(block)
         passing = None if above is None else above.solution.x
@@ -224,7 +224,7 @@ class Level:
         if not exact:
             self._stage.solve(gears)
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
-        return Answer(self, block, solution, found, verdict, exact, perf_counter() - start)
+        return SolvedLevel(self, block, solution, found, verdict, exact, perf_counter() - start)
 
     @property
     def corrected(self) -> FloatArray:
@@ -238,7 +238,7 @@ class Level:
         self._search.direct(output > 0.0)
         return self.program.blocks().dense().copied()
 
-    def evaluate(self, asked: Asked) -> bool:
+    def evaluate(self, asked: PendingTick) -> bool:
         """Write the program of a tick; return whether its numbers are of a size to be solved."""
         saturated, self._saturated = self._saturated, True
         self._block = np.empty(self.program.size)
@@ -268,7 +268,7 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
     return Status.FAILED, f"no solution within {found.rounds} programs; see explain()."
 
 
-def descend(levels: Sequence[Level], asked: Asked) -> Answer | Refusal:
+def descend(levels: Sequence[Level], asked: PendingTick) -> SolvedLevel | Refusal:
     """Solve one level after the other; one that finds nothing leaves it at those above."""
     answer = levels[0].step(asked, None)
     for level in levels[1:]:

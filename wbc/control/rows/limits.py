@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen
-from wbc.control.joint_rows import JOINTS, place_bounds
+from wbc.control.rows.joint_rows import JOINTS, place_bounds
 from wbc.errors import ControlError
 from wbc.robot import Robot
 from wbc.transmission import Transmission

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.control.active_set import CONTRADICTION, place_multipliers, place_pushing, settle
-from wbc.control.gear_rows import (
+from wbc.control.qp.active_set import CONTRADICTION, place_multipliers, place_pushing, settle
+from wbc.control.qp.gear_rows import (
     place_beyond,
     place_directed_rows,
     place_map,
@@ -19,10 +19,10 @@ from wbc.control.gear_rows import (
     place_slopes,
     place_torque_rows,
 )
-from wbc.control.lock_rows import let_pass
-from wbc.control.problem import QPSolution, QPStatus
-from wbc.control.program import REACH, Program
-from wbc.control.solvers import Solver, make_solver
+from wbc.control.qp.lock_rows import let_pass
+from wbc.control.qp.problem import QPSolution, QPStatus
+from wbc.control.qp.program import REACH, Program
+from wbc.control.qp.solvers import Solver, make_solver
 from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_efforts
 
 _ACTIVE = 1e-6

@@ -1,0 +1,1 @@
+"""What asks for motion and forces: tasks, efforts, contacts and limits, and their rows."""
