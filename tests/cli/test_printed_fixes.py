@@ -256,6 +256,7 @@ FIXES: list[tuple[str, str, str]] = [
 ]
 # Words of a message, and the test that walks its way out.
 ELSEWHERE = {
+    "or write schema = {}": "a_saved_robot_holds_its_version_and_a_newer_one_is_refused",
     "No design can be judged: each has a goal that": "a_front_without_designs_says_why",
     "no log was given; name them, or a list with": "a_printed_option_lets_the_command_run",
     "name the table, --out fleet.parquet.": "a_printed_option_lets_the_command_run",

@@ -103,7 +103,7 @@ def test_without_ffmpeg_the_packages_are_named_before_any_picture_is_taken(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(ViewError, match=r"apt-get install ffmpeg.*wbc\[video\]"):
+    with pytest.raises(ViewError, match=r"apt-get install ffmpeg.*imageio-ffmpeg"):
         write_animation(tmp_path / "film.mp4", page)
     assert list(tmp_path.iterdir()) == []
 

@@ -198,7 +198,7 @@ motion of a joint and of its motor. What the logs lack is named, with the way to
 it. Correct the guesses, then run wbc check.""",
     ),
     "look": Subcommand(
-        "every column of files over time, on a page, before they are mapped",
+        "every column of files over time: look before you map",
         "logs/plain --columns --html/look",
         "example: wbc look run*.csv --html look.html",
     ),
@@ -312,7 +312,7 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
     ),
     "export": Subcommand(
-        "a corrected robot for MuJoCo with its losses, as URDF or Isaac Lab actuators",
+        "a robot for MuJoCo with its losses, URDF, Isaac Lab",
         "robot --to/format --file --json",
         "example: wbc export fitted.toml --to mujoco --file fitted.xml",
         "robots.export",
