@@ -33,7 +33,7 @@ GAIN_SPREAD = float(np.log(4.0)) / 2.0
 """Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
 in 95 of 100 machines."""
 
-GAINS = np.exp(np.linspace(-2.5, 2.5, 46) * GAIN_SPREAD)
+GAINS = np.exp(np.arange(-27.5, 28.0) / 9.0 * GAIN_SPREAD)  # to three standard deviations
 GAIN_PRIOR = -0.5 * (np.log(GAINS) / GAIN_SPREAD) ** 2
 GAIN_PRIOR -= logsumexp(GAIN_PRIOR)
 _RATIOS = np.exp(np.linspace(-2.5, 2.5, 101))
