@@ -565,7 +565,7 @@ def _likely(
             reading.text,
             reading.columns,
             reading.mend,
-            doubt,
+            doubt if reading.told else min(doubt, POSSIBLE),
             before,
             after,
             others,

@@ -52,6 +52,7 @@ class Reading:
         weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
         offset: (n,) added to the positions of the single joints [rad, m].
         lag: by how much the torques are late [s].
+        told: whether nothing that the readings do not hold needs the same torque; else it is asked.
     """
 
     kind: str
@@ -66,6 +67,7 @@ class Reading:
     weight: float = 1.0
     lag: float = 0.0
     offset: FloatArray | None = None
+    told: bool = True
 
     @property
     def place(self) -> bytes:
@@ -322,6 +324,8 @@ def _zeros(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
                 text=f"the zero of {joint}.position is off by {-degrees} degrees",
                 prior=_RARE,
                 offset=_put(np.zeros_like(as_is.factor), [i], 1.0, turn),
+                # Behind the last joint of a chain, a link that is turned needs the same torque.
+                told=len(rows.robot.model.subtrees[rows.robot.model.getJointId(joint)]) > 1,
                 **_with({name: {"offset": turn} for name in names}),
             )
 
