@@ -6,6 +6,8 @@ import ast
 from collections import defaultdict
 from pathlib import Path
 
+from wbc import sim
+
 LIBRARY = Path(__file__).resolve().parents[1] / "wbc"
 
 
@@ -23,3 +25,8 @@ def test_no_folder_holds_more_files_than_a_reader_takes_in_at_once() -> None:
     folders = [path for path in (LIBRARY, *LIBRARY.rglob("*")) if path.is_dir()]
     crowded = {str(path): len(list(path.glob("*.py"))) for path in folders}
     assert {path: count for path, count in crowded.items() if count > 22} == {}
+
+
+def test_every_name_that_the_plant_offers_is_there() -> None:
+    """They are loaded when they are first used, from files that may move."""
+    assert [name for name in sim.__all__ if not hasattr(sim, name)] == []

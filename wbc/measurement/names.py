@@ -82,7 +82,8 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
 
     Owners that differ in a number alone are a series. It is read by the numbers of the joints where
     every member meets just one joint so; else it counts along the chain: `q_0` to `q_5` of an arm
-    whose joints are numbered at the wrist alone are its six joints from the base.
+    whose joints are numbered at the wrist alone are its six joints from the base. A series that is
+    shorter than what is left of the chain does not say which joints it means.
 
     Args:
         owners: in the order of the file.
@@ -100,6 +101,10 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
     }
     met = [tuple(fitting[owner]) for owner in series]
     counted = bool(series) and not (all(len(m) == 1 for m in met) and len(set(met)) == len(met))
+    others = {fitting[owner][0] for owner in owners if len(fitting[owner]) == 1} - {
+        fitting[owner][0] for owner in series if len(fitting[owner]) == 1
+    }
+    counted = counted and len(series) >= len(joints) - len(others)
     named: dict[str, tuple[str, str]] = {}
     for owner in owners:
         if owner in series and counted:

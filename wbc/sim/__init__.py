@@ -80,13 +80,13 @@ _HOMES = {
         "TorqueLag",
         "with_wrong_efficiencies",
     ),
-    "course": ("Impact",),
-    "energy": ("EnergyAudit", "EnergyFlow"),
+    "step.course": ("Impact",),
+    "step.energy": ("EnergyAudit", "EnergyFlow"),
     "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
     "height_field": ("HeightField",),
     "moving_ground": ("Moving",),
     "plant": ("Plant",),
-    "program": (
+    "step.program": (
         "Elements",
         "Residuals",
         "StepProgram",

@@ -21,9 +21,9 @@ from wbc.control import (
     Status,
     SurfaceContact,
 )
-from wbc.control import point_foot as feedback
 from wbc.control.checking import check_task
 from wbc.control.kinematics import Kinematics
+from wbc.control.rows import point_foot as feedback
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion

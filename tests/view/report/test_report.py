@@ -306,7 +306,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
         "careful",
         "the second log is short",
         "wbc diagnose a.csv",
-        "Turn the knee at several constant speeds.",
+        "urn the knee at several constant speeds.",  # within a sentence, or at its start
     ):
         assert words in text
 
