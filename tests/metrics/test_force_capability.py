@@ -150,7 +150,7 @@ def test_the_combined_polygon_lifts_with_the_motion_and_holds_against_it(
     corners = reach.moving(direction)
     n = np.array(direction) / np.linalg.norm(direction)
     task = reach.task
-    motion = task.response(0, task.jacobian.T) @ np.linalg.solve(task.mobility(0), n)
+    motion = task.response(0, task.jacobian[0].T)[0] @ np.linalg.solve(task.mobility(0)[0], n)
     speed = robot.transmission.motor_from_joint @ motion[robot.actuated]
     speed[np.abs(speed) < 1e-9] = 0.0
     motor = robot.transmission.gear_ratio * robot.transmission.torque_limit

@@ -1,7 +1,15 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
 from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
-from wbc.metrics.design_metrics import DesignMetrics, design_metrics, held_torques
+from wbc.metrics.design_metrics import (
+    DesignMetrics,
+    Sweep,
+    design_metrics,
+    efficiency_sweep,
+    gear_ratio_sweep,
+    held_torques,
+    pose_sweep,
+)
 from wbc.metrics.designs import Designs, link_length
 from wbc.metrics.directional_inertia import (
     DirectionalInertia,
@@ -27,7 +35,6 @@ from wbc.metrics.inertia import (
     inertia_ellipsoid,
 )
 from wbc.metrics.summary import Metric, summary
-from wbc.metrics.sweep import Sweep, efficiency_sweep, gear_ratio_sweep, pose_sweep
 
 __all__ = [
     "ContactTask",

@@ -1,37 +1,68 @@
-"""The contact point that a metric speaks of: its Jacobian along the axes asked for."""
+"""The contact point that a metric speaks of, for one robot or many designs of it at once.
+
+Every array has a leading axis of k designs, or of 1 as long as nothing that it depends on varies,
+so that a sweep of the gears alone computes the links once.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
-from wbc.dynamics import Terms, dissipative_equation, evaluate
 from wbc.errors import DynamicsError, RobotError, unknown_name
+from wbc.metrics.designs import Designs, Stretching
 from wbc.robot import ContactPoint, Robot
+from wbc.transmission import Direction
 
+NOTHING = 1e-9  # the share of the largest lever below which a gear bears nothing
 _SINGULAR = 1e10
 
 
 @dataclass(frozen=True, eq=False)
 class ContactTask:
-    """A contact point of a robot at rest in one pose.
+    """A contact point of k designs of a robot, each at rest in its pose.
 
     Attributes:
-        robot: the robot.
-        terms: its terms at the pose, velocity zero.
+        designs: the designs.
         contact: name of the contact point.
         axes: world axes in use, in order, for example "xz".
-        jacobian: J (n, nv), velocity of the point along `axes`.
+        mass_matrix: H_l (k or 1, nv, nv), rotors not in it.
+        point_jacobian: (k or 1, 3, nv), velocity of the point, world axes.
+        spin: a'J_omega (k or 1, m, nv), spin of each rotor's housing about its axis per v; None
+            where rotors do not turn with links.
     """
 
-    robot: Robot
-    terms: Terms
+    designs: Designs
     contact: str
     axes: str
-    jacobian: FloatArray
+    mass_matrix: FloatArray
+    point_jacobian: FloatArray
+    spin: FloatArray | None = None
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """J (k or 1, n, nv), velocity of the point along `axes`."""
+        return self.point_jacobian[:, ["xyz".index(axis) for axis in self.axes]]
+
+    @property
+    def torque_from_force(self) -> FloatArray:
+        """D' J_m' (k or 1, m, n) [m], torque at each motor output per force on the point."""
+        robot = self.designs.robot
+        across = np.swapaxes(self.jacobian[:, :, robot.actuated], 1, 2)
+        return np.asarray(robot.transmission.topology.T @ across)
+
+    def levers(self, n: FloatArray) -> FloatArray:
+        """Return the size of the torque at each motor output per force along n (k or 1, m) [m].
+
+        0 where it is rounding: a gear that bears nothing.
+        """
+        matrix = self.torque_from_force
+        lever, largest = np.abs(matrix @ n), np.abs(matrix).max(axis=(1, 2), initial=NOTHING)
+        return np.asarray(np.where(lever > NOTHING * largest[:, None], lever, 0.0))
 
     def direction(self, direction: ArrayLike) -> FloatArray:
         """Return `direction` (n,) along `axes` as a unit vector.
@@ -46,7 +77,7 @@ class ContactTask:
         return vector / length
 
     def mobility(self, directions: ArrayLike) -> FloatArray:
-        """Return J H^-1 J' (n, n) [1/kg], the acceleration of the point per force on it.
+        """Return J H^-1 J' (k, n, n) [1/kg], the acceleration of the point per force on it.
 
         H = K' E_s H_s K for the given directions of power (Sim & Ramos, section IV). A
         self-locking gear that would be driven backward stands still, the limit eta_b -> 0.
@@ -54,23 +85,53 @@ class ContactTask:
         Args:
             directions: (m,) or one for all: +1 forward, -1 backward, 0 without losses.
         """
-        return self.jacobian @ self.response(directions, self.jacobian.T)
+        return self.jacobian @ self.response(directions, np.swapaxes(self.jacobian, 1, 2))
+
+    def forward_mobility(self) -> FloatArray:
+        """Return J H^-1 B E_m B^-1 J' (k, n, n) [1/kg], every gear driven by its motor."""
+        robot, forward = self.designs.robot, self.designs.gears["forward_efficiency"]
+        passed = robot.transmission.motor_from_joint.T @ (
+            forward[:, :, None] * self.torque_from_force
+        )
+        torque = np.zeros((len(passed), robot.model.nv, len(self.axes)))
+        torque[:, robot.actuated] = passed
+        return self.jacobian @ self.response(Direction.FORWARD, torque)
+
+    def blocked(self) -> FloatArray:
+        """Return the mobility (k or 1, n, n) [1/kg] with every gear blocked; 0 on a fixed base."""
+        rest = self.designs.robot.unactuated
+        across = self.jacobian[:, :, rest]
+        base = self.mass_matrix[:, rest[:, None], rest]
+        return np.asarray(across @ np.linalg.solve(base, np.swapaxes(across, 1, 2)))
 
     def response(self, directions: ArrayLike, forces: FloatArray) -> FloatArray:
-        """Return the acceleration (nv, k) that joint-space forces (nv, k) cause from rest."""
-        gears = self.robot.transmission
-        mode = np.broadcast_to(np.asarray(directions, dtype=np.float64), (gears.size,)).copy()
-        locked = (mode < 0.0) & gears.self_locking
-        mode[locked] = 0.0
-        inertia = dissipative_equation(self.robot, self.terms, mode).inertia
-        free = np.eye(self.robot.model.nv)
-        if locked.any():
-            rows = np.zeros((int(locked.sum()), self.robot.model.nv))
-            rows[:, self.robot.actuated] = gears.motor_from_joint[locked]
-            free = np.linalg.svd(rows)[2][len(rows) :].T
-        if free.shape[1] == 0:
-            return np.zeros_like(forces)
-        return np.asarray(free @ np.linalg.solve(free.T @ inertia @ free, free.T @ forces))
+        """Return the acceleration (k, nv, c) that joint forces (k or 1, nv, c) cause from rest."""
+        robot, gears = self.designs.robot, self.designs.gears
+        mode = np.broadcast_to(np.asarray(directions, dtype=np.float64), robot.transmission.size)
+        backward = gears["backward_efficiency"]
+        locked = (mode < 0.0) & (backward <= 0.0)
+        driven = np.where(mode < 0.0, 1.0 / np.where(backward > 0.0, backward, 1.0), 1.0)
+        eta = np.where(mode > 0.0, gears["forward_efficiency"], driven)
+        speeds = np.zeros((robot.transmission.size, robot.model.nv))
+        speeds[:, robot.actuated] = robot.transmission.motor_from_joint
+        turned, rotor = gears["gear_ratio"][:, :, None] * speeds, gears["rotor_inertia"]
+        inertia = self.mass_matrix + np.swapaxes((eta * rotor)[:, :, None] * turned, 1, 2) @ turned
+        if self.spin is not None:  # the rotor rows of H_s K hold I_r a'J_omega, too
+            coupled = self.spin * rotor[:, :, None]
+            inertia = inertia + np.swapaxes(coupled, 1, 2) @ turned
+            inertia = inertia + np.swapaxes(eta[:, :, None] * turned, 1, 2) @ coupled
+        if not locked.any():
+            return np.asarray(np.linalg.solve(inertia, forces))
+        k = len(inertia)
+        locked = np.broadcast_to(locked, (k, locked.shape[1]))
+        forces = np.broadcast_to(forces, (k, *forces.shape[1:]))
+        moved = np.empty(forces.shape)
+        for pattern in np.unique(locked, axis=0):
+            members, stuck = (locked == pattern).all(axis=1), speeds[pattern]
+            free = np.linalg.svd(stuck)[2][len(stuck) :].T
+            left = free.T @ inertia[members] @ free
+            moved[members] = free @ np.linalg.solve(left, free.T @ forces[members])
+        return moved
 
     def inverted(self, matrix: FloatArray, what: str) -> FloatArray:
         """Return the inverse of `matrix` (n, n), a mobility.
@@ -90,7 +151,7 @@ class ContactTask:
 
 
 def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "xyz") -> ContactTask:
-    """Return the task of one contact point in one pose.
+    """Return the task of one contact point of one robot in one pose; its leading axis is 1.
 
     Args:
         robot: the robot.
@@ -102,17 +163,47 @@ def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "x
         DynamicsError: axes that do not exist, a position of wrong shape or not finite.
         RobotError: no such contact point.
     """
+    q = checked(position, (robot.model.nq,), "position", DynamicsError)
+    return designs_task(Designs.of(robot, q), contact, axes)
+
+
+def designs_task(designs: Designs, contact: str, axes: str = "xyz") -> ContactTask:
+    """Return the task of one contact point of every design; errors as of `contact_task`."""
     if not axes or len(set(axes)) != len(axes):
         raise DynamicsError(f"axes '{axes}': name each of x, y, z at most once, at least one.")
     for axis in axes:
         if axis not in "xyz":
             raise DynamicsError(unknown_name("axis", axis, "xyz"))
-    q = checked(position, (robot.model.nq,), "position", DynamicsError)
-    terms = evaluate(robot, q, np.zeros(robot.model.nv))
-    robot.contact(contact)
-    start = 3 * [point.name for point in robot.contacts].index(contact)
-    rows = [start + "xyz".index(axis) for axis in axes]
-    return ContactTask(robot, terms, contact, axes, terms.contact_jacobian[rows])
+    robot, model = designs.robot, designs.robot.model.copy()
+    point = robot.contact(contact)
+    drawn = model.frames[model.getFrameId(point.frame)]
+    place = drawn.placement * point.placement()
+    frame = model.addFrame(
+        pin.Frame(f"{contact} of designs", drawn.parentJoint, place, pin.FrameType.OP_FRAME)
+    )
+    mounting = robot.mounting if robot.rotors_turn_with_links else None
+    stretching, data = Stretching(model, [frame]), model.createData()
+    q, lengths, masses = designs.position, designs.length_scale, designs.mass_scale
+    links = max(len(lengths), len(masses))
+    count = max(len(q), links)
+    inertia = np.zeros((count, model.nv, model.nv))
+    jacobian = np.zeros((count, 3, model.nv))
+    spin = np.zeros((count, robot.transmission.size, model.nv))
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for i in range(count):
+        if i < links:
+            stretching.to(lengths[min(i, len(lengths) - 1)], masses[min(i, len(masses) - 1)])
+        here = q[min(i, len(q) - 1)]
+        inertia[i] = pin.crba(model, data, here, pin.Convention.WORLD)
+        pin.computeJointJacobians(model, data, here)
+        # With one coordinate pinocchio returns a vector.
+        jacobian[i] = pin.getFrameJacobian(model, data, frame, world)[:3].reshape(3, -1)
+        if mounting is not None:
+            for gear, housing in enumerate(mounting.housing.tolist()):
+                turning = pin.getJointJacobian(model, data, housing, world)[3:].reshape(3, -1)
+                spin[i, gear] = data.oMi[housing].rotation @ mounting.axis[gear] @ turning
+    whole = np.triu(inertia) + np.swapaxes(np.triu(inertia, 1), 1, 2)
+    return ContactTask(designs, contact, axes, whole, jacobian, None if mounting is None else spin)
 
 
 def with_contact_at(robot: Robot, name: str) -> Robot:

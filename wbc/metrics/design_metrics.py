@@ -1,7 +1,7 @@
 """Inertia, force capability, impact mitigation and holding of many designs at once.
 
-The same formulas as the metrics of one robot, with the designs as the leading axis of every array;
-`tests/metrics` holds both to be equal up to rounding.
+One robot is one design: the metrics of this package share the arrays of `ContactTask` and the laws
+of `force_capability`, with the designs as the leading axis.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, checked
-from wbc.errors import DynamicsError, unknown_name
+from wbc.arrays import FloatArray, checked, frozen
+from wbc.errors import DynamicsError
+from wbc.metrics.contact_task import ContactTask, designs_task
 from wbc.metrics.designs import Designs
-from wbc.metrics.links import LinkTerms, link_terms
+from wbc.metrics.force_capability import holding_torques, least_force, limits_of
+from wbc.robot import Robot
+from wbc.transmission import Direction
 
-_NOTHING = 1e-9  # the share of the largest lever below which a gear bears nothing, as for one robot
 _LOCKED = 1e-12  # the share of the conservative mobility below which there is none
 _BLOCK = 4096  # designs per block: the arrays of a block stay in the processor's cache
 
@@ -83,12 +85,13 @@ def design_metrics(
         DynamicsError: axes that do not exist, a direction of zero.
         RobotError: no such contact.
     """
-    rows, n = _direction(direction, axes)
-    designs.robot.contact(contact)
-    blocks = [
-        _block(designs.part(start, start + _BLOCK), contact, rows, n, load)
-        for start in range(0, designs.size, _BLOCK)
-    ]
+    blocks = []
+    for start in range(0, designs.size, _BLOCK):
+        part = designs.part(start, start + _BLOCK)
+        task = designs_task(part, contact, axes)
+        n = task.direction(direction)
+        found = {**_inertias(task, n), **_forces(task, n, load)}
+        blocks.append({name: np.broadcast_to(x, (part.size,)) for name, x in found.items()})
     names = [field.name for field in fields(DesignMetrics)]
     return DesignMetrics(**{name: np.concatenate([b[name] for b in blocks]) for name in names})
 
@@ -105,258 +108,181 @@ def held_torques(
         DynamicsError: axes that do not exist, a direction of zero.
         RobotError: no such contact.
     """
-    rows, n = _direction(direction, axes)
-    terms = link_terms(designs, contact)
-    lever = np.swapaxes(_levers(designs, terms.jacobian[:, rows]), 1, 2) @ n
-    torque = lever * _held_force(designs, terms, load)[:, None]
+    task = designs_task(designs, contact, axes)
+    torque = _held_torque(task, task.direction(direction), load)
     return np.array(np.broadcast_to(torque, (designs.size, torque.shape[1])))
 
 
-def _levers(designs: Designs, jacobian: FloatArray) -> FloatArray:
-    """Return J_m D (k or 1, n, m): gear torques per force, transposed."""
-    robot = designs.robot
-    return np.asarray(jacobian[:, :, robot.actuated] @ robot.transmission.topology)
+def _held_torque(task: ContactTask, n: FloatArray, load: float | None) -> FloatArray:
+    designs, force = task.designs, np.full(1, 0.0 if load is None else load)
+    if load is None:
+        own = np.array([body.mass for body in designs.robot.model.inertias])[1:]
+        field = np.asarray(designs.robot.model.gravity.linear)
+        force = designs.mass_scale @ own * float(np.linalg.norm(field))
+    return np.asarray(task.torque_from_force @ n * force[:, None])
 
 
-def _held_force(designs: Designs, terms: LinkTerms, load: float | None) -> FloatArray:
-    if load is not None:
-        return np.full(1, load)
-    field = -np.asarray(designs.robot.model.gravity.linear)
-    return np.asarray(terms.mass * float(np.linalg.norm(field)))
+def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
+    def along(matrix: FloatArray) -> FloatArray:
+        return np.asarray(n @ matrix @ n)
 
-
-def _direction(direction: ArrayLike, axes: str) -> tuple[list[int], FloatArray]:
-    if not axes or len(set(axes)) != len(axes):
-        raise DynamicsError(f"axes '{axes}': name each of x, y, z at most once, at least one.")
-    for axis in axes:
-        if axis not in "xyz":
-            raise DynamicsError(unknown_name("axis", axis, "xyz"))
-    vector = checked(direction, (len(axes),), "direction", DynamicsError)
-    length = float(np.linalg.norm(vector))
-    if length == 0.0:
-        raise DynamicsError(f"direction along {axes} must not be zero.")
-    return ["xyz".index(axis) for axis in axes], vector / length
-
-
-def _block(
-    designs: Designs, contact: str, rows: list[int], n: FloatArray, load: float | None
-) -> dict[str, FloatArray]:
-    k, robot = designs.size, designs.robot
-    terms = link_terms(designs, contact)
-    jacobian = terms.jacobian[:, rows]
-    backward = np.broadcast_to(designs.gears["backward_efficiency"], (k, robot.transmission.size))
-    free = _mobility(designs, terms, jacobian, jacobian, np.ones((1, 1)))
-    driven = _backward_mobility(designs, terms, jacobian, backward)
-    found = {
-        "inertia": _inertia_along(free, n),
-        "backward_inertia": _inertia_along(driven, n, free),
-        "forward_inertia": _forward_inertia(designs, terms, jacobian, n),
-        **_mitigation(designs, terms, jacobian, free, driven, n),
-        **_forces(designs, terms, jacobian, n, load),
-    }
-    return {name: np.array(np.broadcast_to(values, (k,))) for name, values in found.items()}
-
-
-def _reflected(designs: Designs) -> FloatArray:
-    return designs.gears["gear_ratio"] ** 2 * designs.gears["rotor_inertia"]
-
-
-def _select(designs: Designs) -> FloatArray:
-    """Return W (m, nv): motor output speeds from v."""
-    robot = designs.robot
-    select = np.zeros((robot.transmission.size, robot.model.nv))
-    select[:, robot.actuated] = robot.transmission.motor_from_joint
-    return select
-
-
-def _mobility(
-    designs: Designs,
-    terms: LinkTerms,
-    jacobian: FloatArray,
-    effect: FloatArray,
-    eta: FloatArray,
-    free: FloatArray | None = None,
-) -> FloatArray:
-    """Return J H^-1 F' (k, n, n), H with each rotor counted eta times.
-
-    Args:
-        designs: the designs.
-        terms: of their links.
-        jacobian: J (k or 1, n, nv).
-        effect: F (k or 1, n, nv), joint-space forces per unit of task force.
-        eta: (k or 1, m or 1).
-        free: (nv, f) basis of the velocities that are left, all when left out.
-    """
-    select = _select(designs)
-    rotors = np.swapaxes(select[None] * (eta * _reflected(designs))[:, :, None], 1, 2) @ select
-    inertia = terms.mass_matrix + rotors
-    if terms.spin is not None:  # K' E_s H_s K with the rotor rows I_r a'J_omega of H_s
-        coupled = terms.spin * designs.gears["rotor_inertia"][:, :, None]
-        turned = designs.gears["gear_ratio"][:, :, None] * select
-        inertia = inertia + np.swapaxes(coupled, 1, 2) @ turned
-        inertia = inertia + np.swapaxes(eta[:, :, None] * turned, 1, 2) @ coupled
-    if free is not None:
-        if free.shape[1] == 0:
-            return np.zeros((1, jacobian.shape[1], jacobian.shape[1]))
-        inertia = free.T @ inertia @ free
-        jacobian, effect = jacobian @ free, effect @ free
-    if len(effect) < len(inertia):
-        effect = np.broadcast_to(effect, (len(inertia), *effect.shape[1:]))
-    return np.asarray(jacobian @ np.linalg.solve(inertia, np.swapaxes(effect, 1, 2)))
-
-
-def _backward_mobility(
-    designs: Designs, terms: LinkTerms, jacobian: FloatArray, backward: FloatArray
-) -> FloatArray:
-    """Return J H^-1 J' (k, n, n) with every gear driven by its joint; self-locking ones stand."""
-    k, n = designs.size, jacobian.shape[1]
-    locked = backward <= 0.0
-    result = np.empty((k, n, n))
-    for pattern in np.unique(locked, axis=0):
-        members = np.flatnonzero((locked == pattern).all(axis=1))
-        chosen = _take(designs, members)
-        part = LinkTerms(
-            _rows(terms.mass_matrix, members),
-            terms.jacobian,
-            terms.mass,
-            None if terms.spin is None else _rows(terms.spin, members),
-        )
-        J = _rows(jacobian, members)
-        eta = 1.0 / np.where(pattern, 1.0, backward[members])
-        free = None
-        if pattern.any():
-            stuck = _select(designs)[pattern]
-            free = np.linalg.svd(stuck)[2][len(stuck) :].T
-        result[members] = _mobility(chosen, part, J, J, eta, free)
-    return result
-
-
-def _take(designs: Designs, members: IntArray) -> Designs:
-    gears = {name: _rows(values, members) for name, values in designs.gears.items()}
-    return Designs(
-        designs.robot,
-        len(members),
-        _rows(designs.position, members),
-        gears,
-        _rows(designs.length_scale, members),
-        _rows(designs.mass_scale, members),
-    )
-
-
-def _rows(values: FloatArray, members: IntArray) -> FloatArray:
-    return values if len(values) == 1 else values[members]
-
-
-def _inertia_along(
-    mobility: FloatArray, n: FloatArray, reference: FloatArray | None = None
-) -> FloatArray:
-    along = np.einsum("i,kij,j->k", n, mobility, n)
-    least = 0.0 if reference is None else _LOCKED * np.einsum("i,kij,j->k", n, reference, n)
-    moves = along > least
-    return np.asarray(np.where(moves, 1.0 / np.where(moves, along, 1.0), np.inf))
-
-
-def _forward_inertia(
-    designs: Designs, terms: LinkTerms, jacobian: FloatArray, n: FloatArray
-) -> FloatArray:
-    robot = designs.robot
-    if robot.floating_size:
-        return np.full(1, np.nan)
-    # B E B^-1 = D^-T E D': the reductions cancel.
-    forward = designs.gears["forward_efficiency"]
-    inward = robot.transmission.motor_from_joint.T * forward[:, None, :]
-    through = inward @ robot.transmission.topology.T
-    effect = np.zeros((max(len(jacobian), len(through)), *jacobian.shape[1:]))
-    effect[:, :, robot.actuated] = jacobian[:, :, robot.actuated] @ np.swapaxes(through, 1, 2)
-    return _inertia_along(_mobility(designs, terms, jacobian, effect, forward), n)
-
-
-def _mitigation(
-    designs: Designs,
-    terms: LinkTerms,
-    jacobian: FloatArray,
-    free: FloatArray,
-    driven: FloatArray,
-    n: FloatArray,
-) -> dict[str, FloatArray]:
-    rest = designs.robot.unactuated
-    blocked = np.zeros((1, len(n), len(n)))
-    if rest.size:
-        base = terms.mass_matrix[:, rest[:, None], rest]
-        across = jacobian[:, :, rest]
-        base, across = _same(base, across)
-        blocked = across @ np.linalg.solve(base, np.swapaxes(across, 1, 2))
-    stiff = np.einsum("i,kij,j->k", n, blocked, n)
-    give = np.einsum("i,kij,j->k", n, free, n)
-    lossy = np.einsum("i,kij,j->k", n, driven, n)
-    return {
-        "impact_mitigation": _factor(stiff, lossy, _LOCKED * give),
-        "impact_mitigation_lossless": _factor(stiff, give, np.zeros(1)),
-        "impact_mitigation_determinant": _determinant(blocked, driven, free),
-    }
-
-
-def _factor(stiff: FloatArray, give: FloatArray, least: FloatArray) -> FloatArray:
-    moves = give > least
-    return np.asarray(np.where(moves, 1.0 - stiff / np.where(moves, give, 1.0), np.nan))
-
-
-def _determinant(blocked: FloatArray, driven: FloatArray, free: FloatArray) -> FloatArray:
-    """Return det(I - Lambda Lambda_L^-1), NaN in a singular pose."""
+    free, driven = task.mobility(Direction.STUCK), task.mobility(Direction.BACKWARD)
+    blocked, least = task.blocked(), _LOCKED * along(free)
+    forward = np.full(1, np.nan)
+    if not task.designs.robot.floating_size:
+        forward = _ratio(1.0, along(task.forward_mobility()), 0.0, np.inf)
     regular = np.linalg.det(driven) > _LOCKED * np.abs(np.linalg.det(free))
-    safe = np.where(regular[:, None, None], driven, np.eye(driven.shape[1]))
-    matrix = np.eye(driven.shape[1]) - np.linalg.solve(*_same(safe, blocked))
-    return np.asarray(np.where(regular, np.linalg.det(matrix), np.nan))
-
-
-def _same(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    k = max(len(one), len(other))
-    return (
-        np.broadcast_to(one, (k, *one.shape[1:])),
-        np.broadcast_to(other, (k, *other.shape[1:])),
-    )
-
-
-def _forces(
-    designs: Designs, terms: LinkTerms, jacobian: FloatArray, n: FloatArray, load: float | None
-) -> dict[str, FloatArray]:
-    gears = designs.gears
-    forward, backward = gears["forward_efficiency"], gears["backward_efficiency"]
-    ratio = np.abs(gears["gear_ratio"])
-    matrix = np.swapaxes(_levers(designs, jacobian), 1, 2)
-    lever = np.abs(matrix @ n)
-    scale = np.abs(matrix).max(axis=(1, 2), initial=_NOTHING)
-    loaded = lever > _NOTHING * scale[:, None]
-    friction, limit = gears["rotor_coulomb_friction"], gears["torque_limit"]
-    locked = backward <= 0.0
-    safe = np.where(locked, 1.0, backward)
-    held = np.where(locked, np.inf, ratio * (limit + friction) / safe)
-    slack = np.where(locked, np.inf, ratio * friction / safe)
-    raised = forward * ratio * np.maximum(limit - friction, 0.0)
-    output = matrix @ n * _held_force(designs, terms, load)[:, None]
-    perfect = np.abs(output) / ratio
-    least = np.where(locked, 0.0, np.maximum(np.abs(output) * safe / ratio - friction, 0.0))
-    copper = _copper(designs)
-    spent, saved = (np.sum(copper * torque**2, axis=1) for torque in (perfect, least))
+    safe = np.where(regular[:, None, None], driven, np.eye(len(n)))
+    factor = np.linalg.det(np.eye(len(n)) - np.linalg.solve(safe, blocked))
     return {
-        "conventional": _least(ratio * limit, lever, loaded),
-        "lift": _least(raised, lever, loaded),
-        "hold": _least(held, lever, loaded),
-        "backdriving_force": _least(slack, lever, loaded),
+        "inertia": _ratio(1.0, along(free), 0.0, np.inf),
+        "backward_inertia": _ratio(1.0, along(driven), least, np.inf),
+        "forward_inertia": forward,
+        "impact_mitigation": 1.0 - _ratio(along(blocked), along(driven), least, np.nan),
+        "impact_mitigation_lossless": 1.0 - _ratio(along(blocked), along(free), 0.0, np.nan),
+        "impact_mitigation_determinant": np.where(regular, factor, np.nan),
+    }
+
+
+def _ratio(
+    above: FloatArray | float, below: FloatArray, least: FloatArray | float, otherwise: float
+) -> FloatArray:
+    """Return above / below where below > least, `otherwise` elsewhere."""
+    moves = below > least
+    return np.asarray(np.where(moves, above / np.where(moves, below, 1.0), otherwise))
+
+
+def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
+    gears, lever = task.designs.gears, task.levers(n)
+    unpowered = {**gears, "torque_limit": np.zeros((1, 1))}
+    perfect, least, _ = holding_torques(gears, _held_torque(task, n, load))
+    copper = task.designs.robot.transmission.copper_loss
+    weight = np.where(np.isfinite(copper).all(), copper, 1.0)  # all alike where one is unknown
+    spent, rest = (np.sum(weight * torque**2, axis=1) for torque in (perfect, least))
+    return {
+        "conventional": least_force(limits_of(gears, Direction.STUCK), lever),
+        "lift": least_force(limits_of(gears, Direction.FORWARD), lever),
+        "hold": least_force(limits_of(gears, Direction.BACKWARD), lever),
+        "backdriving_force": least_force(limits_of(unpowered, Direction.BACKWARD), lever),
         "holding_torque": np.sqrt(np.sum(least**2, axis=1)),
         "holding_torque_lossless": np.sqrt(np.sum(perfect**2, axis=1)),
-        "heat_saved": np.where(spent > 0.0, 1.0 - saved / np.where(spent > 0.0, spent, 1.0), 0.0),
+        "heat_saved": 1.0 - _ratio(rest, spent, 0.0, 1.0),
     }
 
 
-def _copper(designs: Designs) -> FloatArray:
-    """Return heat per torque squared of each motor, alike for all where the robot names none."""
-    heat = designs.robot.transmission.copper_loss
-    return np.where(np.isfinite(heat).all(), heat, 1.0)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweep(DesignMetrics):
+    """The metrics along one direction at k points of a sweep.
+
+    Attributes:
+        name: what was varied.
+        values: (k,) or (k, nq), what it was set to.
+    """
+
+    name: str
+    values: FloatArray
+
+    @property
+    def lift_ratio(self) -> FloatArray:
+        """Lift over conventional force, (k,)."""
+        return self.lift / self.conventional
+
+    @property
+    def hold_ratio(self) -> FloatArray:
+        """Hold over conventional force, (k,)."""
+        return self.hold / self.conventional
 
 
-def _least(limits: FloatArray, lever: FloatArray, loaded: BoolArray) -> FloatArray:
-    limits, lever = _same(limits, lever)
-    loaded = np.broadcast_to(loaded, lever.shape)
-    ends = np.where(loaded, limits / np.where(loaded, lever, 1.0), np.inf)
-    return np.asarray(ends.min(axis=1))
+def efficiency_sweep(
+    robot: Robot,
+    position: ArrayLike,
+    contact: str,
+    direction: ArrayLike,
+    forward_efficiencies: ArrayLike,
+    backward_efficiencies: ArrayLike | None = None,
+    axes: str = "xyz",
+) -> Sweep:
+    """Return the metrics with every gear set to the same efficiencies.
+
+    Args:
+        robot: the robot whose efficiencies are replaced.
+        position: q (nq,).
+        contact: name of the contact point.
+        direction: (n,) along `axes`.
+        forward_efficiencies: eta_f (k,).
+        backward_efficiencies: eta_b (k,); the wedge's 2 - 1/eta_f when left out.
+        axes: world axes, for example "xz".
+
+    Raises:
+        TransmissionError: an efficiency outside its range.
+        DynamicsError: a singular pose, arrays of different length.
+    """
+    forward = checked(forward_efficiencies, (None,), "forward_efficiencies", DynamicsError)
+    gears = {"forward_efficiency": forward}
+    if backward_efficiencies is not None:
+        gears["backward_efficiency"] = checked(
+            backward_efficiencies, (len(forward),), "backward_efficiencies", DynamicsError
+        )
+    designs = Designs.of(robot, position, gears)
+    return _sweep("forward_efficiency", forward, designs, contact, direction, axes)
+
+
+def gear_ratio_sweep(
+    robot: Robot,
+    position: ArrayLike,
+    contact: str,
+    direction: ArrayLike,
+    gear_ratios: ArrayLike,
+    axes: str = "xyz",
+) -> Sweep:
+    """Return the metrics with every gear set to the same ratio, rotors and motors unchanged.
+
+    The reflected inertia grows with N^2, the torque at the motor output with N.
+
+    Args:
+        robot: the robot whose ratios are replaced.
+        position: q (nq,).
+        contact: name of the contact point.
+        direction: (n,) along `axes`.
+        gear_ratios: N (k,), none zero.
+        axes: world axes, for example "xz".
+
+    Raises:
+        TransmissionError: a ratio of zero.
+        DynamicsError: a singular pose.
+    """
+    ratios = checked(gear_ratios, (None,), "gear_ratios", DynamicsError)
+    designs = Designs.of(robot, position, {"gear_ratio": ratios})
+    return _sweep("gear_ratio", ratios, designs, contact, direction, axes)
+
+
+def pose_sweep(
+    robot: Robot, positions: ArrayLike, contact: str, direction: ArrayLike, axes: str = "xyz"
+) -> Sweep:
+    """Return the metrics in several poses (k, nq).
+
+    Raises:
+        DynamicsError: a singular pose among them.
+    """
+    poses = checked(positions, (None, robot.model.nq), "positions", DynamicsError)
+    return _sweep("position", poses, Designs.of(robot, poses), contact, direction, axes)
+
+
+def _sweep(
+    name: str,
+    values: FloatArray,
+    designs: Designs,
+    contact: str,
+    direction: ArrayLike,
+    axes: str,
+) -> Sweep:
+    found = design_metrics(designs, contact, direction, axes).columns()
+    free = np.flatnonzero(np.isinf(found["conventional"]))
+    if free.size and np.isfinite(designs.gears["torque_limit"]).all():
+        raise DynamicsError(
+            f"a force on '{contact}' along {np.asarray(direction).tolist()} (axes {axes}) loads no "
+            f"motor at point {free[0]} of the sweep: leave the singular pose, or choose the axes "
+            "that the leg's motors act on."
+        )
+    kept = {metric: frozen(column) for metric, column in found.items()}
+    return Sweep(name=name, values=frozen(values), **kept)

@@ -13,11 +13,9 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import ContactTask, contact_task
+from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task
 from wbc.robot import Robot
 from wbc.transmission import Direction
-
-_NOTHING = 1e-9  # the share of the largest motor torque below which a gear is not loaded
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,19 +71,21 @@ def directional_inertia(
     """
     task = contact_task(robot, position, contact, axes)
     n = _directions(task, directions)
-    force = task.jacobian.T @ n.T
-    gears = robot.transmission
-    motor = gears.topology.T @ force[robot.actuated]
+    jacobian, motor = task.jacobian[0], task.torque_from_force[0] @ n.T
+    force = jacobian.T @ n.T
     none = np.zeros_like(motor)
-    used = np.abs(motor).max(axis=1) > _NOTHING * np.abs(motor).max()
+    used = np.abs(motor).max(axis=1) > NOTHING * np.abs(motor).max()
+    forward = frozen(np.full(len(n), np.nan))
+    if not robot.floating_size:
+        forward = _mass(n, task.forward_mobility()[0] @ n.T)
     moved = rest_response(task, motor, np.zeros_like(force))
     pushed = rest_response(task, none, force)
     return DirectionalInertia(
         directions=frozen(n),
-        lossless=_mass(n, task.jacobian @ task.response(Direction.STUCK, force)),
-        pushed=_mass(n, task.jacobian @ pushed.acceleration),
-        driven=_mass(n, task.jacobian @ moved.acceleration),
-        forward_tensor=_forward(task, n, motor),
+        lossless=_mass(n, task.mobility(Direction.STUCK)[0] @ n.T),
+        pushed=_mass(n, jacobian @ pushed.acceleration),
+        driven=_mass(n, jacobian @ moved.acceleration),
+        forward_tensor=forward,
         all_forward=frozen((moved.mesh * moved.output > 0.0)[used].all(axis=0), np.bool_),
         stuck=frozen((moved.output == 0.0).T, np.bool_),
     )
@@ -105,22 +105,12 @@ def share_of_accelerations_forward(
     task = contact_task(robot, position, contact, axes)
     if robot.floating_size or len(axes) != robot.transmission.size:
         raise DynamicsError("accelerations fix the joints only where gears and axes are equal.")
-    task.inverted(task.mobility(Direction.STUCK), "the inertia tensor")
+    task.inverted(task.mobility(Direction.STUCK)[0], "the inertia tensor")
     n = _directions(task, directions)
-    joint = np.linalg.solve(task.jacobian, n.T)
-    torque = robot.transmission.topology.T @ (task.terms.mass_matrix @ joint)
+    joint = np.linalg.solve(task.jacobian[0], n.T)
+    torque = robot.transmission.topology.T @ (task.mass_matrix[0] @ joint)
     power = torque * (robot.transmission.motor_from_joint @ joint)
     return float((power > 0.0).all(axis=0).mean())
-
-
-def _forward(task: ContactTask, n: FloatArray, motor: FloatArray) -> FloatArray:
-    robot = task.robot
-    if robot.floating_size:
-        return frozen(np.full(len(n), np.nan))
-    gears = robot.transmission
-    torque = np.zeros((robot.model.nv, len(n)))
-    torque[robot.actuated] = gears.motor_from_joint.T @ (gears.forward_efficiency[:, None] * motor)
-    return _mass(n, task.jacobian @ task.response(Direction.FORWARD, torque))
 
 
 def _mass(n: FloatArray, acceleration: FloatArray) -> FloatArray:
@@ -174,7 +164,7 @@ def rest_response(task: ContactTask, motor: FloatArray, external: FloatArray) ->
     """Return the accelerations from rest; gravity is left out.
 
     Args:
-        task: contact point and pose; only its robot and terms are used.
+        task: contact point and pose; of one robot.
         motor: U (m, k) [N m], rotor torques times the gear ratio.
         external: joint-space forces (nv, k).
 
@@ -182,14 +172,14 @@ def rest_response(task: ContactTask, motor: FloatArray, external: FloatArray) ->
         DynamicsError: rotors that couple inertially with the links, or rotors without inertia in a
             gear that nothing else stops (no unique solution).
     """
-    robot, terms = task.robot, task.terms
+    robot = task.designs.robot
     if robot.rotors_turn_with_links:
         raise DynamicsError(
             f"'{robot.name}' couples rotors and links inertially; the exact response leaves that "
             "out. Load it without rotors_turn_with_links."
         )
     gears, driven, rest = robot.transmission, robot.actuated, robot.unactuated
-    H = terms.mass_matrix
+    H = task.mass_matrix[0]
     # Only the undriven coordinates are eliminated: a driven link may have no inertia of its own
     # (a drawn wrist), its rotor has some.
     held = np.linalg.solve(H[np.ix_(rest, rest)], H[np.ix_(rest, driven)])

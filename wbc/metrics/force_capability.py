@@ -10,7 +10,8 @@ and each other one holds. The weight of the links is not counted, as in the pape
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -20,11 +21,10 @@ from scipy.spatial import HalfspaceIntersection
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import ContactTask, contact_task
+from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task
+from wbc.metrics.designs import Designs
 from wbc.robot import Robot
 from wbc.transmission import Direction
-
-_NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -57,26 +57,13 @@ class ForceCapability:
     torque_from_force: FloatArray
 
     def limits(self, directions: ArrayLike) -> FloatArray:
-        """Return the largest gear torque |T| (k,) [N m] at the motor output.
-
-        Rotor Coulomb friction takes its part of the motor's torque when lifting and adds it when
-        holding.
+        """Return the largest gear torque |T| (k,) [N m] at the motor output; see `limits_of`.
 
         Args:
             directions: per gear of the robot (m,) or one for all: +1 lift, -1 hold, 0 without
                 losses.
         """
-        gears = self.task.robot.transmission
-        mode = np.broadcast_to(np.asarray(directions, dtype=np.float64), (gears.size,))
-        friction = np.where(mode == 0.0, 0.0, gears.rotor_coulomb_friction)
-        reach = np.maximum(gears.torque_limit - np.sign(mode) * friction, 0.0)
-        motor = np.abs(gears.gear_ratio) * reach
-        safe = np.where(gears.self_locking, 1.0, gears.backward_efficiency)
-        held = np.where(gears.self_locking, np.inf, motor / safe)
-        limit = np.where(
-            mode > 0, gears.forward_efficiency * motor, np.where(mode < 0, held, motor)
-        )
-        return np.asarray(limit[list(self.gears)])
+        return np.asarray(limits_of(self.task.designs.gears, directions)[0, list(self.gears)])
 
     def along(self, direction: ArrayLike) -> ForceRange:
         """Return the largest force along `direction` (n,), no force across it.
@@ -85,11 +72,9 @@ class ForceCapability:
             DynamicsError: a direction in which the structure carries the force without any
                 torque (a singular pose).
         """
-        torque = self.levers(direction)
-        loaded = torque > 0.0
+        lever = self.levers(direction)[None]
         modes = (Direction.STUCK, Direction.FORWARD, Direction.BACKWARD)
-        ends = [float(np.min(self.limits(mode)[loaded] / torque[loaded])) for mode in modes]
-        return ForceRange(*ends)
+        return ForceRange(*(float(least_force(self.limits(m)[None], lever)[0]) for m in modes))
 
     def levers(self, direction: ArrayLike) -> FloatArray:
         """Return the gear torque per force along `direction` (k,) [m], 0 where a gear bears none.
@@ -98,11 +83,10 @@ class ForceCapability:
             DynamicsError: no gear bears anything (a singular pose).
         """
         n = self.task.direction(direction)
-        torque = np.abs(self.torque_from_force @ n)
-        loaded = torque > _NOTHING * self._scale()
-        if not loaded.any():
+        lever = self.task.levers(n)[0, list(self.gears)]
+        if not lever.any():
             raise self._unbounded(n)
-        return np.asarray(np.where(loaded, torque, 0.0))
+        return np.asarray(lever)
 
     def moving(self, direction: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the combined polygon of lifting and holding.
@@ -127,12 +111,11 @@ class ForceCapability:
     def interval(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return least and greatest gear torque (k,), (k,) [N m] of a motion; see `moving`."""
         n = self.task.direction(direction)
-        robot, perfect = self.task.robot, Direction.STUCK
-        moved = self.task.response(perfect, self.task.jacobian.T)
-        give = self.task.jacobian @ moved
-        path = moved @ np.linalg.lstsq(give, n, rcond=None)[0]
+        robot, jacobian = self.task.designs.robot, self.task.jacobian[0]
+        moved = self.task.response(Direction.STUCK, jacobian.T[None])[0]
+        path = moved @ np.linalg.lstsq(jacobian @ moved, n, rcond=None)[0]
         turning = (robot.transmission.motor_from_joint @ path[robot.actuated])[list(self.gears)]
-        turning[np.abs(turning) <= _NOTHING * np.abs(turning).max(initial=0.0)] = 0.0
+        turning[np.abs(turning) <= NOTHING * np.abs(turning).max(initial=0.0)] = 0.0
         lift, hold = self.limits(Direction.FORWARD), self.limits(Direction.BACKWARD)
         high = np.where(turning > 0.0, lift, hold)
         low = np.where(turning < 0.0, -lift, -hold)
@@ -212,7 +195,7 @@ class ForceCapability:
         sizes = np.linalg.svd(self.torque_from_force)[1:]
         values = np.zeros(len(self.task.axes))
         values[: len(sizes[0])] = sizes[0]
-        return sizes[1][-1] if values[-1] <= _NOTHING * self._scale() else None
+        return sizes[1][-1] if values[-1] <= NOTHING * self._scale() else None
 
     def _require_regular(self) -> None:
         lost = self._lost()
@@ -221,7 +204,7 @@ class ForceCapability:
 
     def _require_finite(self, limits: FloatArray) -> None:
         if not np.isfinite(limits).all() or not np.all(limits > 0.0):
-            joints = self.task.robot.transmission.joints
+            joints = self.task.designs.robot.transmission.joints
             open_ended = [
                 joints[g]
                 for g, limit in zip(self.gears, limits, strict=True)
@@ -234,7 +217,7 @@ class ForceCapability:
             )
 
     def _scale(self) -> float:
-        return float(np.abs(self.torque_from_force).max(initial=_NOTHING))
+        return float(np.abs(self.torque_from_force).max(initial=NOTHING))
 
     def _unbounded(self, direction: FloatArray) -> DynamicsError:
         along = ", ".join(f"{x:.3g}" for x in direction)
@@ -260,16 +243,55 @@ def force_capability(
         DynamicsError: axes that do not exist, a position of wrong shape or not finite.
     """
     task = contact_task(robot, position, contact, axes)
-    torque = robot.transmission.topology.T @ task.jacobian[:, robot.actuated].T
-    full = robot.transmission.topology.T @ _contact_rows(task).T
-    used = np.flatnonzero(np.abs(full).max(axis=1, initial=0.0) > _NOTHING)
-    return ForceCapability(task, tuple(used.tolist()), frozen(torque[used]))
+    # All three axes, so that a gear counts even in one bad pose.
+    full = replace(task, axes="xyz").torque_from_force[0]
+    used = np.flatnonzero(np.abs(full).max(axis=1, initial=0.0) > NOTHING)
+    return ForceCapability(task, tuple(used.tolist()), frozen(task.torque_from_force[0, used]))
 
 
-def _contact_rows(task: ContactTask) -> FloatArray:
-    """Return all three rows of the limb's Jacobian, so that a gear counts even in one bad pose."""
-    start = 3 * [point.name for point in task.robot.contacts].index(task.contact)
-    return task.terms.contact_jacobian[start : start + 3][:, task.robot.actuated]
+def limits_of(gears: Mapping[str, FloatArray], directions: ArrayLike) -> FloatArray:
+    """Return the largest torque |T| (k or 1, m) [N m] that each gear passes at the motor output.
+
+    Rotor Coulomb friction takes its part of the motor's torque when lifting and adds it when
+    holding.
+
+    Args:
+        gears: arrays of `Designs.gears`.
+        directions: per gear (m,) or one for all: +1 lift, -1 hold, 0 without losses.
+    """
+    mode = np.asarray(directions, dtype=np.float64)
+    reach = gears["torque_limit"] - np.sign(mode) * gears["rotor_coulomb_friction"]
+    motor = np.abs(gears["gear_ratio"]) * np.maximum(reach, 0.0)
+    backward = gears["backward_efficiency"]
+    held = np.where(backward > 0.0, motor / np.where(backward > 0.0, backward, 1.0), np.inf)
+    lifted = gears["forward_efficiency"] * motor
+    return np.asarray(np.where(mode > 0.0, lifted, np.where(mode < 0.0, held, motor)))
+
+
+def least_force(limits: FloatArray, lever: FloatArray) -> FloatArray:
+    """Return the force (k,) [N] at which the first gear reaches its limit, infinite without one.
+
+    Args:
+        limits: (k or 1, m) [N m].
+        lever: torque per force (k or 1, m) [m], 0 where a gear bears none.
+    """
+    ends = np.where(lever > 0.0, limits / np.where(lever > 0.0, lever, 1.0), np.inf)
+    return np.asarray(ends.min(axis=1))
+
+
+def holding_torques(
+    gears: Mapping[str, FloatArray], output: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the rotor torques (k, m) [N m] that hold: with perfect gears, the least, the most.
+
+    Args:
+        gears: arrays of `Designs.gears`.
+        output: torque (k or 1, m) [N m] at each motor output.
+    """
+    friction = gears["rotor_coulomb_friction"]
+    perfect = np.abs(output / gears["gear_ratio"])
+    least = perfect * np.maximum(gears["backward_efficiency"], 0.0) - friction
+    return perfect, np.maximum(least, 0.0), perfect / gears["forward_efficiency"] + friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,10 +349,7 @@ def holding(
     gears = robot.transmission
     output = np.zeros(gears.size)
     output[list(reach.gears)] = load * (reach.torque_from_force @ reach.task.direction(direction))
-    ratio, friction = np.abs(gears.gear_ratio), gears.rotor_coulomb_friction
-    perfect = np.abs(output) / ratio
-    eased = np.abs(output) * np.maximum(gears.backward_efficiency, 0.0) / ratio - friction
-    least = np.maximum(eased, 0.0)
+    perfect, least, most = (x[0] for x in holding_torques(reach.task.designs.gears, output[None]))
     copper = gears.copper_loss
     known = bool(np.isfinite(copper).all())
     weight = copper if known else np.ones(gears.size)
@@ -339,7 +358,7 @@ def holding(
         joints=gears.joints,
         lossless=frozen(perfect),
         least=frozen(least),
-        most=frozen(np.abs(output) / gears.forward_efficiency / ratio + friction),
+        most=frozen(most),
         heat_lossless=spent if known else float("nan"),
         heat_least=rest if known else float("nan"),
         heat_saved=1.0 - rest / spent if spent > 0.0 else 0.0,
@@ -352,10 +371,8 @@ def backdriving_torque(robot: Robot) -> FloatArray:
     N tau_c / eta_b with the rotor's dry friction tau_c: 0 without it, infinite for a self-locking
     gear.
     """
-    gears = robot.transmission
-    safe = np.where(gears.self_locking, 1.0, gears.backward_efficiency)
-    torque = np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction / safe
-    return frozen(np.where(gears.self_locking, np.inf, torque))
+    gears = Designs.of(robot, robot.pose()).gears
+    return frozen(limits_of({**gears, "torque_limit": np.zeros((1, 1))}, Direction.BACKWARD)[0])
 
 
 def backdriving_force(
@@ -378,7 +395,5 @@ def backdriving_force(
         DynamicsError: a direction in which the structure bears the force without any torque.
     """
     reach = force_capability(robot, position, contact, axes)
-    lever = reach.levers(direction)
-    limits = backdriving_torque(robot)[list(reach.gears)]
-    loaded = lever > 0.0
-    return float(np.min(limits[loaded] / lever[loaded]))
+    limits = backdriving_torque(robot)[None, list(reach.gears)]
+    return float(least_force(limits, reach.levers(direction)[None])[0])

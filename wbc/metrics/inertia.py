@@ -33,7 +33,7 @@ def generalized_inertia(
         DynamicsError: a singular pose, or axes that do not exist.
     """
     task = contact_task(robot, position, contact, axes)
-    return task.inverted(task.mobility(Direction.STUCK), "the inertia tensor")
+    return task.inverted(task.mobility(Direction.STUCK)[0], "the inertia tensor")
 
 
 def backward_generalized_inertia(
@@ -49,7 +49,7 @@ def backward_generalized_inertia(
         DynamicsError: a singular pose, or axes that do not exist.
     """
     task = contact_task(robot, position, contact, axes)
-    return task.inverted(task.mobility(Direction.BACKWARD), "the Backward-GIT")
+    return task.inverted(task.mobility(Direction.BACKWARD)[0], "the Backward-GIT")
 
 
 def forward_generalized_inertia(
@@ -73,13 +73,7 @@ def forward_generalized_inertia(
             "base fixed (lock the base's joints in robot.toml)."
         )
     task = contact_task(robot, position, contact, axes)
-    gears = robot.transmission
-    through = gears.distribution * gears.forward_efficiency
-    torque = np.zeros((robot.model.nv, len(axes)))
-    wanted = np.linalg.solve(gears.distribution, task.jacobian.T[robot.actuated])
-    torque[robot.actuated] = through @ wanted
-    mobility = task.jacobian @ task.response(Direction.FORWARD, torque)
-    return task.inverted(mobility, "the Forward-GIT")
+    return task.inverted(task.forward_mobility()[0], "the Forward-GIT")
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,9 +179,4 @@ def impact_mitigation(
         DynamicsError: axes that do not exist, a position of wrong shape or not finite.
     """
     task = contact_task(robot, position, contact, axes)
-    free = task.mobility(directions)
-    rest = robot.unactuated
-    across = task.jacobian[:, rest]
-    base = task.terms.mass_matrix[np.ix_(rest, rest)]
-    blocked = across @ np.linalg.solve(base, across.T) if rest.size else np.zeros_like(free)
-    return ImpactMitigation(task, frozen(free), frozen(blocked))
+    return ImpactMitigation(task, frozen(task.mobility(directions)[0]), frozen(task.blocked()[0]))

@@ -80,7 +80,7 @@ def summary(
         DynamicsError: axes that do not exist, a position of wrong shape or not finite.
         RobotError: no such contact.
     """
-    q = contact_task(robot, position, contact, axes).terms.position
+    q = contact_task(robot, position, contact, axes).designs.position[0]
     main = "z" if "z" in axes else axes[-1]
     way = "up" if main == "z" else f"along {main}"
     up = np.array([1.0 if axis == main else 0.0 for axis in axes])
