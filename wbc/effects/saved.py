@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from wbc.effects.catalogue import effect_class
@@ -144,7 +145,7 @@ def save_robot(
     intervals: Mapping[tuple[str, str, str], tuple[float, float]] | None = None,
     provenance: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a robot as its source plus its effects.
+    """Write a robot as its source plus its effects and the times of its drives.
 
     Args:
         robot: a robot that was loaded by name or path.
@@ -185,5 +186,16 @@ def save_robot(
     }
     if provenance:
         table["provenance"] = dict(provenance)
+    gears = robot.transmission
+    times = {
+        joint: {
+            key: {"value": float(getattr(gears, key)[k]), "unit": "s"}
+            for key in ("target_delay", "velocity_lag")
+            if np.isfinite(getattr(gears, key)[k])
+        }
+        for k, joint in enumerate(gears.joints)
+    }
+    if stated := {joint: numbers for joint, numbers in times.items() if numbers}:
+        table["gears"] = stated
     table["effects"] = effects
     return write_text(path, tomli_w.dumps(table))

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.dynamics import inertial_parameters
@@ -339,7 +341,8 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
 
     At the motor's output, with psi = D^-1 q and e = psi_target - psi, a drive that commands torque
     gives N tau = kp e + kd (dpsi_target - dpsi). One that commands a duty g e gives the torque of
-    `duty_law`. Both keep the torque limit. A target velocity that was not recorded is zero.
+    `duty_law`. Both keep the torque limit. A target velocity that was not recorded is zero. Targets
+    act by the gear's `target_delay` later.
 
     Raises:
         LogError: the gear states no gains, or a target of its joints is missing.
@@ -347,7 +350,7 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     joint = transmission.joints[row]
     gain = float(transmission.duty_gain[row])
     if np.isfinite(gain):
-        wanted = gain * _at_motor(log, transmission, row, "target_position")
+        wanted = gain * _target(log, transmission, row, "target_position")
         return _winding_law(log, transmission, row, wanted, gain)
     kp, kd = float(transmission.position_gain[row]), float(transmission.velocity_gain[row])
     if not np.isfinite(kp):
@@ -356,9 +359,9 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
             "states no gains of its position drive (of one that sets the voltage: duty_gain "
             f"instead of kp and kd); {state_gear(joint, 'kp', 'kd')}"
         )
-    wanted = kp * _at_motor(log, transmission, row, "target_position")
+    wanted = kp * _target(log, transmission, row, "target_position")
     if kd > 0.0:
-        wanted += kd * _at_motor(log, transmission, row, "target_velocity")
+        wanted += kd * _target(log, transmission, row, "target_velocity")
     share = _powered(log, joint) / float(transmission.gear_ratio[row])
     return DriveLaw(
         wanted * share,
@@ -385,7 +388,8 @@ def duty_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
 def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -> DriveTorque:
     """Return what a drive makes of the measured motion by its law.
 
-    A velocity that was not recorded is the derivative of the position.
+    A velocity that was not recorded is the derivative of the position. The drive sees it through a
+    filter with the gear's `velocity_lag`.
 
     Raises:
         LogError: a position or velocity that the law needs is missing.
@@ -394,6 +398,9 @@ def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -
     follows, brakes = law.stiffness.any(), law.damping.any()
     position = _at_motor(log, transmission, row, "position") if follows else nothing
     velocity = _at_motor(log, transmission, row, "velocity") if brakes else nothing
+    lag = float(transmission.velocity_lag[row])
+    if brakes and lag > 0.0:
+        velocity = _lagging(velocity, lag / log.sample_time)
     return law.torque(position, velocity)
 
 
@@ -436,6 +443,28 @@ def _powered(log: Log, joint: str) -> FloatArray:
     if not log.has(f"{joint}.enabled"):
         return np.ones(len(log))
     return np.asarray(log.column(f"{joint}.enabled") > 0.5, dtype=np.float64)
+
+
+def _target(log: Log, transmission: Transmission, row: int, quantity: str) -> FloatArray:
+    """Return a target (N,) at the output of one motor, as its drive has it: late."""
+    told, delay = _at_motor(log, transmission, row, quantity), float(transmission.target_delay[row])
+    if not delay > 0.0 or len(log) < 2:
+        return told
+    then = np.maximum(log.time - delay, log.time[0])
+    return np.asarray(CubicSpline(log.time, told)(then))
+
+
+def _lagging(values: FloatArray, lag: float) -> FloatArray:
+    """Return what a filter 1 / (1 + lag s) makes of lines through values (N,), settled before.
+
+    Args:
+        values: at even steps.
+        lag: its time constant in steps.
+    """
+    left = np.exp(-1.0 / lag)
+    rise = lag * (1.0 - left)
+    change = lfilter([1.0 - rise, rise - left], [1.0, -left], values - values[0])
+    return np.asarray(values[0] + change)
 
 
 def _at_motor(log: Log, transmission: Transmission, row: int, quantity: str) -> FloatArray:

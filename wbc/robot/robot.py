@@ -307,6 +307,13 @@ class Robot:
         change = replace if transmission.joints != self.transmission.joints else Robot._with
         return change(self, transmission=transmission, source=None, before_effects=None)
 
+    def with_drive_times(self, target_delay: ArrayLike, velocity_lag: ArrayLike) -> Robot:
+        """Return the same robot with these times (m,) [s] of its drives; a saved file has them."""
+        gears, before = self.transmission, self.before_effects
+        times = {"target_delay": target_delay, "velocity_lag": velocity_lag}
+        known = None if before is None else before.with_drive_times(**times)
+        return self._with(transmission=gears.replace(**times), before_effects=known)
+
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
         return self.with_inertias({joint_number: inertia})

@@ -24,10 +24,15 @@ _UNKNOWN_ALLOWED = (
     "supply_voltage",
 )
 
+_TIMES = ("target_delay", "velocity_lag")
+
 _Rule = tuple[Callable[[FloatArray], NDArray[np.bool_]], str]
 _POSITIVE: tuple[_Rule, ...] = ((lambda x: x > 0.0, "> 0"),)
 _NOT_NEGATIVE: tuple[_Rule, ...] = ((lambda x: x >= 0.0, ">= 0"),)
 _POSITIVE_OR_UNKNOWN: tuple[_Rule, ...] = ((lambda x: ~(x <= 0.0), "> 0, or NaN where unknown"),)
+_NOT_NEGATIVE_OR_UNKNOWN: tuple[_Rule, ...] = (
+    (lambda x: ~(x < 0.0), ">= 0, or NaN where unknown"),
+)
 _NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"
 GEAR_RULES: Mapping[str, tuple[_Rule, ...]] = {
     "forward_efficiency": (*_POSITIVE, (lambda x: x <= 1.0, "<= 1")),
@@ -46,6 +51,7 @@ GEAR_RULES: Mapping[str, tuple[_Rule, ...]] = {
     ),
     **dict.fromkeys(_POSITIVE_INFINITY_ALLOWED, _POSITIVE),
     **dict.fromkeys(_UNKNOWN_ALLOWED, _POSITIVE_OR_UNKNOWN),
+    **dict.fromkeys(_TIMES, _NOT_NEGATIVE_OR_UNKNOWN),
 }
 """What must hold of every field with one number per gear."""
 
@@ -77,6 +83,10 @@ class Transmission:
         duty_gain: (m,) [1/rad] duty per position error at the motor output of a drive that sets
             the voltage on the winding instead; NaN where there is none.
         supply_voltage: (m,) [V] of that drive, NaN where unknown.
+        target_delay: (m,) [s] by which that drive follows its target later than a log says: its
+            bus, and half the time for which it holds a target; NaN where unknown.
+        velocity_lag: (m,) [s] time constant of the filter of that drive's velocity; NaN where
+            unknown.
         stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
         damping: (m,) [N m s/rad] beside the stiffness.
         backlash: (m,) [rad], the whole free play at the motor output.
@@ -100,6 +110,8 @@ class Transmission:
     velocity_gain: FloatArray = None  # type: ignore[assignment]
     duty_gain: FloatArray = None  # type: ignore[assignment]
     supply_voltage: FloatArray = None  # type: ignore[assignment]
+    target_delay: FloatArray = None  # type: ignore[assignment]
+    velocity_lag: FloatArray = None  # type: ignore[assignment]
     stiffness: FloatArray = None  # type: ignore[assignment]
     damping: FloatArray = None  # type: ignore[assignment]
     backlash: FloatArray = None  # type: ignore[assignment]
@@ -138,6 +150,8 @@ class Transmission:
             "velocity_gain": np.zeros(m),
             "duty_gain": np.full(m, np.nan),
             "supply_voltage": np.full(m, np.nan),
+            "target_delay": np.full(m, np.nan),
+            "velocity_lag": np.full(m, np.nan),
             "stiffness": np.full(m, np.inf),
             "damping": np.zeros(m),
             "backlash": np.zeros(m),
@@ -156,7 +170,7 @@ class Transmission:
         """Freeze and check the numbers of a field that has one per gear."""
         label, m = f"transmission {name}", len(self.joints)
         array = np.asarray(values, dtype=np.float64)
-        if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED):
+        if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED, *_TIMES):
             if array.shape != (m,):
                 raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
             object.__setattr__(self, name, frozen(array))

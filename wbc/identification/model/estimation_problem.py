@@ -10,9 +10,14 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.arguments import require_readable, require_robot_and_logs
+from wbc.identification.drive_times import (
+    about_drive_times,
+    missed_by_times,
+    prepared_with_times,
+)
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.columns.kept_columns import KeptColumns
-from wbc.identification.model.distorted import alike_shifts
+from wbc.identification.model.distorted import DISTORTED, alike_shifts
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.held_contacts import HeldContacts
@@ -58,6 +63,7 @@ class EstimationProblem:
         floor: noise floor per output.
         folds: (rows,) held out together.
         blocks: (rows,) resampled together.
+        mistimed: (outputs,) mean squares in floors that the times of the drives may leave.
         warnings: about the logs.
     """
 
@@ -67,6 +73,7 @@ class EstimationProblem:
     floor: NoiseFloor
     folds: IntArray
     blocks: IntArray
+    mistimed: FloatArray
     warnings: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
 
@@ -83,7 +90,8 @@ class EstimationProblem:
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         for piece in pieces:
             require_readable(robot, piece)
-        prepared = prepare(robot.without_effects().lossless(), pieces)
+        robot, prepared = prepared_with_times(robot, pieces)
+        warnings += about_drive_times(robot)
         warnings += unmeasured_forces(prepared, output_names(robot))
         warnings += standing_joints(prepared)
         return cls._of(robot, pieces, prepared, warnings)
@@ -119,6 +127,7 @@ class EstimationProblem:
         aside += not_judged(records)
         floor = replace(floor, aside=aside)
         believed = tuple(record.believing(robot) for record in records)
+        kept = np.setdiff1d(np.arange(len(floor.values)), aside)
         return cls(
             robot=robot,
             records=believed,
@@ -126,6 +135,7 @@ class EstimationProblem:
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
             blocks=bootstrap_blocks(records),
+            mistimed=(missed_by_times(robot, records) / floor.values**2)[kept],
             warnings=tuple(warnings),
             silent=silent,
         )
@@ -215,13 +225,22 @@ class EstimationProblem:
         moved = np.hypot(other.values - fit.values, doubt * fit.values)
         if fit.swings:  # beside simulated links the evidence counts no likeness either
             return np.asarray(moved)
-        alike = TAIL * alike_shifts(fit, self.first, self.row_noise(fit.residual))
+        first = self.first + self.mistimed / DISTORTED**2
+        alike = TAIL * alike_shifts(fit, first, self.row_noise(fit.residual))
         return np.asarray(np.hypot(moved, alike))
 
     @cached_property
     def first(self) -> FloatArray:
         """(outputs,) mean squares in floors of the robot as given."""
         return np.asarray(np.mean((self.residual @ self.whitening) ** 2, axis=0))
+
+    def distorted(self, share: float) -> FloatArray:
+        """Return (outputs,) mean squares in floors that no model is told by.
+
+        Args:
+            share: of the first error (rms), that is distorted.
+        """
+        return np.asarray(share**2 * np.maximum(self.first - 1.0, 0.0) + self.mistimed)
 
     def block_means(self, values: FloatArray) -> FloatArray:
         """Return the mean (B,) of `values` (rows,) in every block."""

@@ -124,7 +124,11 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     Raises:
         LogError: a joint has neither.
     """
-    gears = robot.transmission if log.machine is None else log.machine.transmission
+    gears = robot.transmission
+    if log.machine is not None:
+        gears = log.machine.transmission.replace(
+            target_delay=gears.target_delay, velocity_lag=gears.velocity_lag
+        )
     reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
     reported |= makes_torque(log, gears)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]

@@ -36,6 +36,8 @@ GEAR_UNITS = {
     "kd": "N m s/rad",
     "duty_gain": "1/rad",
     "supply_voltage": "V",
+    "target_delay": "s",
+    "velocity_lag": "s",
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
     "backlash": "rad",
@@ -66,6 +68,8 @@ _LEFT_OUT = {
     "kp": np.nan,
     "duty_gain": np.nan,
     "supply_voltage": np.nan,
+    "target_delay": np.nan,
+    "velocity_lag": np.nan,
 }
 _SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")

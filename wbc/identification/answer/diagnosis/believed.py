@@ -29,6 +29,7 @@ class Answer:
         odds: of all that was tried beside it.
         level: what it leaves, and how much of that any model could explain.
         support: what speaks for each cause.
+        rivals: what could stand in the place of each.
         more: whether more must be missing.
     """
 
@@ -36,6 +37,7 @@ class Answer:
     odds: Odds
     level: Attainable
     support: dict[Key, Support]
+    rivals: dict[Key, tuple[Key, ...]]
     more: bool
 
     @property
@@ -85,7 +87,9 @@ def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
     odds = odds_of(trials, [k for k in trials.known if doubted.isdisjoint(k.keys)], h)
     level = attainable(trials.problem, trials.fit(h))
     more = unexplained(trials.nothing.error, h, level.excess)
-    return Answer(h, odds, level, support_of(trials, h, odds, level.excess, not more), more)
+    support = support_of(trials, h, odds, level.excess, not more)
+    rivals = dict(zip(h.keys, odds.rivals(h), strict=True))
+    return Answer(h, odds, level, support, rivals, more)
 
 
 def best_without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:

@@ -105,9 +105,8 @@ def diagnose(
     answer = model_to_use(found, classes)
     final, odds, support = answer.hypothesis, answer.odds, answer.support
     verdict = verdict_of(problem, first, final, list(support.values()), answer.more)
-    rivals = dict(zip(final.keys, odds.rivals(final), strict=True))
     fit = trials.fit(final)
-    alternatives = [rivals[key] if verdict != "unknown" else () for key in final.keys]
+    alternatives = [answer.rivals[key] if verdict != "unknown" else () for key in final.keys]
     left = remainders(problem, fit) if answer.more else ()
     correlation = correlation_of(problem, fit)
     findings = describe_findings(problem, fit, support, alternatives, correlation, classes)

@@ -15,10 +15,10 @@ from wbc.identification.choice.weighing.certainty import EVEN
 from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.model.distorted import DISTORTED
 from wbc.identification.records.folds import block_means
 from wbc.robot import Effect, Parameter
 
-_ALIKE = 1.01  # ratio of two errors (rms) up to which they are one: half of what is promised
 _SEEN = 1e-9  # of the longest column: shorter ones are rounding
 
 
@@ -49,7 +49,7 @@ def _best(tried: Iterable[_Prediction], rivals: Sequence[_Prediction]) -> Hypoth
     known = list(rivals)
     for one in tried:
         known.append(one)
-        if all(one.behind(other) <= _ALIKE for other in known):
+        if all(one.behind(other) <= 1.0 for other in known):
             return one.hypothesis
     return min(known, key=lambda one: max(one.behind(other) for other in known)).hypothesis
 
@@ -111,7 +111,8 @@ def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
         alone = float(EVEN / (1.0 + np.exp(np.clip(gain - loss, -500.0, 500.0))))
         doubted = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
         support[key] = names.support.get(key, doubted)
-    return replace(answer, support=support)
+    rivals = {key: names.rivals.get(key, ()) for key in h.keys}
+    return replace(answer, support=support, rivals=rivals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,8 @@ class _Prediction:
         squares: (blocks, outputs) held-out mean squares in the outputs' units, the logs resampled
             by blocks. Where a fit did not reach its end, it leaves more itself than a step further
             would leave held out: that counts.
-        floor: (outputs,) mean squares of the noise floor: below it nothing is told apart.
+        floor: (outputs,) mean squares of noise and of what filters distort: below it nothing is
+            told apart.
     """
 
     hypothesis: Hypothesis
@@ -139,7 +141,8 @@ class _Prediction:
             np.stack([block_means(own**2, problem.blocks) for own in (left @ units).T], axis=1)
             for left in (fit.held_out_residual(problem.folds), fit.residual)
         ]
-        return cls(h, np.maximum(*both), problem.floor.values[kept] ** 2)
+        floor = problem.floor.values[kept] ** 2 * (1.0 + problem.distorted(DISTORTED))
+        return cls(h, np.maximum(*both), floor)
 
     def behind(self, other: _Prediction) -> float:
         """Return the largest ratio of two outputs' errors, less a standard error of the first."""

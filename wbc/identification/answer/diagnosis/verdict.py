@@ -45,10 +45,11 @@ def verdict_of(
         return "partial" if certain and _substantial(first, final) else "unknown"
     if not final.effects:
         return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
-    if not any(s.group_probability >= EVEN for s in support):
+    likely = [s for s in support if s.group_probability >= EVEN]
+    if not likely:
         return "unknown"
-    certain = any(s.group_probability >= CERTAIN for s in support)
-    return "named" if certain and not any(s.group > s.odds for s in support) else "ambiguous"
+    certain = any(s.group_probability >= CERTAIN for s in likely)
+    return "named" if certain and not any(s.group > s.odds for s in likely) else "ambiguous"
 
 
 def _substantial(first: Hypothesis, final: Hypothesis) -> bool:

@@ -53,7 +53,7 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
     least = np.argmin([h.outputs for h in hypotheses], axis=0)
     whiteness = np.array([h.samples for h in hypotheses])[least, np.arange(least.size)]
     samples = reference.rows[:, None] * whiteness
-    distorted = _distorted_share(reference) ** 2 * np.maximum(problem.first - 1.0, 0.0)
+    distorted = problem.distorted(_distorted_share(reference))
     if not reference.swings:
         left = np.maximum(np.min([h.outputs for h in hypotheses], axis=0), 1.0) + distorted
         samples /= 1.0 + samples.sum(axis=0) * ALIKE**2 * distorted / left

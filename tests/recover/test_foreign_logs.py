@@ -1,0 +1,44 @@
+"""Logs of robots that MuJoCo moved, by a generator that shares nothing with this library."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc import load_robot, save_robot
+from wbc.identification import compare, diagnose
+from wbc.identification.choice.weighing.certainty import CERTAIN
+from wbc.measurement import load_logs
+
+FOREIGN = Path(__file__).parents[2].parent / "shared" / "data" / "foreign"
+
+
+def case(name: str) -> Path:
+    if not (FOREIGN / name).is_dir():
+        pytest.skip(f"the logs of another simulator are not at {FOREIGN}")
+    return FOREIGN / name
+
+
+@pytest.mark.parametrize("name", ["31_so101_targets_coulomb", "33_z1_targets_efficiency"])
+def test_where_targets_are_logged_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
+    """Held targets and filtered velocities are the drives' own; eight and three were false."""
+    folder = case(name)
+    robot = load_robot(str(folder / "robot.toml"))
+    found = diagnose(robot, load_logs([folder / f"run{k}.csv" for k in (1, 2, 3)]))
+    truth = json.loads((folder / "truth.json").read_text())["causes"]
+    certain = {f.effect.key for f in found.findings if f.probability >= CERTAIN}
+    assert certain == {(cause["effect"], cause["where"]) for cause in truth}
+    assert found.verdict == "named"
+    for cause in truth:
+        (effect,) = (e for e in found.effects if e.key == (cause["effect"], cause["where"]))
+        for parameter, value in cause["params"].items():
+            assert effect.values[parameter] == pytest.approx(value, rel=0.02)
+    # The times of the drives are part of the robot that is saved: fresh logs are left at the floor.
+    again = load_robot(save_robot(found.robot, tmp_path / "fitted.toml"))
+    delays = again.transmission.target_delay
+    np.testing.assert_array_equal(delays, found.robot.transmission.target_delay)
+    for output in compare(again, load_logs([folder / "fresh.csv"])).outputs:
+        assert output.rms < 1.5 * output.floor
