@@ -17,7 +17,7 @@ from wbc.control import JouleHeatEffort
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
-from wbc.identification.servo import rollouts
+from wbc.identification.servo import servo_models as rollouts
 from wbc.identification.servo.servo_models import ServoModels
 from wbc.measurement import Log, check_log, rotor_torques
 from wbc.robot import Robot

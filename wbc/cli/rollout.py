@@ -15,8 +15,7 @@ from wbc.cli.printout import table
 from wbc.effects import save_robot
 from wbc.files import write_text
 from wbc.identification.answer.numbers import plain
-from wbc.identification.servo.rollouts import Rollouts, fit_rollouts
-from wbc.identification.servo.servo_models import UNITS
+from wbc.identification.servo.servo_models import UNITS, Rollouts, fit_rollouts
 from wbc.view.rows import servo_model_rows, servo_number_rows
 
 _GEAR = ("torque_constant", "resistance", "rotor_inertia")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wbc.identification import Comparison, Contestant, Diagnosis, Estimate, OpenLoop
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
-    from wbc.identification.servo.rollouts import Rollouts
+    from wbc.identification.servo.servo_models import Rollouts
     from wbc.identification.trend import FleetDiagnosis, Trend
     from wbc.measurement import LogQuality
 

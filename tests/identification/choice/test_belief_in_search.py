@@ -40,8 +40,11 @@ from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.derivatives import derivatives, evaluate, with_changes
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
+
+AT_ONCE = tuple(kind for kind in EFFECTS.values() if not deflects(kind))
 
 LEG = load_robot("planar_leg_fixed").lossless()
 
@@ -55,7 +58,7 @@ def test_causes_that_only_a_drive_set_aside_feels_are_not_offered() -> None:
     problem = _problem(CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.5))
     knee = LEG.transmission.index("knee")
     problem = replace(problem, floor=replace(problem.floor, aside=(knee,)))
-    proposer = Proposer(Trials(problem), tuple(EFFECTS.values())).at_once
+    proposer = Proposer(Trials(problem), AT_ONCE)
     offered = {e.key for offer in proposer.beside(proposer.trials.nothing, 20) for e in offer}
     assert ("coulomb_friction", "hip") in offered
     assert ("coulomb_friction", "knee") not in offered
@@ -130,7 +133,7 @@ def test_nothing_is_added_beside_a_wrong_drawing_that_is_not_believed(
     problem = _problem(drawn, CoulombFriction("hip", 0.05), ViscousFriction("knee", 0.05))
     monkeypatch.setattr(search_module, "doubted_names", lambda trials, h: _names(h))
     told: list[str] = []
-    search = Search(Proposer(Trials(problem), tuple(EFFECTS.values())).at_once, told.append)
+    search = Search(Proposer(Trials(problem), AT_ONCE), told.append)
     search.climb(search.proposer.trials.nothing)
     doubtful = told[-1].removeprefix("nothing more is tried beside what is not believed: ")
     assert doubtful in {"link_inertia", "link_inertias"}  # of all the names that are doubted

@@ -1,24 +1,25 @@
-"""Proposing formulas for what no named effect explains."""
+"""Proposing formulas for what no named effect explains, one attempt for every place."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wbc.effects import CustomTorque
-from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel
+from wbc.effects import CustomTorque, TorqueTerm
+from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel, Estimate
 from wbc.identification.answer.remainder.remainder import describe, remainders
 from wbc.identification.choice.screening.candidate_columns import evidence
-from wbc.identification.formulas.attempt import Attempt, better_somewhere
-from wbc.identification.formulas.discovery import Discovery, Outcome
+from wbc.identification.choice.weighing.evidence import log_densities
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.trials import hypothesis_of
+from wbc.identification.formulas.discovery import Discovery, Outcome, Proposal
 from wbc.identification.formulas.formula import Formula, find_formula
-from wbc.identification.formulas.library import torque_terms
-from wbc.identification.formulas.proposals import estimated, proposals_of
-from wbc.identification.formulas.term_table import term_table
+from wbc.identification.formulas.term_table import term_table, torque_terms
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.torque_sensors import without_torque_sensors
@@ -207,3 +208,113 @@ def _outcome(start: Attempt, found: Attempt) -> Outcome:
 def _dropped(known: Sequence[Effect], found: Attempt) -> tuple[tuple[str, str], ...]:
     kept = {effect.key for effect in found.known}
     return tuple(e.key for e in known if e.key not in kept)
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """Named effects and formulas with their fit.
+
+    Attributes:
+        fit: all of them, refitted together; named effects first.
+        hypothesis: what it leaves on held-out data.
+        formulas: by joint.
+    """
+
+    fit: Fit
+    hypothesis: Hypothesis
+    formulas: Mapping[str, Formula]
+
+    @classmethod
+    def of(
+        cls, problem: EstimationProblem, effects: Sequence[Effect], formulas: Mapping[str, Formula]
+    ) -> Attempt:
+        """Fit `effects`, which hold the `formulas`, to all records of `problem`."""
+        fit = problem.fit(effects)
+        return cls(fit, hypothesis_of(problem, fit), formulas)
+
+    @property
+    def error(self) -> float:
+        """Held-out mean square in floors."""
+        return self.hypothesis.error
+
+    @property
+    def known(self) -> tuple[Effect, ...]:
+        """The named effects."""
+        return tuple(e for e in self.fit.effects if not isinstance(e, CustomTorque))
+
+    @property
+    def freedom(self) -> int:
+        """How many numbers had to be chosen."""
+        return sum(effect.search.freedom(effect) for effect in self.fit.effects)
+
+
+def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt) -> bool:
+    """Whether the evidence at one output outweighs what more is asked to be believed.
+
+    A bad joint hides no other.
+    """
+    one, other = log_densities(problem, [worse.hypothesis, better.hypothesis])
+    asked = worse.hypothesis.prior - better.hypothesis.prior
+    return bool(np.max(other - one) > asked)
+
+
+def estimated(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
+    """Return every parameter with its interval, by effect, place and name."""
+    model = problem.robot.model
+    slides = {
+        name
+        for name in problem.robot.single_joints
+        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
+    }
+    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
+    result = {}
+    for (number, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+        effect, unit = fit.effects[number], parameter.unit
+        if isinstance(effect, CustomTorque):
+            unit = TorqueTerm.parse(parameter.name).unit(slides, at_slide=effect.where in slides)
+        value = effect.values[parameter.name]
+        key = (effect.name, effect.where, parameter.name)
+        result[key] = Estimate(value, unit, float(low), float(high))
+    return result
+
+
+def proposals_of(
+    found: Attempt, estimates: Mapping[tuple[str, str, str], Estimate]
+) -> tuple[Proposal, ...]:
+    """Return one proposal per formula.
+
+    Args:
+        found: what the search has chosen.
+        estimates: every parameter by effect, place and name.
+    """
+    proposals = []
+    for effect in found.fit.effects:
+        if not isinstance(effect, CustomTorque):
+            continue
+        formula = found.formulas[effect.where]
+        terms = [term.text for term in effect.terms]
+        own = {term: estimates[effect.name, effect.where, term] for term in terms}
+        others = dict.fromkeys(joint for term in effect.terms for joint in term.joints)
+        others.pop(effect.where, None)
+        proposals.append(
+            Proposal(
+                effect=effect,
+                coefficients=own,
+                share=formula.share,
+                stability=dict(zip(terms, formula.stability, strict=True)),
+                rivals=dict(zip(terms, formula.rivals, strict=True)),
+                joints=(effect.where, *others),
+                warnings=tuple(_warnings(effect, own)),
+            )
+        )
+    return tuple(proposals)
+
+
+def _warnings(effect: CustomTorque, estimates: Mapping[str, Estimate]) -> list[str]:
+    texts = []
+    loose = [name for name, e in estimates.items() if e.low <= 0.0 <= e.high]
+    if loose:
+        texts.append(f"the interval of {', '.join(loose)} holds zero")
+    if effect.needs_acceleration:
+        texts.append("needs accelerations: for logs only, not for controller or simulator")
+    return texts

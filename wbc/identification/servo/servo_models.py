@@ -1,22 +1,27 @@
-"""What a position servo may lack: models from few numbers to many, in sizes of its own motor."""
+"""What a position servo may lack, from few numbers to many, and how it then moves in runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.arrays import FloatArray
 from wbc.effects.friction.coulomb_friction import CoulombFriction
 from wbc.effects.friction.load_friction import LoadFriction
 from wbc.effects.friction.stribeck_friction import StribeckFriction
 from wbc.effects.friction.viscous_friction import ViscousFriction
 from wbc.effects.links.gravity_direction import GravityDirection
 from wbc.errors import IdentificationError
-from wbc.identification.servo.servo_fit import Span
+from wbc.identification.arguments import require_robot_and_logs
+from wbc.identification.servo.servo_fit import ServoFit, Span, fit_servos
+from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
 from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo_run import ServoRun
 
 _FRICTION = ("torque_constant", "resistance", "rotor_inertia", "tilt", "coulomb", "viscous")
 _STRIBECK = (*_FRICTION, "load", "stribeck", "stribeck_speed")
@@ -153,3 +158,194 @@ def firsts(names: Sequence[str], fitted: Mapping[str, float] | None) -> list[dic
     if fitted is None:
         return [{}]
     return [{}, {name: fitted[name] for name in names if name in fitted}]
+
+
+_STEP = 0.005  # [s]
+_FOLDS = 6
+_ITERATIONS = 25
+_HOLD = 0.1  # [rad] of one residual that doubling a number costs which the runs leave open
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutModel:
+    """One model of a servo.
+
+    Attributes:
+        name: what it has, beside what the model before it has.
+        fit: to all runs.
+        seen: mean absolute position error of the fit in rollouts of its own runs [rad].
+        held_out: (folds,) the same in runs that a fit has not seen.
+    """
+
+    name: str
+    fit: ServoFit
+    seen: float
+    held_out: FloatArray
+
+    @property
+    def error(self) -> float:
+        """Mean of the held-out errors [rad]."""
+        return float(self.held_out.mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """The models of a servo on its logs.
+
+    Attributes:
+        robot: as it was given.
+        models: from few numbers to many.
+        best: number of the smallest model whose held-out error is within one standard error of the
+            least (Hastie, Tibshirani & Friedman, section 7.10).
+        held_out: names of the logs that each fold leaves out.
+        given: mean absolute position error of the robot as given [rad].
+    """
+
+    robot: Robot
+    models: tuple[RolloutModel, ...]
+    best: int
+    held_out: tuple[tuple[str, ...], ...]
+    given: float
+
+    @property
+    def chosen(self) -> RolloutModel:
+        """The model that the held-out errors ask for."""
+        return self.models[self.best]
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of the chosen model."""
+        return self.chosen.fit.robot.effects
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain numbers and texts."""
+        return {
+            "given": self.given,
+            "held_out": [list(names) for names in self.held_out],
+            "best": self.chosen.name,
+            "models": [
+                {
+                    "name": model.name,
+                    "seen": model.seen,
+                    "held_out": model.held_out.tolist(),
+                    "numbers": {
+                        name: {"value": value, "unit": UNITS[name]}
+                        for name, value in model.fit.values.items()
+                    },
+                    "at_bound": list(model.fit.at_bound),
+                }
+                for model in self.models
+            ],
+        }
+
+
+def fit_rollouts(
+    robot: Robot, logs: Sequence[Log], progress: Callable[[str], None] = lambda line: None
+) -> Rollouts:
+    """Return models of a servo, each fitted so that its simulated runs follow the logs.
+
+    The whole servo is simulated from its first position under the recorded target, with the duty,
+    current and heat of its winding; nothing of the log is looked at again. Each log may be one of
+    another load, gain or supply voltage (`wbc.measurement.with_machine`).
+
+    Args:
+        robot: with one driven joint, the motor's torque constant, resistance and supply voltage.
+        logs: at least two; `position` and `target_position`, and `enabled` if the drive is
+            released in between.
+        progress: called with a line of text as the work proceeds.
+
+    Raises:
+        IdentificationError: another robot, a drive without gain, or fewer than two logs.
+        LogError: a channel is missing.
+    """
+    require_robot_and_logs(robot, logs)
+    if len(logs) < 2:
+        raise IdentificationError("a rollout is judged on logs held out: give two at least.")
+    models = ServoModels.of(robot)
+    runs = [_run(robot, log) for log in logs]
+    folds = _folds(logs)
+    subsets = [[k for k in range(len(runs)) if k not in out] for out in ([], *folds)]
+    found: list[RolloutModel] = []
+    for name, numbers in MODELS.items():
+        progress(name)
+        fits = fit_servos(
+            models.build,
+            models.of_model(name),
+            runs,
+            _STEP,
+            subsets,
+            firsts(numbers, found[-1].fit.values if found else None),
+            _ITERATIONS,
+            dict.fromkeys(numbers, _HOLD),
+        )
+        errors = [
+            np.mean(fit.error([runs[k] for k in out], _STEP))
+            for fit, out in zip(fits[1:], folds, strict=True)
+        ]
+        seen = float(np.mean(fits[0].error(runs, _STEP)))
+        found.append(RolloutModel(name, fits[0], seen, np.array(errors)))
+    return Rollouts(
+        robot=robot,
+        models=tuple(found),
+        best=_smallest(found),
+        held_out=tuple(tuple(logs[k].source.label for k in out) for out in folds),
+        given=_as_given(models, runs),
+    )
+
+
+def _run(robot: Robot, log: Log) -> ServoRun:
+    gears = robot.transmission if log.machine is None else log.machine.transmission
+    joint, gain = gears.joints[0], float(gears.duty_gain[0])
+    if not np.isfinite(gain):
+        raise IdentificationError(
+            f"{log.source.label}: a rollout needs the duty_gain of the drive in this log. Where "
+            "logs have gains of their own, give each its robot file as LOG@ROBOT. To state one, "
+            + state_gear(joint, "duty_gain")
+        )
+    return ServoRun.from_log(log, joint, gain, _STEP)
+
+
+def _folds(logs: Sequence[Log]) -> list[list[int]]:
+    """Return the logs that each fold leaves out: those of one machine, or single ones."""
+    settings = [_setting(log) for log in logs]
+    kinds = list(dict.fromkeys(settings))
+    if len(kinds) > 2:
+        groups = [[k for k, own in enumerate(settings) if own == kind] for kind in kinds]
+    else:
+        groups = [[k] for k in range(len(logs))]
+    count = min(_FOLDS, len(groups))
+    return [[k for group in groups[fold::_FOLDS] for k in group] for fold in range(count)]
+
+
+def _setting(log: Log) -> tuple[float, ...]:
+    """Return the numbers in which the machine of a log differs from others."""
+    if log.machine is None:
+        return ()
+    gears = log.machine.transmission
+    drive = (gears.duty_gain[0], gears.supply_voltage[0])
+    return (*map(float, drive), *map(float, log.machine.inertia))
+
+
+def _smallest(models: Sequence[RolloutModel]) -> int:
+    """Return the first model within one standard error of the least held-out error."""
+    least = min(models, key=lambda model: model.error)
+    for k, model in enumerate(models):
+        gap = model.held_out - least.held_out
+        doubt = float(np.std(gap, ddof=1) / np.sqrt(gap.size)) if gap.size > 1 else 0.0
+        if gap.mean() <= doubt:
+            return k
+    return models.index(least)
+
+
+def _as_given(models: ServoModels, runs: Sequence[ServoRun]) -> float:
+    gears = models.robot.transmission
+    values = {
+        "torque_constant": float(gears.torque_constant[0]),
+        "resistance": float(gears.resistance[0]),
+        "rotor_inertia": float(gears.reflected_inertia[0]),
+        "tilt": 0.0,
+        "coulomb": 0.0,
+        "viscous": 0.0,
+    }
+    robot, drive = models.build(values)
+    return float(np.mean(ServoFit(values, robot, drive, 0.0, ()).error(runs, _STEP)))

@@ -18,8 +18,7 @@ from wbc.identification.answer.diagnosis.diagnose import diagnose
 from wbc.identification.answer.diagnosis.diagnosis import Diagnosis
 from wbc.identification.answer.diagnosis.sentence import verdict_sentence
 from wbc.identification.records.outputs import output_names, output_units
-from wbc.identification.trend.measure import Session, robot_and_logs
-from wbc.identification.trend.runs import Run
+from wbc.identification.trend.measure import Run, Session, robot_and_logs
 from wbc.identification.trend.stored import work_key, work_names
 from wbc.identification.trend.trend import sessions_of
 from wbc.progress import Watch

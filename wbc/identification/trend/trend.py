@@ -18,10 +18,10 @@ from wbc.identification.trend.drift import Line, Points, fit_lines, no_chance
 from wbc.identification.trend.measure import (
     DEVIATIONS,
     Quantity,
+    Run,
     Session,
     SessionResult,
 )
-from wbc.identification.trend.runs import Run
 from wbc.identification.trend.stored import (
     SESSION_COLUMNS,
     measured_rows,

@@ -23,8 +23,7 @@ from wbc.identification.answer.diagnosis.verdict import (
 from wbc.identification.answer.remainder.attainable import Attainable
 from wbc.identification.answer.remainder.remainder import describe, remainders
 from wbc.identification.answer.series import series_of
-from wbc.identification.choice.search.find_causes import SearchResult, find_causes
-from wbc.identification.choice.search.near_rest import look_closer
+from wbc.identification.choice.search.find_causes import SearchResult, find_causes, look_closer
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.log_warnings import still_joints, without_copies

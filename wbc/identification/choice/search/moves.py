@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain, combinations, islice
 
-from wbc.identification.choice.screening.screening import Nearby
-from wbc.identification.choice.search.drive_order import placed_first, reordered
-from wbc.identification.choice.search.proposals import Offer, Proposer
+from wbc.identification.choice.screening.linear_screen import Nearby
+from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key, without
 from wbc.identification.model.yielding import deflects
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 _ADDED = 6  # offers that are fitted for one addition
 _SWAPPED = 5  # ... in the place of one cause
-_MERGED = 2  # ... in the place of several names
-_GROUPS = 8  # groups of names that are tried, so that a long list costs no more than a short one
-_SPLIT = 2  # pairs that are tried in the place of one cause
-_LARGEST = 3  # names that one may replace
 _PAIRS = 6
 # Times the prior's gain, that the derivatives may say a drop loses of the density and be wrong: of
 # 172 drops on a recorded arm the true loss was 0.58 to 1.37 times the one they say.
@@ -92,38 +86,6 @@ def swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
         yield from _instead(proposer, h, own, _SWAPPED, _but_at(proposer, h, own), None)
 
 
-def merges(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
-    """Yield hypotheses in which one effect stands for two or three names.
-
-    Exchanged one by one none of them would give way: without the others it explains too much.
-    """
-    if h.swings:
-        return
-    names = list(dict.fromkeys(effect.name for effect in reversed(h.effects)))
-    sizes = (combinations(names, size) for size in range(2, _LARGEST + 1))
-    near = proposer.near(h)
-    for chosen in islice(chain.from_iterable(sizes), _GROUPS):
-        own = tuple(effect for effect in h.effects if effect.name in chosen)
-        yield from _instead(proposer.at_once, h, own, _MERGED, h.keys, near)
-
-
-def splits(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
-    """Return hypotheses with two causes in the place of one.
-
-    Neither of the two takes its place alone: a wrong torque constant and dry friction together look
-    like a gear that loses a share of its load.
-    """
-    trials = proposer.trials
-    if h.swings:
-        return []
-    offers: list[Offer] = []
-    for effect in h.effects:
-        rest = trials.of(without(h.effects, effect))
-        if rest is not None:
-            offers += proposer.at_once.two_instead(h, (effect,), rest, _SPLIT)
-    return trials.rivals_of(h, offers)
-
-
 def pairs(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     """Return hypotheses with two causes more that may hide one another."""
     return [] if h.swings else proposer.trials.all_of(proposer.pairs_beside(h, _PAIRS))
@@ -163,3 +125,56 @@ def _but_at(proposer: Proposer, h: Hypothesis, own: Sequence[Effect]) -> tuple[K
         (c.name, joint) for c in proposer.candidates for joint in joints if joint not in places
     ]
     return (*(effect.key for effect in own), *elsewhere)
+
+
+Offer = tuple[Effect, ...]
+
+
+def reordered(h: Hypothesis) -> list[Offer]:
+    """Return the effects with the last drive effect before others that act on the same motor.
+
+    The order in which causes were found is no evidence of the order in which they act. Effects on
+    other joints commute.
+    """
+    drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    if not drives or drives[-1] != len(h.effects) - 1:
+        return []
+    *others, last = h.effects
+    places = [k for k in drives[:-1] if _same_drive(others[k], last)]
+    return [(*others[:k], last, *others[k:]) for k in places]
+
+
+def placed_first(h: Hypothesis, candidates: Sequence[type[Effect]], robot: Robot) -> list[Offer]:
+    """Return the effects with one drive effect more that acts before those there are.
+
+    Beside a limit, what weakens a drive before it explains nothing where it acts behind it.
+
+    Args:
+        h: what one more is put to.
+        candidates: effect classes that may be used.
+        robot: without effects.
+    """
+    drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    if not drives:
+        return []
+    offers = []
+    for kind in candidates:
+        if "drive" not in kind.acts_by:
+            continue
+        for where in kind.places(robot):
+            if (kind.name, where) in h.keys:
+                continue
+            new = kind.at(where, kind.null_values(robot, where))
+            k = next((k for k in drives if _same_drive(h.effects[k], new)), None)
+            if k is not None:
+                offers.append((*h.effects[:k], new, *h.effects[k:]))
+    return offers
+
+
+def _drives(effect: Effect) -> bool:
+    return "drive" in effect.acts_by
+
+
+def _same_drive(one: Effect, other: Effect) -> bool:
+    """Whether both act on one motor; what acts on a joint is at its motor, the rest on all."""
+    return one.where == other.where or "robot" in (one.where, other.where)

@@ -10,9 +10,10 @@ from typing import Self
 import numpy as np
 
 from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
-from wbc.identification.choice.screening.linear_screen import LinearScreen, Subset
-from wbc.identification.choice.screening.screening import (
+from wbc.identification.choice.screening.linear_screen import (
+    LinearScreen,
     Nearby,
+    Subset,
     Swinging,
     screen,
     screen_in_shares,
@@ -136,37 +137,6 @@ class Proposer:
         best, others = offers[:1], offers[1:]
         likely = [one for one in others if self._may_win(h, own, *one)]
         return [offer for offer, _ in (*best, *likely)]
-
-    def two_instead(
-        self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, count: int
-    ) -> list[Offer]:
-        """Return the most promising pairs of causes in the place of some of a hypothesis.
-
-        Args:
-            h: the hypothesis.
-            own: its causes that give way.
-            rest: the hypothesis without them, fitted.
-            count: how many pairs at most.
-        """
-        if h.swings or any(e.search.departures(e).size for e in own) or not self.candidates:
-            return []
-        found = self._without(h, own, rest, ())
-        if found is None:
-            moved, regressors = self._screened(rest, self.candidates, (), self.near(h))
-        else:
-            moved, _, regressors = found
-        gone = {effect.key for effect in own}
-        worst, _ = _limits(moved.error(()), h.error, h.error)
-        offers: list[Offer] = []
-        for subset in moved.pairs(_AMONG):
-            added = [regressors[k] for k in subset.regressors]
-            if len(offers) >= count or subset.error > worst:
-                break
-            offer = (*rest.effects, *moved.effects(subset))
-            same = gone & {regressor.key for regressor in added}
-            if not same and (found is None or self._may_win(h, own, offer, added)):
-                offers.append(offer)
-        return offers
 
     def _without(
         self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, exclude: Sequence[Key]

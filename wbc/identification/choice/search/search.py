@@ -109,10 +109,6 @@ class Search:
             self.report(f"trying others in the place of what was found ({best})")
             if other := self.best(moves.swaps(proposer, current), current):
                 return other
-            if one := self.best(moves.merges(proposer, current), current):
-                return one
-            if two := self.best(moves.splits(proposer, current), current):
-                return two
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
 
