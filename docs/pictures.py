@@ -44,8 +44,8 @@ from wbc.files import atomic_write
 from wbc.identification import Diagnosis
 from wbc.measurement import load_logs, save_log
 from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
-from wbc.view.browser import HeadlessBrowser
 from wbc.view.channels import log_impacts
+from wbc.view.pictures import opened
 from wbc.view.plots import (
     residual_figure,
     staircase_figure,
@@ -64,9 +64,9 @@ def explained() -> None:
     """Explain a log: the second part of the demo."""
     diagnosis, _ = demo.explain(demo.Console(markup=False), 6.0)
     residuals(diagnosis)
-    with HeadlessBrowser(OUT / "report.html", 1100, 1000) as browser:
-        browser.wait_for("window.report && window.report.ready")
-        (OUT / "head.png").write_bytes(browser.screenshot())
+    with opened(OUT / "report.html", 1100, 1000) as page:
+        page.wait_for_function("window.report && window.report.ready")
+        page.screenshot(path=OUT / "head.png")
     keep(OUT / "head.png", "report")
 
 

@@ -12,6 +12,7 @@ EXTRAS = {
     "rosbags": ("rosbags",),
     "design": ("joblib", "pyarrow"),
     "view": ("meshcat", "umsgpack", "matplotlib", "mpl_toolkits", "plotly", "jinja2", "PIL"),
+    "pictures": ("playwright",),
     "cli": ("rich", "shtab"),
     "cluster": ("distributed",),
 }
@@ -22,6 +23,7 @@ INSTALLED_BY = {
     "rosbags": "rosbags",
     "design": "joblib pyarrow",
     "view": "meshcat matplotlib plotly jinja2",
+    "pictures": "playwright",
     "cli": "rich shtab",
     "cluster": "distributed",
 }

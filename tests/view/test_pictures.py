@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import shutil
 import subprocess
@@ -16,7 +17,7 @@ from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import write_animation, write_picture, write_playback
-from wbc.view.browser import HeadlessBrowser
+from wbc.view.pictures import opened
 
 
 @pytest.fixture(scope="module")
@@ -53,17 +54,46 @@ def test_an_animation_moves_and_the_player_obeys(page: Path, tmp_path: Path) -> 
 
 @pytest.mark.usefixtures("chromium")
 def test_stepping_seeking_and_playing(page: Path) -> None:
-    with HeadlessBrowser(page, 400, 300, "still") as browser:
-        browser.wait_for("window.player")
-        browser.evaluate("player.seek(0.5)")
-        browser.evaluate("player.step(1)")
-        after = browser.evaluate("player.time")
+    with opened(page, 400, 300, "still") as shown:
+        shown.wait_for_function("window.player")
+        shown.evaluate("player.seek(0.5)")
+        shown.evaluate("player.step(1)")
+        after = shown.evaluate("player.time")
         assert 0.5 < after < 0.5 + 0.05
-        browser.evaluate("document.getElementById('play').click()")
-        browser.wait_for(f"player.time > {after} + 0.05")
-        browser.evaluate("document.getElementById('play').click()")
-        assert browser.evaluate("player.playing") is False
-        assert Image.open(io.BytesIO(browser.screenshot())).size == (400, 300)
+        shown.evaluate("document.getElementById('play').click()")
+        shown.wait_for_function(f"player.time > {after} + 0.05")
+        shown.evaluate("document.getElementById('play').click()")
+        assert shown.evaluate("player.playing") is False
+        assert Image.open(io.BytesIO(shown.screenshot())).size == (400, 300)
+
+
+@pytest.mark.usefixtures("chromium")
+def test_a_notebook_whose_thread_runs_a_loop_takes_pictures(page: Path, tmp_path: Path) -> None:
+    async def cell() -> Path:
+        return write_picture(tmp_path / "cell.png", page, 0.2, width=300, height=200)
+
+    assert Image.open(asyncio.run(cell())).size == (300, 200)
+
+
+@pytest.mark.usefixtures("chromium")
+def test_a_small_negative_number_is_no_minus_zero(page: Path) -> None:
+    with opened(page, 700, 500, "still") as shown:
+        shown.wait_for_function("window.player")
+        shown.evaluate("player.seek(0.02)")  # in the air: no torque, no power
+        table = shown.inner_text("#gears")
+    assert "+0.0" in table
+    assert "−0.0" not in table
+
+
+@pytest.mark.usefixtures("chromium")
+def test_a_printed_playback_shows_all_of_the_scene(page: Path) -> None:
+    with opened(page, 1200, 800, "still") as shown:
+        shown.wait_for_function("window.player")
+        shown.emulate_media(media="print")
+        shown.set_viewport_size({"width": 700, "height": 900})
+        ends = "() => document.querySelector('#pane canvas').getBoundingClientRect().right"
+        assert shown.evaluate(ends) <= 700
+        assert not shown.is_visible("#bar")
 
 
 def test_without_a_browser_the_package_is_named(

@@ -8,18 +8,68 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
 import numpy as np
 from PIL import Image
 
 from wbc.arrays import FloatArray
 from wbc.errors import ViewError
+from wbc.extras import needs
 from wbc.files import atomic_write
-from wbc.view.browser import HeadlessBrowser
 
-_READY = "window.player"
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+_FLAGS = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+    "--force-color-profile=srgb",
+)
+_PATIENCE = 60e3  # [ms]
+
+Result = TypeVar("Result")
+
+
+@contextmanager
+def opened(page: Path, width: int, height: int, fragment: str = "") -> Iterator[Page]:
+    """Open a page in a Chromium without a display.
+
+    Args:
+        page: an HTML file.
+        width, height: size of the window [px].
+        fragment: what to put behind the # of the address.
+
+    Raises:
+        ViewError: no Chromium (the message names the package), or a page that fails.
+        MissingPackageError: no playwright.
+    """
+    program = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if program is None:
+        raise ViewError(
+            "pictures and animations need a Chromium browser, and none of "
+            f"{', '.join(_BROWSERS)} is on the PATH. On Debian: apt-get install chromium "
+            "(on Ubuntu: apt-get install chromium-browser). The HTML playback works without it."
+        )
+    with needs("pictures", "a picture of a page"):
+        from playwright.sync_api import Error, sync_playwright
+    with sync_playwright() as driver:
+        try:
+            browser = driver.chromium.launch(executable_path=program, args=_FLAGS)
+            shown = browser.new_page(viewport={"width": width, "height": height})
+            shown.set_default_timeout(_PATIENCE)
+            shown.goto(page.resolve().as_uri() + (f"#{fragment}" if fragment else ""))
+            yield shown
+            browser.close()
+        except Error as cause:
+            raise ViewError(f"the browser failed at '{page}': {cause.message}") from cause
 
 
 def write_picture(
@@ -45,10 +95,13 @@ def write_picture(
     Raises:
         ViewError: no Chromium (the message names the package), or a page that is no playback.
     """
-    with HeadlessBrowser(Path(playback), width, height, _fragment(controls)) as browser:
-        _prepare(browser, theme)
-        _show(browser, at)
-        picture = browser.screenshot()
+
+    def take() -> bytes:
+        with opened(Path(playback), width, height, "still" if controls else "still&bare") as page:
+            _prepare(page, theme)
+            return _shown(page, at)
+
+    picture = _in_thread(take)
     return atomic_write(path, lambda file: file.write(picture))
 
 
@@ -86,38 +139,47 @@ def write_animation(
         raise ViewError(f"'{destination}': an animation ends in .gif or .mp4.")
     # Asked for before any picture is taken.
     encoder = find_ffmpeg() if destination.suffix.lower() == ".mp4" else None
-    with HeadlessBrowser(Path(playback), width, height, _fragment(False)) as browser:
-        _prepare(browser, theme)
-        begin = float(browser.evaluate("player.start")) if start is None else start
-        end = float(browser.evaluate("player.stop")) if stop is None else stop
-        if not (end > begin and speed > 0.0 and frame_rate > 0.0):
-            raise ViewError(f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}.")
-        pictures = _pictures(browser, np.arange(begin, end, speed / frame_rate), progress)
-        if encoder is None:
-            return write_gif(destination, pictures, frame_rate)
-        return write_mp4(destination, pictures, frame_rate, encoder)
+
+    def film() -> Path:
+        with opened(Path(playback), width, height, "still&bare") as page:
+            _prepare(page, theme)
+            begin = float(page.evaluate("player.start")) if start is None else start
+            end = float(page.evaluate("player.stop")) if stop is None else stop
+            if not (end > begin and speed > 0.0 and frame_rate > 0.0):
+                raise ViewError(
+                    f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}."
+                )
+            pictures = _pictures(page, np.arange(begin, end, speed / frame_rate), progress)
+            if encoder is None:
+                return write_gif(destination, pictures, frame_rate)
+            return write_mp4(destination, pictures, frame_rate, encoder)
+
+    return _in_thread(film)
 
 
-def _fragment(controls: bool) -> str:
-    return "still" if controls else "still&bare"
+def _in_thread(work: Callable[[], Result]) -> Result:
+    """Return what work returns; a notebook runs a loop in its thread, where playwright cannot."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(work).result()
 
 
-def _prepare(browser: HeadlessBrowser, theme: str) -> None:
-    browser.wait_for(_READY)
-    browser.evaluate(f"player.setTheme({theme!r}), player.frameCamera()")
+def _prepare(page: Page, theme: str) -> None:
+    page.wait_for_function("window.player")
+    page.evaluate(f"() => {{ player.setTheme({theme!r}); player.frameCamera(); }}")
 
 
-def _show(browser: HeadlessBrowser, at: float) -> None:
-    browser.evaluate(f"player.seek({at!r}), player.picture()")
+def _shown(page: Page, at: float) -> bytes:
+    page.evaluate(f"() => {{ player.seek({at!r}); player.picture(); }}")
+    return page.screenshot()
 
 
 def _pictures(
-    browser: HeadlessBrowser, instants: FloatArray, progress: Callable[[str], None]
+    page: Page, instants: FloatArray, progress: Callable[[str], None]
 ) -> Iterator[Image.Image]:
     for number, instant in enumerate(instants, 1):
-        _show(browser, float(instant))
+        picture = _shown(page, float(instant))
         progress(f"{number} of {len(instants)}")
-        yield Image.open(io.BytesIO(browser.screenshot())).convert("RGB")
+        yield Image.open(io.BytesIO(picture)).convert("RGB")
 
 
 _PALETTE_FRAMES = 8

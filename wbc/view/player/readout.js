@@ -35,7 +35,7 @@ function drawLegend() {
   if (data.contacts.length) lines.push(`force arrow: ${newtons} N = ${(newtons * data.metres_per_newton).toPrecision(2)} m`);
   $("legend").innerHTML = lines.join("<br>");
 }
-const signed = (x, digits) => Number.isNaN(x) ? "–" : (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
+const signed = (x, digits) => Number.isNaN(x) ? "–" : (Number(x.toFixed(digits)) < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
 function readout(i) {
   $("clock").textContent = `t = ${now.toFixed(3)} s · frame ${i + 1} of ${frames}`;
   // What is marked between the frame before and this one happens now.
