@@ -179,7 +179,11 @@ def test_targets_in_a_file_beside_make_the_torque_where_currents_have_no_sign(
     assert columns["elbow_flex.motor_torque"] is False
     assert columns["elbow_flex.target_position"]["from"] == "control_positions_2"
     read = ["--robot", tmp_path / "robot.toml", "--columns", tmp_path / "columns.toml"]
-    assert told("check", *logs, *read)[0] == 0
+    code, said = told("check", *logs, *read)
+    assert code == 0
+    # What is alike in all joints and logs is said once.
+    assert said.count("samples) behind the position") == 1
+    assert "all 2 logs: warning: shoulder_pan.velocity, shoulder_lift.velocity, " in said
     log = load_logs(logs[:1], tmp_path / "columns.toml")[0]
     assert 40.0 < 1.0 / log.sample_time < 60.0
     assert (

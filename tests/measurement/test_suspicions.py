@@ -34,16 +34,20 @@ RECORDED = {
     "emps": "emps/emps_estimation.parquet",
     "staubli_tx40": "staubli_tx40/tx40.parquet",
     "tiago": "tiago/tiago.parquet",
+    "go2": "go2_position_control/go2_air.parquet",
+    "ricmonk": "ricmonk/TVLQR_?xForward*.parquet",
+    "xl330_pendulum": "bam_servo/bam.parquet#xl330*",
 }
 
 
 def recorded(name: str) -> tuple[Robot, tuple[Log, ...]]:
     file, mark, part = RECORDED[name].partition("#")
-    path = f"{outside(file)}{mark}{part}"
+    folder = outside(file.partition("/")[0])
+    paths = [f"{path}{mark}{part}" for path in sorted(folder.glob(file.partition("/")[2]))]
     robot = load_robot(name)
     gears = robot.transmission
     ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
-    return robot, read_logs([path], robots_directory() / name / "columns.toml", gear_ratios=ratios)
+    return robot, read_logs(paths, robots_directory() / name / "columns.toml", gear_ratios=ratios)
 
 
 @pytest.mark.parametrize("case", range(11))
@@ -60,6 +64,7 @@ def test_nor_of_the_leg_that_stands_on_the_ground(case: int) -> None:
 
 @pytest.mark.parametrize("name", RECORDED)
 def test_recorded_machines_are_not_suspected(name: str) -> None:
+    """A servo that rests at zero holds no rows of a second publisher."""
     robot, logs = recorded(name)
     assert suspicions(robot, logs) == []
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rich.console import Console
 
 from wbc.cli.inputs import read_logs, robot_from, write_fix
 from wbc.cli.outputs import require_outputs, table_console, write_json
 from wbc.cli.printout import Part, Spoken, print_out, table
-from wbc.measurement import LogQuality, check_logs, find_repeats
+from wbc.measurement import LogFinding, LogQuality, check_logs, find_repeats
 from wbc.measurement import read_logs as read_suspicious
 from wbc.measurement.guess import guessed_numbers
 from wbc.view.rows import clock_rows, short_label
+
+_NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
@@ -71,18 +75,42 @@ def run(options: argparse.Namespace, console: Console) -> int:
 
 
 def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
-    """Return every remark once, with the logs that it is about."""
-    about: dict[str, list[str]] = {}
+    """Return every remark once, with the logs and columns that it is about."""
+    alike: dict[tuple[str, ...], list[tuple[str, LogFinding]]] = {}
     for quality in qualities:
         for finding in quality.findings:
-            about.setdefault(str(finding), []).append(short_label(quality.label))
-    if len(qualities) == 1:
-        return list(about)
-    everywhere = f"all {len(qualities)} logs"
-    return [
-        f"{everywhere if len(logs) == len(qualities) else ', '.join(logs)}: {text}"
-        for text, logs in about.items()
+            said = (finding.text, finding.way_out)
+            blank = [_NUMBER.sub("#", text.replace(finding.column or "*", "*")) for text in said]
+            key = (finding.severity, finding.kind, *blank)
+            alike.setdefault(key, []).append((short_label(quality.label), finding))
+    return [_joined(group, len(qualities)) for group in alike.values()]
+
+
+def _joined(group: Sequence[tuple[str, LogFinding]], logs: int) -> str:
+    """Return one remark of findings that differ in logs, columns and numbers alone."""
+    where = list(dict.fromkeys(label for label, _ in group))
+    first = group[0][1]
+    columns = list(dict.fromkeys(finding.column for _, finding in group))
+    ways = []
+    for line in first.way_out.splitlines():
+        own = columns if first.column and first.column in line else columns[:1]
+        ways += [line.replace(first.column, column) if own is columns else line for column in own]
+    text = _in_ranges([finding.text for _, finding in group])
+    said = replace(first, column=", ".join(columns), text=text, way_out="\n".join(ways))
+    if logs == 1:
+        return str(said)
+    return f"{f'all {logs} logs' if len(where) == logs else ', '.join(where)}: {said}"
+
+
+def _in_ranges(texts: Sequence[str]) -> str:
+    """Return a text whose numbers run from the least to the most of those in several."""
+    parts = [_NUMBER.split(text) for text in texts]
+    ranges = [
+        sorted(dict.fromkeys(each), key=float)
+        for each in zip(*(p[1::2] for p in parts), strict=True)
     ]
+    numbers = [each[0] if len(each) == 1 else f"{each[0]} to {each[-1]}" for each in ranges]
+    return "".join(sum(zip(parts[0][::2], [*numbers, ""], strict=True), ()))
 
 
 def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:

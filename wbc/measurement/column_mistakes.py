@@ -22,6 +22,7 @@ from wbc.measurement.torque import REPORTED
 _SAME_JUMP = 0.1  # share by which jumps of one wrap differ: the joint moves on meanwhile
 _PERIOD = 0.05  # by which a jump may miss the period that makes it
 _STALE_SHARE = 0.4  # of the rows that a second publisher may have filled
+_FASTEST = 0.99  # of the steps between rows are those of the motion; others may be jumps
 _FOLDS = 5  # times that a torque must be mirrored at zero; a smooth minimum is no fold
 _FOLD_ROWS = 4  # rows to either side over which the slope at a fold is taken
 _COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
@@ -134,15 +135,13 @@ def stale_rows(log: Log) -> list[LogFinding]:
         return []
     values = np.stack([log.column(name) for name in moving], axis=1)
     zero = np.all(values == 0.0, axis=1)
-    share = float(np.mean(zero))
-    if not 0.0 < share < _STALE_SHARE:
+    at, rest = np.flatnonzero(zero), np.flatnonzero(~zero)
+    if not 0 < at.size < _STALE_SHARE * len(log):
         return []
-    at = np.flatnonzero(zero)
-    near = np.clip([at - 1, at + 1], 0, len(log) - 1)
-    # A joint that passes zero is close to it before and after; a row of zeros is not.
-    away = np.abs(values[near]).max(axis=(0, 2))
-    usual = float(np.median(np.abs(np.diff(values[~zero], axis=0)).max(axis=1)))
-    if float(np.median(away)) < 20.0 * max(usual, 1e-9):
+    # A joint that passes or rests at zero comes from near there, and not at twice its speed.
+    path = np.stack([np.interp(at, rest, column[rest]) for column in values.T], axis=1)
+    steps = np.abs(np.diff(values[rest], axis=0)).max(axis=1)[np.diff(rest) == 1]
+    if np.median(np.abs(path).max(axis=1)) <= 2.0 * np.quantile(steps, _FASTEST):
         return []
     mend = {"columns": {name: {"empty": 0.0, "missing": "drop_rows"} for name in moving}}
     text = (

@@ -43,7 +43,7 @@ def _unit(unit: str) -> str:
 def short_label(label: str) -> str:
     """Return the name of a log without its folders."""
     path, mark, part = label.partition("#")
-    return Path(path).name + mark + part
+    return "+".join(Path(file).name for file in path.split("+")) + mark + part
 
 
 def output_rows(comparison: Comparison) -> TextTable:
