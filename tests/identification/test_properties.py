@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.swinging_leg import swing
 from wbc import load_robot
-from wbc.effects import CoulombFriction, TransmissionEfficiency, ViscousFriction
+from wbc.effects import (
+    CoulombFriction,
+    TorqueConstant,
+    TorqueOffset,
+    TransmissionEfficiency,
+    ViscousFriction,
+)
 from wbc.identification import Diagnosis, compare, diagnose
-from wbc.measurement import Log
+from wbc.measurement import Log, load_logs
+from wbc.robot import Effect
 
 LEG = load_robot("planar_leg_fixed").lossless()
 HIDDEN = [CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.3)]
-KINDS = [CoulombFriction, ViscousFriction, TransmissionEfficiency]
+KINDS: list[type[Effect]] = [CoulombFriction, ViscousFriction, TransmissionEfficiency]
 RUNS = tuple(swing(LEG.with_effects(*HIDDEN), k, float(k), seconds=4.0) for k in (1, 2, 3))
 
 
@@ -86,3 +94,47 @@ def test_repeats_never_lower_the_noise_floor() -> None:
     alone = {o.output: o.floor for o in compare(LEG, coarse).outputs}
     repeated = {o.output: o.floor for o in compare(LEG, [*coarse, repeat]).outputs}
     assert all(repeated[name] > 0.95 * alone[name] for name in alone)
+
+
+def test_repeats_are_paired_by_time_not_by_a_count_of_rows() -> None:
+    """A repeat with one row less was no repeat: its scatter said nothing of the noise."""
+    first, shifted = RUNS[0], {}
+    for joint in LEG.transmission.joints:
+        torque = first.column(f"{joint}.rotor_torque")
+        shifted[f"{joint}.rotor_torque"] = torque + 0.05 * np.sin(2.0 * first.time)
+    again = first.with_columns(shifted)
+    whole = compare(LEG, [first, again, RUNS[1]])
+    shorter = compare(LEG, [first, again[:-3], RUNS[1]])
+    for one, other in zip(whole.outputs, shorter.outputs, strict=True):
+        assert other.floor == pytest.approx(one.floor, rel=0.05)
+
+
+def test_a_joint_that_carries_next_to_nothing_gets_no_statement() -> None:
+    """Whatever its drive reports is as large as its noise: any cause there explains noise."""
+    random = np.random.default_rng(2)
+    logs = [
+        log.with_columns({"knee.rotor_torque": 0.02 * random.standard_normal(len(log))})
+        for log in RUNS[:2]
+    ]
+    found = diagnose(LEG, logs, [*KINDS, TorqueConstant, TorqueOffset])
+    assert not [f for f in found.findings if f.effect.where == "knee"]
+    assert found.silent == ("knee",)
+
+
+def test_units_of_the_columns_change_nothing(tmp_path: Path) -> None:
+    """Degrees and millinewton metres, told by a map."""
+    lines = ["[columns]"]
+    for joint in LEG.transmission.joints:
+        for name, unit in (("position", "deg"), ("velocity", "deg/s"), ("rotor_torque", "mN m")):
+            lines.append(f'"{joint}.{name}" = {{ from = "{joint}_{name}", unit = "{unit}" }}')
+    columns = tmp_path / "columns.toml"
+    columns.write_text("\n".join(lines))
+    factor = {"position": 180.0 / np.pi, "velocity": 180.0 / np.pi, "rotor_torque": 1e3}
+    files = []
+    for k, log in enumerate(RUNS):
+        own = [n for n in log.names if n.partition(".")[2] in factor]
+        values = [log.time, *(factor[n.partition(".")[2]] * log.column(n) for n in own)]
+        files.append(tmp_path / f"run{k}.csv")
+        names = ",".join(["time", *(n.replace(".", "_") for n in own)])
+        np.savetxt(files[-1], np.stack(values, axis=1), "%.12g", ",", header=names, comments="")
+    assert answer(load_logs(files, columns)) == pytest.approx(answer(RUNS), rel=1e-4)

@@ -133,7 +133,10 @@ def noise_floor(
     sensors = _covariance(np.concatenate(drawn))
     if not repeats:
         return NoiseFloor(sensors, sensors, ())
-    differences = [(residuals[i] - residuals[j]) / np.sqrt(2.0) for i, j in repeats]
+    differences = [
+        _difference(residuals[i], records[i].time, residuals[j], records[j].time) / np.sqrt(2.0)
+        for i, j in repeats
+    ]
     repeated = _covariance(np.concatenate(differences))
     covariance = _over_all(records, repeats, repeated, sensors)
     raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
@@ -210,11 +213,21 @@ def close_repeats(
     )
 
 
+def _difference(
+    one: FloatArray, time: FloatArray | None, other: FloatArray, later: FloatArray | None
+) -> FloatArray:
+    """Return by how much two runs (rows, k) differ at the same time since their start."""
+    if time is None or later is None or np.array_equal(time, later):
+        return one - other
+    both = time <= later[-1]
+    there = [np.interp(time[both], later, column) for column in other.T]
+    return np.asarray(one[both] - np.stack(there, axis=1))
+
+
 def _close(one: Record, other: Record) -> bool:
     first, second = one.motion, other.motion
-    if first.velocity.shape != second.velocity.shape:
-        return False
     spread = np.ptp(first.velocity, axis=0)
     moving = (spread > 0.0) & _moving(one)
-    apart = np.sqrt(np.mean((first.velocity - second.velocity) ** 2, axis=0))
+    between = _difference(first.velocity, first.time, second.velocity, second.time)
+    apart = np.sqrt(np.mean(between**2, axis=0))
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
