@@ -133,7 +133,7 @@ def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
     text = page.read_text(encoding="utf-8")
     seen = text[: text.index("<script>")]
     # The verdict in words, the robot's name with what it means ("fixed" was read as repaired).
-    assert ">several possible causes</span>" in seen
+    assert ">likely causes</span>" in seen
     assert TITLES.keys() == MEANINGS.keys()
     assert "planar_leg_fixed (fixed base)" in seen
     # Two kinds of certainty say what they are about.
@@ -292,7 +292,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     ):
         assert f'id="{part}"' in text
     # Every word that the page needs is explained where it first stands.
-    assert "several effects explain these logs equally well" in text  # the verdict: ambiguous
+    assert "do not tell them from others" in text  # the verdict: ambiguous
     for word in ("Noise floor", "Attainable", "sure", "90&nbsp;% interval", "Odds"):
         assert f"<b>{word}</b>" in text
     places = [

@@ -50,8 +50,8 @@ class CenterOfMass(Effect):
         Parameter("z", "m", 0.0, -10.0, 10.0, 0.02),
     )
     explanation: ClassVar[str] = (
-        "Cables, covers or a battery sit elsewhere than drawn: the body is as heavy as the "
-        "model says but hangs differently."
+        "Cables, covers or a battery sit elsewhere than in the CAD model: the body is as heavy "
+        "as the model says but hangs differently."
     )
     experiment: ClassVar[str] = (
         "Hold the body still at many angles: the extra gravity torque is a shifted sine of the "

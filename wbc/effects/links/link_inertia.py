@@ -70,8 +70,8 @@ class LinkInertia(Effect):
     name: ClassVar[str] = "link_inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     explanation: ClassVar[str] = (
-        "The drawing of this link is wrong: cables, covers and motors were left out, or its mass "
-        "is spread otherwise. Mass, centre of mass and inertia differ together."
+        "The CAD inertia of this link is wrong: cables, covers and motors were left out, or its "
+        "mass is spread otherwise. Mass, centre of mass and inertia differ together."
     )
     experiment: ClassVar[str] = (
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
@@ -120,10 +120,10 @@ def link_quantities(robot: Robot, joint: int) -> dict[str, Quantity]:
 
 
 def mass_left(lost: float, drawn: float, body: str) -> str:
-    """Say that a mass that is drawn is not there."""
+    """Say that a mass that the robot file has is not there."""
     return (
         f"{lost:.3g} kg of the {drawn:.3g} kg that the robot file has at '{body}' are not there: a "
-        "tool or gripper that is drawn and not mounted?"
+        "tool or gripper that is in the CAD model and not mounted?"
     )
 
 

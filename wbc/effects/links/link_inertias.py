@@ -91,7 +91,7 @@ class LinkInertias(Effect):
     name: ClassVar[str] = "link_inertias"
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS  # of every link
     explanation: ClassVar[str] = (
-        "The drawing is wrong in several links at once, as drawings are that leave out cables, "
+        "The CAD inertias of several links are wrong at once, as those are that leave out cables, "
         "screws and motors, or take castings for solid."
     )
     experiment: ClassVar[str] = (

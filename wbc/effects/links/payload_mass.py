@@ -37,7 +37,8 @@ class PayloadMass(Effect):
         Parameter("mass", "kg", 0.0, -1000.0, 1000.0, 0.3),
     )
     explanation: ClassVar[str] = (
-        "Something was mounted, filled or left out: a body is heavier or lighter than its drawing."
+        "Something was mounted, filled or left out: a body is heavier or lighter than in the "
+        "CAD model."
     )
     experiment: ClassVar[str] = (
         "Hold still in several poses, then move fast: the extra torque follows gravity and "

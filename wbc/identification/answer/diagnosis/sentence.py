@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 TITLES = {
     "named": "cause found",
-    "ambiguous": "several possible causes",
+    "ambiguous": "likely causes",
     "partial": "part of the cause found",
     "unknown": "cause not found",
     "none": "nothing missing",
@@ -23,9 +23,9 @@ TITLES = {
 """A verdict in words that need no explanation."""
 MEANINGS = {
     "named": "these logs tell which effects the model lacks",
-    "ambiguous": "several effects explain these logs equally well",
+    "ambiguous": "these logs point to causes, but do not tell them from others",
     "partial": "some missing effects are certain, and more is missing",
-    "unknown": "something is missing, and no known effect explains it",
+    "unknown": "something is missing, and no cause of it is certain",
     "none": "the model explains these logs as far as their noise allows",
     "not_repeatable": "repeated runs disagree, so nothing can be named",
 }
@@ -72,9 +72,10 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             return f"{what} in the model: {found}. {_progress(diagnosis)}."
         case "ambiguous":
             rivals = _rivals(diagnosis.findings)
-            return f"It would be enough to add {found}. {_progress(diagnosis)}." + (
-                f" But these logs cannot tell {rivals}." if rivals else " No cause is certain."
-            )
+            if not rivals:
+                return f"Likely missing in the model: {found}. {_progress(diagnosis)}. Not certain."
+            enough = f"It would be enough to add {found}. {_progress(diagnosis)}."
+            return f"{enough} But these logs cannot tell {rivals}."
         case "partial":
             sure = certain_findings(diagnosis)
             certain = _sum_up(sure)
@@ -87,12 +88,14 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             noise = only_noise(diagnosis.silent)
             if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
                 return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
-            used = f"Use the model found all the same. {_progress(diagnosis)}."
-            used = used if diagnosis.findings else ""
-            added = f"{found} would help. " if found else ""
             rest = f"that no known effect explains ({_left(diagnosis)})"
-            left = f"Something is missing in the model {rest}."
-            said = (left, added[:1].upper() + added[1:] + used, f"{noise}." if noise else "")
+            used = f"The model found predicts better all the same. {_progress(diagnosis)}."
+            said = (
+                f"Something is missing in the model {rest}.",
+                f"Likely: {found}." if found else "",
+                used if diagnosis.findings else "",
+                f"{noise}." if noise else "",
+            )
             return " ".join(sentence for sentence in said if sentence)
         case "not_repeatable":
             return (
