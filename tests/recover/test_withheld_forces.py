@@ -23,7 +23,7 @@ from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
-from wbc.identification.records.contacts.held_points import rolled
+from wbc.identification.records.contacts import rolled
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log
 

@@ -1,9 +1,8 @@
 """Compare logs with a robot, learn what the model lacks, add it, see the error fall."""
 
-from wbc.identification.answer.comparison.breakdown import Breakdown
-from wbc.identification.answer.comparison.compare import compare
-from wbc.identification.answer.comparison.comparison import Comparison, OutputError
-from wbc.identification.answer.comparison.contest import Contestant, rank_robots
+from wbc.identification.answer.breakdown import Breakdown
+from wbc.identification.answer.comparison import Comparison, OutputError, compare
+from wbc.identification.answer.contest import Contestant, rank_robots
 from wbc.identification.answer.diagnosis.diagnose import diagnose
 from wbc.identification.answer.diagnosis.diagnosis import (
     Alternative,

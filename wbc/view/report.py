@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.extras import needs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop, Series
-from wbc.identification.answer.comparison.compare import compare_problem
+from wbc.identification.answer.comparison import compare_problem
 from wbc.identification.answer.diagnosis.to_do import Commands
 from wbc.identification.answer.numbers import efforts
 from wbc.identification.answer.series import series_of

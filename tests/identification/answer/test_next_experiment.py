@@ -10,7 +10,7 @@ import pytest
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset
 from wbc.identification.answer.diagnosis.diagnosis import Alternative, Finding, Verdict
 from wbc.identification.answer.diagnosis.verdict import next_experiment
-from wbc.identification.answer.remainder.remainder import Remainder
+from wbc.identification.answer.remainder import Remainder
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.records.noise.noise_floor import NoiseFloor
 from wbc.robot import Effect

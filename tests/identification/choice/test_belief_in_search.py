@@ -18,9 +18,9 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
+from wbc.identification.answer.attainable import attainable
 from wbc.identification.answer.diagnosis import believed as believed_module
 from wbc.identification.answer.diagnosis.believed import believed
-from wbc.identification.answer.remainder.attainable import attainable
 from wbc.identification.choice.search import search as search_module
 from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.identification.choice.search.proposals import Proposer

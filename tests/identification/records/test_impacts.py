@@ -8,8 +8,8 @@ import numpy as np
 
 from wbc import load_robot
 from wbc.identification.records.channels import read_channels
-from wbc.identification.records.filters.bandwidth import Bandwidth
-from wbc.identification.records.impacts import away_from_impacts
+from wbc.identification.records.filters import Bandwidth
+from wbc.identification.records.not_judged import away_from_impacts
 from wbc.measurement import Log
 
 LEG = load_robot("planar_leg")

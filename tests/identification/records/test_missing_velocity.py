@@ -1,6 +1,6 @@
 import numpy as np
 
-from wbc.identification.records.filters.smoothing import white_level
+from wbc.identification.records.filters import white_level
 
 
 def test_level_of_an_unmeasured_column_is_unknown_and_the_others_keep_theirs() -> None:

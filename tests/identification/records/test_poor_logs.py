@@ -15,7 +15,7 @@ from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnosis.diagnose import about_silent
 from wbc.identification.answer.diagnosis.sentence import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.records.filters.smoothing import quantisation_level
+from wbc.identification.records.filters import quantisation_level
 from wbc.identification.silent_drives import reported_torque
 from wbc.measurement import Log, SuspiciousLogError
 

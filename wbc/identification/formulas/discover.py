@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel, Estimate
-from wbc.identification.answer.remainder.remainder import describe, remainders
+from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.choice.screening.candidate_columns import evidence
 from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
@@ -21,8 +21,8 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.not_judged import without_torque_sensors
 from wbc.identification.records.outputs import output_names, output_units
-from wbc.identification.records.torque_sensors import without_torque_sensors
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 

@@ -37,11 +37,10 @@ from wbc.identification.records.noise.noise_floor import (
     noise_floor,
     with_even_noise,
 )
+from wbc.identification.records.not_judged import not_judged, sensed_joints, standing_joints
 from wbc.identification.records.outputs import output_gear, output_names
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
-from wbc.identification.records.standing import standing_joints
-from wbc.identification.records.torque_sensors import not_judged, sensed_joints
 from wbc.identification.silent_drives import silent_drives
 from wbc.measurement import Log, cut_at_gaps, find_repeats, suspicions
 from wbc.robot import Effect, Robot

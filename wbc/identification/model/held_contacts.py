@@ -12,7 +12,7 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.identification.model.derivatives import with_changes
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import beside_others
-from wbc.identification.records.contacts.held_points import settled, stray_noise, strays
+from wbc.identification.records.contacts import settled, stray_noise, strays
 from wbc.identification.records.folds import correlated_rows
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Robot

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.records.contacts.contact_flags import active_contacts
+from wbc.identification.records.contacts import active_contacts
 from wbc.measurement import (
     Log,
     feedback_torques,

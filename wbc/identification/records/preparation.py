@@ -11,19 +11,20 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
 from wbc.identification.records.channels import Channels, read_channels
-from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity, choose_bandwidth
-from wbc.identification.records.filters.smoothing import (
+from wbc.identification.records.filters import (
+    Bandwidth,
+    NoiseDensity,
+    choose_bandwidth,
     gate,
     quantisation_level,
     steady_level,
     white_level,
 )
-from wbc.identification.records.impacts import away_from_impacts
 from wbc.identification.records.noise.load_noise import load_bands
 from wbc.identification.records.noise.synthetic_noise import synthetic_noise
+from wbc.identification.records.not_judged import away_from_impacts, not_judged_at_rest, rubbing
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
-from wbc.identification.records.standing import not_judged_at_rest, rubbing
 from wbc.measurement import Log, derivative, differentiate, loaded, low_pass
 from wbc.robot import Motion, Robot
 

@@ -18,8 +18,8 @@ from wbc.dynamics import (
     inertial_regressor,
     link_torque,
 )
-from wbc.identification.records.contacts.contact_balance import ContactBalance
-from wbc.identification.records.filters.bandwidth import Bandwidth, NoiseDensity
+from wbc.identification.records.contacts import ContactBalance
+from wbc.identification.records.filters import Bandwidth, NoiseDensity
 from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.links import LinkResponse
 from wbc.measurement import loaded, low_pass

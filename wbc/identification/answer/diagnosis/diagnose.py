@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from wbc.effects import EFFECTS
+from wbc.identification.answer.attainable import Attainable
 from wbc.identification.answer.diagnosis.correlation import correlation_of
 from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.diagnosis.findings import describe_findings
@@ -20,8 +21,7 @@ from wbc.identification.answer.diagnosis.verdict import (
     next_experiment,
     verdict_of,
 )
-from wbc.identification.answer.remainder.attainable import Attainable
-from wbc.identification.answer.remainder.remainder import describe, remainders
+from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.answer.series import series_of
 from wbc.identification.choice.search.find_causes import SearchResult, find_causes, look_closer
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
@@ -30,8 +30,8 @@ from wbc.identification.log_warnings import still_joints, without_copies
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.not_judged import without_links
 from wbc.identification.records.outputs import output_names, output_units
-from wbc.identification.records.torque_sensors import without_links
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.answer.comparison.breakdown import Breakdown, binned, breakdowns
+from wbc.identification.answer.breakdown import Breakdown, binned, breakdowns
 from wbc.identification.answer.numbers import plain
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit

@@ -1,1 +1,0 @@
-"""How far robots are from their logs, and where."""

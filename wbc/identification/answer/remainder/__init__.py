@@ -1,1 +1,0 @@
-"""What is left unexplained: what it looks like, and what any model could leave."""

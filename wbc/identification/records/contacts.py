@@ -1,0 +1,241 @@
+"""Contact forces that no sensor measured: eliminated from the rows that a model is judged by.
+
+A force f at the active contacts adds J' f to every row of the equation of motion. The rows of the
+undriven base hold no motor, so they tell f as far as J_u' does:
+
+    f = pinv(J_u') w + Z z,     w the wrench that the base lacks,   J_u' Z = 0.
+
+What is left of w lies in the null space of the contacts. Internal forces Z z move no base, so only
+motors feel them: z is what leaves least at the motors' outputs, and the rest is judged.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import BoolArray, FloatArray
+from wbc.dynamics import Workspace, contact_jacobians
+from wbc.errors import IdentificationError
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+_RANK = 1e-3  # of the largest singular value: directions below it are not told by the base
+STANDS = 0.01  # [m] that a point may move while its robot stands; a foot that steps moves more
+
+
+@dataclass(frozen=True, eq=False)
+class ContactBalance:
+    """The active contacts of one log without force sensors, k force components together.
+
+    Attributes:
+        push: J' (N, nv, k), zero while a contact is not active.
+        from_base: (N, k, b) forces per wrench that the base lacks.
+        inner: (N, k, m) internal forces per torque left at the motors' outputs; None where there
+            are none, or none that a motor feels.
+        unseen: (N, m, m) share of the torque at the motors' outputs that internal forces hide;
+            None with `inner`.
+        seen_share: (m + b,) mean share of every row that no contact force can be.
+    """
+
+    push: FloatArray
+    from_base: FloatArray
+    inner: FloatArray | None
+    unseen: FloatArray | None
+    seen_share: FloatArray
+
+    @classmethod
+    def of(
+        cls, robot: Robot, position: FloatArray, active: Mapping[str, BoolArray]
+    ) -> ContactBalance:
+        """Return the balance along positions q (N, nq).
+
+        Args:
+            robot: whose contacts these are.
+            position: q (N, nq).
+            active: contact name -> (N,) whether it touches.
+        """
+        parts = [
+            contact_jacobians(robot, position, name).transpose(0, 2, 1) * touches[:, None, None]
+            for name, touches in active.items()
+        ]
+        push = np.concatenate(parts, axis=2)
+        from_base = np.asarray(
+            np.linalg.pinv(push[:, robot.unactuated], rcond=_RANK), dtype=np.float64
+        )
+        told = from_base @ push[:, robot.unactuated]
+        base = 1.0 - np.einsum("nbk,nkb->b", push[:, robot.unactuated], from_base) / len(position)
+        gears = np.ones(robot.transmission.size)
+        free = np.eye(push.shape[2]) - told
+        felt = robot.transmission.topology.T @ push[:, robot.actuated] @ free
+        size = float(np.max(np.abs(push), initial=0.0))
+        felt[np.abs(felt) < 1e-9 * size] = 0.0
+        if not felt.any():
+            return cls(push, from_base, None, None, np.concatenate([gears, base]))
+        back = np.linalg.pinv(felt, rcond=_RANK)
+        unseen = felt @ back
+        gears = gears - np.einsum("nii->i", unseen) / len(position)
+        seen = np.concatenate([gears, base])
+        return cls(push, from_base, free @ back, unseen, seen)
+
+    def carried(self, wrench: FloatArray) -> FloatArray:
+        """Return J' f (N, nv) of the forces that carry what the base lacks, wrench (N, b)."""
+        force = np.einsum("nkb,nb->nk", self.from_base, wrench)
+        return np.asarray(np.einsum("nvk,nk->nv", self.push, force))
+
+    def squeezed(self, output: FloatArray) -> FloatArray:
+        """Return J' f (N, nv) of the internal forces behind torque (N, m) left at the outputs."""
+        if self.inner is None:
+            return np.zeros(self.push.shape[:2])
+        force = np.einsum("nkm,nm->nk", self.inner, output)
+        return np.asarray(np.einsum("nvk,nk->nv", self.push, force))
+
+    def seen(self, output: FloatArray) -> FloatArray:
+        """Return what of torque (N, m) at the motors' outputs no internal force can be."""
+        if self.unseen is None:
+            return output
+        return np.asarray(output - np.einsum("nij,nj->ni", self.unseen, output))
+
+
+def settled(touches: BoolArray, edge: int) -> BoolArray:
+    """Return the rows (N,) at which a contact has touched, and goes on, for `edge` rows.
+
+    Filters carry what moves before and after into the contact.
+    """
+    padded = np.concatenate([np.full(edge, True), touches, np.full(edge, True)])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * edge + 1)
+    return np.asarray(windows.all(axis=1))
+
+
+def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -> FloatArray:
+    """Return (N, 3 c) how far [m] each point is from its mean while its contact holds.
+
+    Zero where it does not hold. Every time that a contact holds has a mean of its own.
+
+    Args:
+        robot: whose contacts these are.
+        position: q (N, nq).
+        holds: contact name -> (N,).
+    """
+    space = Workspace(robot)
+    names = [contact.name for contact in robot.contacts]
+    numbers = [names.index(name) for name in holds]
+    frames = [space.frames[number] for number in numbers]
+    points = np.empty((len(position), len(frames), 3))
+    turned = np.empty((len(position), len(frames), 3, 3))
+    for row, q in enumerate(position):
+        pin.framesForwardKinematics(space.model, space.data, q)
+        for column, frame in enumerate(frames):
+            place = space.data.oMf[frame]
+            points[row, column], turned[row, column] = place.translation, place.rotation
+    points -= rolled(turned, [robot.contacts[n].radius for n in numbers], _up(robot))
+    for column, rows in enumerate(holds.values()):
+        points[~rows, column] = 0.0
+        for time in _times(rows):
+            points[time, column] -= points[time, column].mean(axis=0)
+    return points.reshape(len(position), -1)
+
+
+def stray_noise(
+    robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray], variance: FloatArray
+) -> FloatArray:
+    """Return (N, 3 c) the variance [m^2] of strays that the encoders' noise makes.
+
+    Args:
+        robot: whose contacts these are.
+        position: q (N, nq).
+        holds: contact name -> (N,).
+        variance: (nv,) of the smoothed positions.
+    """
+    parts = [
+        (contact_jacobians(robot, position, name) ** 2 @ variance) * rows[:, None]
+        for name, rows in holds.items()
+    ]
+    return np.concatenate(parts, axis=1)
+
+
+def rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatArray:
+    """Return (N, c, 3) how far [m] balls at contact points have rolled since the first row.
+
+    Args:
+        turned: (N, c, 3, 3) orientations.
+        radii: (c,) of the balls [m].
+        up: (3,) normal of the ground.
+    """
+    way = np.zeros(turned.shape[:3])
+    for column, radius in enumerate(radii):
+        if radius > 0.0:
+            frames = turned[:, column]
+            turns = [pin.log3(b @ a.T) for a, b in itertools.pairwise(frames)]
+            way[1:, column] = np.cumsum(np.cross(turns, radius * up), axis=0)
+    return way
+
+
+def _up(robot: Robot) -> FloatArray:
+    """Return (3,) the normal of level ground."""
+    gravity = np.asarray(robot.model.gravity.linear)
+    size = float(np.linalg.norm(gravity))
+    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def _times(rows: BoolArray) -> list[slice]:
+    """Return the stretches of rows (N,) that are true."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
+    return [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+
+
+def active_contacts(
+    robot: Robot, log: Log, grid: FloatArray, position: FloatArray
+) -> dict[str, BoolArray]:
+    """Return contact name -> (N,) whether it touches, of the contacts without a force sensor.
+
+    From `<contact>.active`; where a log of a free base has neither forces nor flags, all contacts
+    are active if none of them moves: the robot stands.
+
+    Args:
+        robot: with a free base, or else nothing is unknown.
+        log: as recorded.
+        grid: (N,) even time stamps.
+        position: q (N, nq) at these.
+
+    Raises:
+        IdentificationError: neither forces nor flags, and a contact moves.
+    """
+    if not robot.floating_size or not robot.contacts:
+        return {}  # a robot without contacts flies: its base needs no force
+    names = [contact.name for contact in robot.contacts]
+    flagged = [n for n in names if log.has(f"{n}.active") and n not in log.contacts]
+    if flagged or any(name in log.contacts for name in names):
+        return {name: _held(log, f"{name}.active", grid) for name in flagged}
+    moves = moved(robot, position)
+    if any(distance > STANDS for distance in moves.values()):
+        farthest = max(moves, key=lambda name: moves[name])
+        raise IdentificationError(
+            f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
+            f"forces, for example '<contact>.force.z', or '<contact>.active' (1 while it touches), "
+            f"of: {', '.join(names)}. Without both it must stand on all of them, but "
+            f"'{farthest}' moves by {moves[farthest]:.2g} m."
+        )
+    return {name: np.ones(len(grid), dtype=bool) for name in names}
+
+
+def moved(robot: Robot, position: FloatArray) -> dict[str, float]:
+    """Return how far [m] every contact point moves along q (N, nq), but for one row in fifty."""
+    space = Workspace(robot)
+    places = np.empty((len(position), len(robot.contacts), 3))
+    for row, q in enumerate(position):
+        pin.framesForwardKinematics(space.model, space.data, q)
+        places[row] = [space.data.oMf[frame].translation for frame in space.frames]
+    low, high = np.quantile(places, [0.01, 0.99], axis=0) if len(position) else np.zeros((2, 0, 3))
+    distances = np.linalg.norm(high - low, axis=1)
+    return {c.name: float(d) for c, d in zip(robot.contacts, distances, strict=True)}
+
+
+def _held(log: Log, name: str, grid: FloatArray) -> BoolArray:
+    """Return a flag on the grid: that of the last row at or before each time."""
+    rows = np.searchsorted(log.time, grid + 1e-9, side="right") - 1
+    return np.asarray(log.column(name)[np.clip(rows, 0, len(log) - 1)] > 0.5)

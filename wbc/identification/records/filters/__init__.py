@@ -1,1 +1,0 @@
-"""Which frequencies of a log are kept, and the filter that keeps them."""

@@ -1,0 +1,199 @@
+"""Rows of a log that are not judged.
+
+Joints that stand still in one log and move in another, samples near impacts, and what torque
+sensors behind gears leave of the links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
+from wbc.errors import LogError
+from wbc.identification.records.channels import Channels
+from wbc.identification.records.filters import Bandwidth
+from wbc.identification.records.outputs import output_count, output_gear, output_row
+from wbc.identification.records.record import Record
+from wbc.measurement import Log
+from wbc.robot import Robot
+
+# Of its travel in the log in which it moves furthest. The joints of seven recorded sets travel at
+# least 5 % of it in each of their logs; one that a drive holds against the others trembles by 0.01
+# to 0.1 %.
+_TREMBLES = 0.01
+_NAMED = 3  # logs of a joint that a message names
+_JUMP = 0.3  # of the robot's weight, by which a force may change from one sample to the next
+_REACH = 2.0  # periods of the kinematic band on both sides, over which the filters carry a jump
+_MOST = 0.5  # of a log that may be set aside
+_HIDDEN = 1e-9  # share of a row that is seen, below which only rounding is left
+
+
+def rubbing(robot: Robot) -> IntArray:
+    """Return the rows in v of the joints that can rub: the driven ones, then the passive ones."""
+    passive = [robot.velocity_index(joint) for joint in robot.passive_joints]
+    return np.concatenate([robot.actuated, np.array(passive, dtype=np.int_)])
+
+
+def not_judged_at_rest(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records without weight where an output stands still that moves in another log.
+
+    Friction at rest, or a brake, carries an unknown part of the load, so such rows say nothing
+    that the logs with motion do not say better. An output that moves in no log keeps its weight:
+    its load is all that is known of it.
+    """
+    if len(records) < 2:
+        return tuple(records)
+    still = standing(records)
+    return tuple(
+        record if not aside.any() else replace(record, weight=frozen(record.weight * ~aside))
+        for record, aside in zip(records, still, strict=True)
+    )
+
+
+def standing(records: Sequence[Record]) -> BoolArray:
+    """Return (logs, outputs) whether an output stands still in a log and moves in another one."""
+    moving = np.stack([_moving_joints(record) for record in records])
+    travel = np.stack([_travel(record) for record in records])
+    moving &= travel > _TREMBLES * travel.max(axis=0)
+    moves = np.stack([_outputs(r, own) for r, own in zip(records, moving, strict=True)])
+    return np.asarray(~moves & moves.any(axis=0))
+
+
+def standing_joints(records: Sequence[Record]) -> list[str]:
+    """Return a warning that names the joints that are not judged in some logs."""
+    robot = records[0].robot
+    found = []
+    for joint, still in zip(robot.transmission.joints, standing(records).T, strict=False):
+        logs = [record.name for record, aside in zip(records, still, strict=True) if aside]
+        more = [f"{len(logs) - _NAMED} more"] if len(logs) > _NAMED else []
+        if logs:
+            found.append(f"{joint} in {', '.join([*logs[:_NAMED], *more])}")
+    if not found:
+        return []
+    return [
+        f"joints that stand still: {'; '.join(found)}. They are not judged there, because friction "
+        "at rest or a brake carries an unknown part of their load."
+    ]
+
+
+def _moving_joints(record: Record) -> BoolArray:
+    """Return (joints that can rub,) whether one moves by more than its sensors' noise."""
+    moves = record.noise.moving(record.motion.velocity, record.bandwidth)
+    return np.asarray(moves[rubbing(record.robot)])
+
+
+def _travel(record: Record) -> FloatArray:
+    """Return (joints that can rub,) the range of their motion [rad, m]."""
+    robot = record.robot
+    joints = [*robot.transmission.joints, *robot.passive_joints]
+    columns = [robot.position_index(joint) for joint in joints]
+    return np.asarray(np.ptp(record.motion.position[:, columns], axis=0))
+
+
+def _outputs(record: Record, moving: BoolArray) -> BoolArray:
+    """Return (outputs,) whether what stands behind an output moves, by the joints that do."""
+    robot, gears = record.robot, record.robot.transmission
+    # A motor turns with each joint of which its own angle is made.
+    turns = (np.abs(gears.motor_from_joint) > 0.0) @ moving[: gears.size]
+    of_row = dict(zip(rubbing(robot).tolist(), moving.tolist(), strict=True))
+    found = np.ones(record.weight.shape[1], dtype=bool)
+    for output in range(found.size):
+        gear = output_gear(robot, output)
+        # A base rubs nowhere.
+        found[output] = (
+            turns[gear] if gear is not None else of_row.get(output_row(robot, output), True)
+        )
+    return found
+
+
+def away_from_impacts(robot: Robot, channels: Channels, band: Bandwidth) -> BoolArray:
+    """Return (N,) whether a sample is out of the filters' reach of every impact.
+
+    A foot that strikes is stopped within milliseconds. The force's peak falls between two samples
+    or on one of them by chance, and no filter can mend what was never recorded. The largest
+    impacts go first where all of them would take most of the log.
+
+    Args:
+        robot: whose weight is the measure.
+        channels: of one log.
+        band: of the filters.
+    """
+    jump = np.zeros(len(channels.time))
+    for force in channels.forces.values():
+        np.maximum(jump[1:], np.linalg.norm(np.diff(force, axis=0), axis=1), out=jump[1:])
+    weight = sum(inertia.mass for inertia in robot.model.inertias) * 9.81
+    reach = int(np.ceil(_REACH * channels.rate / band.kinematics))
+    away = np.ones(len(jump), dtype=bool)
+    for k in np.argsort(-jump):
+        if jump[k] < _JUMP * weight or np.mean(away) < 1.0 - _MOST:
+            break
+        away[max(0, k - reach) : k + reach] = False
+    for touches in channels.active.values():
+        # A flag says the moment of a touch or a lift as roughly as a sample does.
+        for k in np.flatnonzero(np.diff(touches.astype(np.int8))):
+            away[max(0, k - reach) : k + reach] = False
+    return away
+
+
+def sensed_joints(robot: Robot, logs: Sequence[Log]) -> tuple[str, ...]:
+    """Return the driven joints with `<joint>.joint_torque` in all logs.
+
+    Raises:
+        LogError: a joint of whose drive nothing else is known lacks it.
+    """
+    for log in logs:
+        for joint in robot.sensor_only:
+            if not log.has(f"{joint}.joint_torque"):
+                raise LogError(
+                    f"{log.source.label}: '{robot.name}' describes no gear of '{joint}' but a "
+                    f"torque sensor, so the log needs '{joint}.joint_torque'."
+                )
+    joints = robot.transmission.joints
+    return tuple(j for j in joints if all(log.has(f"{j}.joint_torque") for log in logs))
+
+
+def without_torque_sensors(robot: Robot, logs: Sequence[Log]) -> list[Log]:
+    """Return the logs as drives alone tell them, where they tell anything.
+
+    Args:
+        robot: that the logs are held against.
+        logs: as recorded.
+    """
+    spared = {f"{joint}.joint_torque" for joint in robot.transmission.joints}
+    spared -= {f"{joint}.joint_torque" for joint in robot.sensor_only}
+    return [
+        replace(log, columns={n: v for n, v in log.columns.items() if n not in spared})
+        for log in logs
+    ]
+
+
+def not_judged(records: Sequence[Record]) -> tuple[int, ...]:
+    """Return the outputs that say nothing.
+
+    Drives without a report, links that are not described, and a base that touches all the time at
+    contacts without force sensors: their forces are what its balance asks for.
+    """
+    drives = np.flatnonzero(~np.all([record.reported for record in records], axis=0))
+    shares = [r.balance.seen_share if r.balance is not None else np.inf for r in records]
+    balanced = np.max(np.broadcast_arrays(*shares, np.zeros(1)), axis=0) < _HIDDEN
+    carried = np.flatnonzero(balanced) if balanced.size > 1 else drives[:0]
+    return (*map(int, drives), *map(int, carried), *without_links(records[0].robot))
+
+
+def without_links(robot: Robot) -> tuple[int, ...]:
+    """Return the outputs behind the sensors of joints that carry no mass.
+
+    What stands there the robot does not describe, such as the other motor of a dynamometer.
+    """
+    first = output_count(robot) - len(robot.torque_sensors)
+    data = robot.model.createData()
+    pin.computeSubtreeMasses(robot.model, data)
+    return tuple(
+        first + k
+        for k, joint in enumerate(robot.torque_sensors)
+        if data.mass[robot.model.getJointId(joint)] <= 0.0
+    )
