@@ -16,7 +16,14 @@ from wbc.identification.choice.weighing.odds import odds_of
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
 
-PROBLEM = SimpleNamespace(first=np.array([1.0]))
+
+def begun_at(*first: float) -> SimpleNamespace:
+    """Return logs on which the robot as given leaves these mean squares, in floors."""
+    excess = np.array(first) - 1.0
+    return SimpleNamespace(distorted=lambda share: share**2 * excess)
+
+
+PROBLEM = begun_at(1.0)
 FRICTION, OFFSET = CoulombFriction("hip", 0.5), TorqueOffset("hip", 0.1)
 
 
@@ -55,7 +62,7 @@ def test_the_prior_adds_to_it() -> None:
 
 def test_what_filters_distort_is_no_evidence() -> None:
     # One per cent of the first error (rms), 100 floors^2, is added to both variances.
-    rough = SimpleNamespace(first=np.array([1e6]))
+    rough = begun_at(1e6)
     one, other = weigh(rough, [hypothesis(20.0), hypothesis(2.0)])  # type: ignore[arg-type]
     # A tenth of it (rms) may look like any one cause, in every row alike.
     samples = 200.0 / (1.0 + 200.0 * 0.01 * 100.0 / 102.0)
@@ -67,7 +74,7 @@ def test_what_filters_distort_is_no_evidence() -> None:
 
 def test_more_rows_do_not_average_out_what_filters_distort() -> None:
     """An efficiency of 0.998 was certain on three long logs: it took up what filters distort."""
-    rough = SimpleNamespace(first=np.array([1e4]))  # 1 % of it (rms) is one floor
+    rough = begun_at(1e4)  # 1 % of it (rms) is one floor
     found = []
     for rows in (1e2, 1e4, 1e6):
         one, other = (replace(hypothesis(s), rows=np.full(5, rows)) for s in (1.2, 1.19))
@@ -83,7 +90,7 @@ def test_more_rows_do_not_average_out_what_filters_distort() -> None:
 
 def test_nothing_below_what_a_simulated_link_distorts_is_evidence() -> None:
     """Causes beside a link that bounces took up what its simulation leaves: 300 nats for none."""
-    rough = SimpleNamespace(first=np.array([4001.0]))  # 5 % of it (rms) are 10 floors^2
+    rough = begun_at(4001.0)  # 5 % of it (rms) are 10 floors^2
     play = Backlash("knee", width=0.04, stiffness=2e3, damping=10.0)
     alone, beside = hypothesis(9.0, effects=(play,)), hypothesis(4.0, effects=(play, FRICTION))
     one, other = weigh(rough, [alone, beside])  # type: ignore[arg-type]
@@ -107,7 +114,7 @@ def test_each_output_is_judged_with_the_samples_of_the_one_that_leaves_least_the
         rows = np.full(5, 100.0)
         return Hypothesis((), folds, folds, 0.0, folds[:, 0], np.array(samples), rows, 0.0, ())
 
-    problem = SimpleNamespace(first=np.array([1.0, 1.0]))
+    problem = begun_at(1.0, 1.0)
     loud, quiet = two((50.0, 4.0), (0.4, 0.01)), two((100.0, 1.0), (0.4, 0.4))
     both = log_densities(problem, [loud, quiet])  # type: ignore[arg-type]
     assert both[1, 1] - both[0, 1] == pytest.approx(0.5 * 200 * np.log(4.0))
