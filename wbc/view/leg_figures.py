@@ -99,9 +99,7 @@ def _draw_pose(
     _name_places(ax, names, line)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.12, 0.06)
-    ax.set_title("pose")
-    ax.set_xlabel(f"{axes[0]} [m]")
-    ax.set_ylabel(f"{axes[1]} [m]")
+    ax.set(title="pose", xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]")
 
 
 def _name_places(ax: Axes, names: list[str], places: FloatArray) -> None:
@@ -158,9 +156,11 @@ def _draw_inertia(
     if missing:
         ax.plot([], [], " ", label=missing)
     _legend_below(ax)
-    ax.set_title("inertia ellipsoids (principal inertias)")
-    ax.set_xlabel(f"{axes[0]} [kg]")
-    ax.set_ylabel(f"{axes[1]} [kg]")
+    ax.set(
+        title="inertia ellipsoids (principal inertias)",
+        xlabel=f"{axes[0]} [kg]",
+        ylabel=f"{axes[1]} [kg]",
+    )
 
 
 def _legend_below(ax: Axes) -> None:
@@ -209,9 +209,9 @@ def _draw_force(
     ax.autoscale_view()
     ax.margins(0.06, 0.08)
     _legend_below(ax)
-    ax.set_title("force on the surroundings")
-    ax.set_xlabel(f"$f_{axes[0]}$ [N]")
-    ax.set_ylabel(f"$f_{axes[1]}$ [N]")
+    ax.set(
+        title="force on the surroundings", xlabel=f"$f_{axes[0]}$ [N]", ylabel=f"$f_{axes[1]}$ [N]"
+    )
 
 
 def tradeoff_figure(
@@ -249,8 +249,7 @@ def tradeoff_figure(
         if robot.floating_size:
             _draw_mitigation(grid[0][-1], sweep, theme)
         for ax in grid[0]:
-            ax.set_xlabel("forward efficiency $\\eta_f$ [-]")
-            ax.set_xlim(0.5, 1.0)
+            ax.set(xlabel="forward efficiency $\\eta_f$ [-]", xlim=(0.5, 1.0))
     return figure
 
 
@@ -274,8 +273,7 @@ def _draw_relation(ax: Axes, robot: Robot, eta: FloatArray, theme: Theme) -> Non
             text, (f, b), xytext=(0, -7), ha="center", va="top",
             textcoords="offset points", fontsize=8,
         )  # fmt: skip
-    ax.set_title("backward efficiency of the wedge")
-    ax.set_ylabel("$\\eta_b$ [-]")
+    ax.set(title="backward efficiency of the wedge", ylabel="$\\eta_b$ [-]")
 
 
 def _draw_ratios(ax: Axes, sweep: Sweep, theme: Theme) -> None:
@@ -285,8 +283,7 @@ def _draw_ratios(ax: Axes, sweep: Sweep, theme: Theme) -> None:
     ax.plot(sweep.values, sweep.lift_ratio, color=theme.series[0], label="lift")
     ax.set_yscale("log")
     ax.set_yticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
-    ax.set_title("force over force with perfect gears")
-    ax.set_ylabel("ratio [-]")
+    ax.set(title="force over force with perfect gears", ylabel="ratio [-]")
     ax.legend()
 
 
@@ -297,6 +294,4 @@ def _draw_mitigation(ax: Axes, sweep: Sweep, theme: Theme) -> None:
         "perfect gears", (0.51, values[-1]), xytext=(0, 3), textcoords="offset points", fontsize=8
     )
     ax.plot(sweep.values, values, color=theme.series[2])
-    ax.set_ylim(0.0, 1.0)
-    ax.set_title("impact mitigation factor")
-    ax.set_ylabel("IMF [-]")
+    ax.set(ylim=(0.0, 1.0), title="impact mitigation factor", ylabel="IMF [-]")

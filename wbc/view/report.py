@@ -13,7 +13,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.extras import needs
 from wbc.files import write_text
-from wbc.identification import Comparison, Diagnosis, OpenLoop, Series
+from wbc.identification import Comparison, Diagnosis, OpenLoop
 from wbc.identification.answer.comparison import compare_problem
 from wbc.identification.answer.diagnosis.to_do import Commands
 from wbc.identification.answer.numbers import efforts
@@ -34,7 +34,7 @@ from wbc.view.report_content import (
     remark_lists,
     stairs,
 )
-from wbc.view.residuals import LogResiduals, ResidualRun, explained_curves, residuals_in
+from wbc.view.residuals import LogResiduals, ResidualRun, residuals_in
 from wbc.view.rows import (
     clock_rows,
     error_rows,
@@ -136,8 +136,8 @@ def report_page(
     context |= _diagnosis_part(diagnosis, comparison) | {"formulas": formula_part(discovery)}
     context["playback"] = _embedded(_playback(robot, logs[0], comparison))
     fitted = problem.robot if diagnosis is None else diagnosis.robot
-    after = series_of(fitted, problem.records)
-    plots = residual_plots(residuals_in(problem, fitted), comparison.series, after)
+    series = series_of(fitted, problem.records)
+    plots = residual_plots(residuals_in(problem, comparison.series, series))
     context["data"] = _embedded(
         {**plots, "steps": context["steps"], "fitted": bool(context["cards"])}
     )
@@ -194,70 +194,47 @@ _POINTS = 450
 _STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
 
 
-def residual_plots(
-    residuals: LogResiduals, before: Sequence[Series], after: Sequence[Series]
-) -> dict[str, Any]:
+def residual_plots(residuals: LogResiduals) -> dict[str, Any]:
     """Return per output: torques and residuals over time, residuals over speed, position and load.
 
     Args:
         residuals: of the robot as given and of the one with the effects found.
-        before: torques of the robot as given, one per log.
-        after: torques of the robot with the effects found.
     """
     runs = residuals.runs
     rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(residuals.outputs))))
-    stacked = {
-        name: np.concatenate([getattr(run, name) for run in runs])
-        for name in ("speed", "position", "load", "before", "after")
-    }
-    every = max(1, -(-len(stacked["before"]) // _POINTS))
     panels = []
     for k, output in enumerate(residuals.outputs):
-        linear = residuals.units[k] == "N"
-        over = []
-        for name, unit in (
-            ("speed", "m/s" if linear else "rad/s"),
-            ("position", "m" if linear else "rad"),
-            ("load", residuals.units[k]),
-        ):
-            x = stacked[name][::every, k]
-            if np.isfinite(x).all():
-                curves = explained_curves(
-                    stacked[name][:, k],
-                    stacked["before"][:, k] - stacked["after"][:, k],
-                    stacked["speed"][:, k],
-                )
-                lines = [{"x": _short(c), "y": _short(mean)} for c, mean in curves]
-                over.append({"name": name, "unit": unit, "x": _short(x), "explained": lines})
+        before, after = (residuals.stacked(name, k) for name in ("before", "after"))
+        few = slice(None, None, max(1, -(-len(before) // _POINTS)))
         panels.append(
             {
                 "output": output,
                 "unit": residuals.units[k],
                 "floor": float(residuals.floor[k]),
-                "over": over,
-                "before": _short(stacked["before"][::every, k]),
-                "after": _short(stacked["after"][::every, k]),
-                "runs": [
-                    _over_time(run, first, second, k, k < residuals.driven, rows)
-                    for run, first, second in zip(runs, before, after, strict=True)
+                "over": [
+                    {
+                        "name": name,
+                        "unit": unit,
+                        "x": _short(x[few]),
+                        "explained": [{"x": _short(c), "y": _short(mean)} for c, mean in curves],
+                    }
+                    for name, unit, x, curves in residuals.over(k)
                 ],
+                "before": _short(before[few]),
+                "after": _short(after[few]),
+                "runs": [_over_time(run, k, k < residuals.driven, rows) for run in runs],
             }
         )
-    return {"logs": [short_label(run.name) for run in runs], "panels": panels}
+    return {"logs": [short_label(run.given.name) for run in runs], "panels": panels}
 
 
-def _over_time(
-    run: ResidualRun, before: Series, after: Series, k: int, driven: bool, rows: int
-) -> dict[str, Any]:
+def _over_time(run: ResidualRun, k: int, driven: bool, rows: int) -> dict[str, Any]:
     every = slice(None, None, max(1, -(-len(run.time) // rows)))
-    lines = {"before": run.before[:, k], "after": run.after[:, k]}
+    lines = {"before": run.before, "after": run.after}
     if driven:
-        lines |= {
-            "measured": before.measured[:, k],
-            "given": before.modelled[:, k],
-            "fitted": after.modelled[:, k],
-        }
-    short = {name: _short(values[every]) for name, values in lines.items()}
+        lines |= {"measured": run.given.measured}
+        lines |= {"given": run.given.modelled, "fitted": run.fitted.modelled}
+    short = {name: _short(values[every, k]) for name, values in lines.items()}
     unused = [_short(stretch, 6) for stretch in run.unused[k][:_STRETCHES]]
     return {"t": _short(run.time[every], 6), **short, "unused": unused}
 

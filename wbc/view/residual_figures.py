@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from wbc.arrays import FloatArray
 from wbc.view.palette import LIGHT, Theme
-from wbc.view.residuals import LogResiduals, explained_curves
+from wbc.view.residuals import LogResiduals
 from wbc.view.style import drawing, new_figure
 
 _POINTS = 1500
@@ -32,27 +32,26 @@ def residual_figure(residuals: LogResiduals, fitted_label: str, theme: Theme = L
         theme: page colours.
     """
     run = residuals.runs[0]
-    stacked = [
-        np.concatenate([getattr(r, name) for r in residuals.runs])
-        for name in ("speed", "position", "load", "before", "after")
-    ]
-    speed, position, load, before, after = stacked
+    dots: dict[str, Any] = {"s": 4, "linewidths": 0, "rasterized": True, "alpha": 0.45}
     with drawing(theme):
         figure, grid = new_figure(residuals.driven, 4, 12.0, 2.3 * residuals.driven + 0.6)
         for k, axes in enumerate(grid):
             _over_time(axes[0], run.time, run.before[:, k], run.after[:, k], theme)
-            for ax, x in zip(axes[1:], (speed, position, load), strict=True):
-                _over(ax, x[:, k], before[:, k], after[:, k], speed[:, k], theme)
+            label = f"measured - model [{residuals.units[k]}]"
+            axes[0].set(title=residuals.outputs[k], xlabel="time [s]", ylabel=label)
+            for ax in axes[1:]:
+                ax.set_visible(False)
+            before, after = (residuals.stacked(name, k) for name in ("before", "after"))
+            few = slice(None, None, max(1, len(before) // _POINTS))
+            for ax, (name, unit, x, curves) in zip(axes[1:], residuals.over(k), strict=False):
+                ax.set(xlabel=f"{name} [{unit}]", visible=True)
+                ax.scatter(x[few], before[few], color=theme.series[1], **dots)
+                ax.scatter(x[few], after[few], color=theme.series[0], **dots)
+                for curve in curves:
+                    ax.plot(*curve, color=theme.series[2], linewidth=1.6)
             for ax in axes:
                 level = 2.0 * residuals.floor[k]
                 ax.axhspan(-level, level, color=theme.ink, alpha=0.13, linewidth=0.0)
-            axes[0].set_title(residuals.outputs[k])
-            axes[0].set_ylabel(f"measured - model [{residuals.units[k]}]")
-            linear = residuals.units[k] == "N"
-            labels = ("time [s]", "speed [m/s]", "position [m]", "load [N]")
-            turning = ("time [s]", "speed [rad/s]", "position [rad]", "load [N m]")
-            for ax, label in zip(axes, labels if linear else turning, strict=True):
-                ax.set_xlabel(label)
         entries = [
             Line2D([], [], color=theme.series[1], marker="o", linestyle="", label="as given"),
             Line2D([], [], color=theme.series[0], marker="o", linestyle="", label=fitted_label),
@@ -79,20 +78,12 @@ def unexplained_figure(residuals: LogResiduals, fitted_label: str, theme: Theme 
         for k, (ax,) in enumerate(grid):
             _over_time(ax, run.time, run.before[:, k], run.after[:, k], theme, 1.4)
             before, after = (
-                float(
-                    np.sqrt(
-                        np.mean(
-                            np.concatenate([getattr(r, side)[:, k] for r in residuals.runs]) ** 2
-                        )
-                    )
-                )
+                float(np.sqrt(np.mean(residuals.stacked(side, k) ** 2)))
                 for side in ("before", "after")
             )
-            unit = residuals.units[k]
-            ax.set_title(
-                f"{residuals.outputs[k]}: {before:.2g} {unit} unexplained, then {after:.1g} {unit}"
-            )
-            ax.set_ylabel(f"measured - model\n[{unit}]")
+            unit, name = residuals.units[k], residuals.outputs[k]
+            title = f"{name}: {before:.2g} {unit} unexplained, then {after:.1g} {unit}"
+            ax.set(title=title, ylabel=f"measured - model\n[{unit}]")
         grid[-1][0].set_xlabel("time [s]")
         entries = [
             Line2D([], [], color=theme.series[1], label="model as given"),
@@ -121,23 +112,11 @@ def staircase_figure(
         # From zero and linear: the length of a bar is the error, twice as long is twice as much.
         ax.set_xlim(0.0, 1.12 * max(errors.max(), 2.0))
         ax.axvline(1.0, color=theme.series[1], linestyle="--")
-        ax.annotate(
-            f"1 = noise floor ({floor_source})",
-            (1.0, -0.62),
-            xytext=(3, 0),
-            textcoords="offset points",
-            color=theme.series[1],
-            fontsize=8,
-        )
+        beside: dict[str, Any] = {"textcoords": "offset points"}
+        text = f"1 = noise floor ({floor_source})"
+        ax.annotate(text, (1.0, -0.62), (3, 0), color=theme.series[1], fontsize=8, **beside)
         for row, error in zip(rows, errors, strict=True):
-            ax.annotate(
-                f"{error:.3g}",
-                (error, row),
-                xytext=(4, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=8.5,
-            )
+            ax.annotate(f"{error:.3g}", (error, row), (4, 0), va="center", fontsize=8.5, **beside)
         ax.set_yticks(rows, [label for label, _ in steps])
         ax.set_ylim(len(steps) - 0.4, -0.8)
         ax.grid(visible=False, axis="y")
@@ -156,19 +135,3 @@ def _over_time(
     ax.plot(time, before, color=theme.series[1], linewidth=width)
     ax.plot(time, after, color=theme.series[0], linewidth=width)
     ax.set_xlim(time[0], time[-1])
-
-
-def _over(
-    ax: Axes, x: FloatArray, before: FloatArray, after: FloatArray, speed: FloatArray, theme: Theme
-) -> None:
-    known = np.isfinite(x)
-    x, before, after, speed = x[known], before[known], after[known], speed[known]
-    if not x.size:
-        ax.set_visible(False)
-        return
-    few = slice(None, None, max(1, len(x) // _POINTS))
-    dots: dict[str, Any] = {"s": 4, "linewidths": 0, "rasterized": True}
-    ax.scatter(x[few], before[few], color=theme.series[1], alpha=0.45, **dots)
-    ax.scatter(x[few], after[few], color=theme.series[0], alpha=0.45, **dots)
-    for curve in explained_curves(x, before - after, speed):
-        ax.plot(*curve, color=theme.series[2], linewidth=1.6)

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.identification.answer.series import Series, series_of
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.robot.coordinates import coordinate_names
 
 _HALF = 0.5
+
+Curve = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +25,8 @@ class ResidualRun:
     """One log: residuals and what to plot them over, all (rows, outputs).
 
     Attributes:
-        name: of the log.
-        time: (rows,) [s].
-        before: measured minus modelled of the robot that was given [N m, N].
-        after: the same of the robot with the effects found.
+        given: torques and residual of the robot that was given.
+        fitted: the same of the robot with the effects found.
         position: of the joint [rad, m].
         speed: of the joint [rad/s, m/s].
         load: measured torque at the motor output [N m]; NaN for undriven coordinates.
@@ -34,14 +34,27 @@ class ResidualRun:
             as near a reversal of motion.
     """
 
-    name: str
-    time: FloatArray
-    before: FloatArray
-    after: FloatArray
+    given: Series
+    fitted: Series
     position: FloatArray
     speed: FloatArray
     load: FloatArray
     unused: tuple[FloatArray, ...]
+
+    @property
+    def time(self) -> FloatArray:
+        """(rows,) [s]."""
+        return self.given.time
+
+    @property
+    def before(self) -> FloatArray:
+        """Measured minus modelled of the robot that was given [N m, N]."""
+        return self.given.residual
+
+    @property
+    def after(self) -> FloatArray:
+        """The same of the robot with the effects found."""
+        return self.fitted.residual
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +77,25 @@ class LogResiduals:
     floor_source: str
     runs: tuple[ResidualRun, ...]
 
+    def stacked(self, name: str, output: int) -> FloatArray:
+        """Return one of the arrays of the runs for an output, over all logs (rows,)."""
+        return np.concatenate([getattr(run, name)[:, output] for run in self.runs])
+
+    def over(self, output: int) -> list[tuple[str, str, FloatArray, tuple[Curve, ...]]]:
+        """Return name, unit and values (rows,) of what a residual may depend on.
+
+        With each come the `explained_curves` over it.
+        """
+        linear, found = self.units[output] == "N", []
+        explained = self.stacked("before", output) - self.stacked("after", output)
+        units = ("m/s", "m", "N") if linear else ("rad/s", "rad", "N m")
+        for name, unit in zip(("speed", "position", "load"), units, strict=True):
+            x = self.stacked(name, output)
+            if np.isfinite(x).all():
+                curves = explained_curves(x, explained, self.stacked("speed", output))
+                found.append((name, unit, x, curves))
+        return found
+
 
 def residuals_of(robot: Robot, fitted: Robot, logs: Sequence[Log]) -> LogResiduals:
     """Return the residuals of `robot` and of `fitted`, the same robot with effects, on logs.
@@ -72,58 +104,41 @@ def residuals_of(robot: Robot, fitted: Robot, logs: Sequence[Log]) -> LogResidua
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    return residuals_in(EstimationProblem.from_logs(robot, logs), fitted)
+    problem = EstimationProblem.from_logs(robot, logs)
+    return residuals_in(
+        problem, series_of(robot, problem.records), series_of(fitted, problem.records)
+    )
 
 
-def residuals_in(problem: EstimationProblem, fitted: Robot) -> LogResiduals:
-    """Return the residuals of a prepared problem's robot and of `fitted`."""
+def residuals_in(
+    problem: EstimationProblem, given: Sequence[Series], fitted: Sequence[Series]
+) -> LogResiduals:
+    """Return the residuals of a prepared problem's robot and of the fitted one, by their series."""
     robot = problem.robot
-    names, units = output_names(robot)
     return LogResiduals(
-        outputs=names,
-        units=units,
+        outputs=output_names(robot),
+        units=output_units(robot),
         driven=robot.transmission.size,
         floor=problem.floor.values,
         floor_source=problem.floor.source,
-        runs=tuple(_run(robot, fitted, record) for record in problem.records),
+        runs=tuple(
+            _run(robot, record, *both)
+            for record, *both in zip(problem.records, given, fitted, strict=True)
+        ),
     )
 
 
-def output_names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return name and unit of every output of a residual: driven joints, then the rest."""
-    names, units = coordinate_names(robot)
-    order = [*robot.actuated, *robot.unactuated]
-    sensors = [f"{joint} (link side)" for joint in robot.torque_sensors]
-    behind = [units[row] for row in robot.actuated[robot.sensed]]
-    return (*(names[row] for row in order), *sensors), (*(units[row] for row in order), *behind)
-
-
-def _run(robot: Robot, fitted: Robot, record: Record) -> ResidualRun:
-    gears = robot.transmission
+def _run(robot: Robot, record: Record, given: Series, fitted: Series) -> ResidualRun:
+    gears, motion = robot.transmission, record.motion
     rows = slice(record.edge, len(record.torque) - record.edge, record.stride)
-    motion = record.motion
-    speed = np.concatenate(
-        [
-            motion.velocity[:, robot.actuated] @ gears.motor_from_joint.T,
-            motion.velocity[:, robot.unactuated],
-            motion.velocity[:, robot.actuated[robot.sensed]],
-        ],
-        axis=1,
-    )[rows]
-    position = np.full(speed.shape, np.nan)
+    turning = motion.velocity[:, robot.actuated]
+    parts = [turning @ gears.motor_from_joint.T, motion.velocity[:, robot.unactuated]]
+    speed = np.concatenate([*parts, turning[:, robot.sensed]], axis=1)[rows]
+    position, load = np.full((2, *speed.shape), np.nan)
     position[:, : gears.size] = motion.position[rows][:, robot.actuated_position]
-    load = np.full(speed.shape, np.nan)
     load[:, : gears.size] = (record.torque * gears.gear_ratio)[rows]
-    return ResidualRun(
-        name=record.name,
-        time=record.time,
-        before=condensed_residual(robot, [record]),
-        after=condensed_residual(fitted, [record]),
-        position=position,
-        speed=speed,
-        load=load,
-        unused=tuple(_stretches(weight < _HALF, record) for weight in record.weight.T),
-    )
+    unused = tuple(_stretches(weight < _HALF, record) for weight in record.weight.T)
+    return ResidualRun(given, fitted, position, speed, load, unused)
 
 
 def _stretches(inside: BoolArray, record: Record) -> FloatArray:
@@ -133,8 +148,6 @@ def _stretches(inside: BoolArray, record: Record) -> FloatArray:
     ends = record.time[0] + (changed.reshape(-1, 2) - [0, 1]) / record.rate
     return np.asarray(ends)
 
-
-Curve = tuple[FloatArray, FloatArray]
 
 _BINS = 24
 _LEAST = 8

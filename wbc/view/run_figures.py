@@ -84,8 +84,7 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
                 ax.set_ylabel("power [W]")
                 mark_impacts(ax, impacts, theme.ink)
         for ax in grid[-1]:
-            ax.set_xlabel("time [s]")
-            ax.set_xlim(log.time[0], log.time[-1])
+            ax.set(xlabel="time [s]", xlim=(log.time[0], log.time[-1]))
         figure.legend(handles=direction_patches(), loc="outside upper center", ncols=3)
     return figure
 
@@ -172,17 +171,18 @@ def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT, *, held: bool = 
         upper, lower = grid[0][0], grid[1][0]
         for i, (label, values) in enumerate(lines):
             upper.plot(log.time, values, color=theme.series[i], linestyle=DASHES[i], label=label)
-        upper.set_title("energy since the start")
-        upper.set_ylabel("energy [J]")
+        upper.set(title="energy since the start", ylabel="energy [J]")
         legend_above(figure, upper, 3)
         lower.plot(log.time, audit.unexplained, color=theme.ink)
         # On the scale of a twentieth of the energies: a line that looks flat is explained.
         lower.set_ylim(-(limit := max(0.05 * largest, 1.2 * left)), limit)
         share = 100.0 * left / largest if largest else 0.0
-        lower.set_title(f"not explained: at most {left:.2g} J, {share:.1g} % of the largest energy")
-        lower.set_ylabel("energy [J]")
-        lower.set_xlabel("time [s]")
-        lower.set_xlim(log.time[0], log.time[-1])
+        lower.set(
+            title=f"not explained: at most {left:.2g} J, {share:.1g} % of the largest energy",
+            ylabel="energy [J]",
+            xlabel="time [s]",
+            xlim=(log.time[0], log.time[-1]),
+        )
         figure.align_ylabels([upper, lower])
     return figure
 
@@ -297,8 +297,7 @@ def _label(grid: list[list[Axes]], joints: tuple[str, ...], theme: Theme) -> Non
     ]
     for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
         for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
-            ax.set_title(title)
-            ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
+            ax.set(title=title, ylabel=f"{_QUANTITY[unit]} [{unit}]")
             ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
     for ax in grid[-1]:
         ax.set_xlabel("time after the impact [ms]")
@@ -344,15 +343,13 @@ def standing_figure(
         titles += [f"rotor torque, {joint}" for joint in gears.joints] + ["vertical ground force"]
         units += ["N m"] * gears.size + ["N"]
         for ax, title, unit in zip(axes, titles, units, strict=True):
-            ax.set_title(title)
-            ax.set_ylabel(f"{_QUANTITY[unit]} [{unit}]")
+            ax.set(title=title, ylabel=f"{_QUANTITY[unit]} [{unit}]")
         if impacts:
             # The force of an impact would flatten all others.
             axes[-1].set_ylim(-0.1 * robot_weight(robot), _CUT * robot_weight(robot))
             peak = max(impact.force for impact in impacts)
             axes[-1].set_title(f"{titles[-1]} (impacts up to {peak:.0f} N are cut off)")
-        axes[-1].set_xlabel("time [s]")
-        axes[-1].set_xlim(first.time[0], first.time[-1])
+        axes[-1].set(xlabel="time [s]", xlim=(first.time[0], first.time[-1]))
         figure.align_ylabels(axes)
         legend_above(figure, axes[0], len(runs) + 1)
     return figure

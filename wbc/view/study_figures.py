@@ -74,9 +74,11 @@ def design_map(
                 _line(ax, table, varied[0], name, theme)
             else:
                 _map(figure, ax, table, varied, name)
-            ax.set_title(_label(name, units) + _missing(table[name]))
-            ax.set_xlabel(_label(varied[0], units))
-            ax.set_ylabel(_label(varied[1], units) if len(varied) > 1 else _label(name, units))
+            ax.set(
+                title=_label(name, units) + _missing(table[name]),
+                xlabel=_label(varied[0], units),
+                ylabel=_label(varied[1], units) if len(varied) > 1 else _label(name, units),
+            )
             _scales(ax, varied, logarithmic)
         for ax in axes[len(shown) :]:
             ax.set_visible(False)
@@ -119,9 +121,11 @@ def pareto_figure(
             label="not beaten in both",
         )  # fmt: skip
         figure.colorbar(points, ax=ax, label=_label(coloured, units))
-        ax.set_title("Pareto front")
-        ax.set_xlabel(_label(objectives[0], units))
-        ax.set_ylabel(_label(objectives[1], units))
+        ax.set(
+            title="Pareto front",
+            xlabel=_label(objectives[0], units),
+            ylabel=_label(objectives[1], units),
+        )
         ax.legend()
     return figure
 
@@ -303,8 +307,7 @@ def _panel(
             label=f"{name}{' drifts' if drifting else ''}" if shown else None,
         )
     unit = "" if first.unit == "1" else f" [{first.unit}]"
-    ax.set_title(first.name)
-    ax.set_ylabel(f"{first.quantity[2].replace('_', ' ')}{unit}")
+    ax.set(title=first.name, ylabel=f"{first.quantity[2].replace('_', ' ')}{unit}")
     locator = AutoDateLocator(maxticks=6)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
