@@ -157,13 +157,12 @@ def reduced(line: str) -> str:
 def test_the_commands_for_a_quadruped_and_an_arm_run_in_small(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All but the plan for Solo12, which takes 10 s with one round and one second of motion."""
     monkeypatch.chdir(tmp_path)
-    commands = commands_of("docs/guide/tutorial-design.md")
+    commands = commands_of("docs/guide/gearbox-design.md")
+    commands += [c for c in commands_of("docs/diagnosis/deciding-experiment.md") if "link_4" in c]
     for line in commands:
-        if not line.startswith("wbc experiment solo12"):
-            run_commands(reduced(line))
-    assert len(commands) == 6
+        run_commands(reduced(line))
+    assert len(commands) == 7
     assert len(list(Path("out").glob("*.png"))) >= 5
 
 
