@@ -11,7 +11,7 @@ import pytest
 from wbc import load_robot, save_robot
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.weighing.certainty import CERTAIN
-from wbc.measurement import load_logs
+from wbc.measurement import Log, load_logs
 
 FOREIGN = Path(__file__).parents[2].parent / "shared" / "data" / "foreign"
 
@@ -22,12 +22,19 @@ def case(name: str) -> Path:
     return FOREIGN / name
 
 
-@pytest.mark.parametrize("name", ["31_so101_targets_coulomb", "33_z1_targets_efficiency"])
-def test_where_targets_are_logged_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
-    """Held targets and filtered velocities are the drives' own; eight and three were false."""
+def runs_of(folder: Path, names: str) -> tuple[Log, ...]:
+    columns = folder / "columns.toml"
+    files = [folder / f"{name}.csv" for name in names.split()]
+    return load_logs(files, columns if columns.exists() else None)
+
+
+@pytest.mark.parametrize(
+    "name", ["14_z1_ripple", "31_so101_targets_coulomb", "33_z1_targets_efficiency"]
+)
+def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
+    """A ripple beside a repeat; and logs of targets, where eight and three causes were false."""
     folder = case(name)
-    robot = load_robot(str(folder / "robot.toml"))
-    found = diagnose(robot, load_logs([folder / f"run{k}.csv" for k in (1, 2, 3)]))
+    found = diagnose(load_robot(str(folder / "robot.toml")), runs_of(folder, "run1 run2 run3"))
     truth = json.loads((folder / "truth.json").read_text())["causes"]
     certain = {f.effect.key for f in found.findings if f.probability >= CERTAIN}
     assert certain == {(cause["effect"], cause["where"]) for cause in truth}
@@ -36,9 +43,16 @@ def test_where_targets_are_logged_only_what_is_hidden_is_certain(name: str, tmp_
         (effect,) = (e for e in found.effects if e.key == (cause["effect"], cause["where"]))
         for parameter, value in cause["params"].items():
             assert effect.values[parameter] == pytest.approx(value, rel=0.02)
-    # The times of the drives are part of the robot that is saved: fresh logs are left at the floor.
+    # The times of drives that follow targets are saved, too: fresh logs are left at the floor.
     again = load_robot(save_robot(found.robot, tmp_path / "fitted.toml"))
     delays = again.transmission.target_delay
     np.testing.assert_array_equal(delays, found.robot.transmission.target_delay)
-    for output in compare(again, load_logs([folder / "fresh.csv"])).outputs:
+    for output in compare(again, runs_of(folder, "fresh")).outputs:
         assert output.rms < 1.5 * output.floor
+
+
+def test_a_sound_arm_lacks_nothing() -> None:
+    """Its repeat has one row more, and its velocities lag: a delay was certain."""
+    folder = case("27_ur5_null")
+    robot = load_robot(str(folder / "robot.toml"))
+    assert diagnose(robot, runs_of(folder, "run1 run2 run3")).verdict == "none"
