@@ -151,7 +151,7 @@ def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     step = fit.step(rows)
     left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
     a = fit.jacobian[rows].reshape(-1, len(fit.parameters))
-    norm = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-300)
+    norm = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-150)
     gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(norm.size)
     spread = np.sqrt(ROWS_PER_SAMPLE * np.mean(left**2) * np.diag(np.linalg.inv(gram)))
     return step, np.asarray(spread / norm)
