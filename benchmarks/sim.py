@@ -1,11 +1,8 @@
-"""Steps per second of the plant beside MuJoCo on the same model and step, in the same run.
+"""Steps of the plant beside MuJoCo on the same model and step, in the same run.
 
 MuJoCo knows no directional efficiency: it gets lossless gears (armature N^2 I_r) and its own soft
 contact, the plant gets the lossy gears it is for. Both are stepped from Python under the same
-Python PD. A second table holds every case against the least that its library calls cost in Python,
-a third the closed loop at 1 kHz, a fourth says where the time goes, a fifth how it grows with gears
-and contacts.
-Run: python -m benchmarks.sim [--profile]
+Python PD. Run: python -m benchmarks.sim
 """
 
 from __future__ import annotations
@@ -14,87 +11,144 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-import argparse
-import cProfile
-import pstats
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import process_time
 
+import mujoco
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.sim_cases import DT, Case, cases
-from benchmarks.sim_floor import bare_step
-from benchmarks.sim_growth import growth
-from benchmarks.sim_loop import loop_table
-from benchmarks.sim_time import best_in_turns, mujoco_run, plant_run
+from benchmarks.controller import machine
+from benchmarks.mujoco_model import mujoco_model
+from wbc import Robot, load_robot
+from wbc.sim import Plant, SimState
+
+DT, ROUNDS = 1e-3, 15
 
 
-def rates(timed: dict[str, Case]) -> tuple[Table, Table, dict[str, float]]:
-    """Return the tables beside MuJoCo and beside the floor, and the plant's seconds per step."""
-    beside = Table(title=f"steps per second at dt = {DT * 1e3:g} ms, one core")
-    for name in ("case", "plant", "x real time", "MuJoCo", "MuJoCo / plant"):
-        beside.add_column(name, justify="left" if name == "case" else "right")
-    floor = Table(title="plant step over its bare library calls (pinocchio, LAPACK, numpy)")
-    for name in ("case", "step [us]", "calls [us]", "step / calls"):
-        floor.add_column(name, justify="left" if name == "case" else "right")
-    seconds = {}
-    for name, case in timed.items():
-        bare = bare_step(case)
-        calls = (lambda bare=bare: [bare() for _ in range(100)]), 100
-        own, peer, least = best_in_turns(plant_run(case), mujoco_run(case), calls)
-        seconds[name] = own
-        ratio = own / peer
-        beside.add_row(name, f"{1 / own:.0f}", f"{DT / own:.1f}", f"{1 / peer:.0f}", f"{ratio:.1f}")
-        floor.add_row(name, f"{own * 1e6:.0f}", f"{least * 1e6:.0f}", f"{own / least:.1f}")
-    return beside, floor, seconds
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One thing to time.
+
+    Attributes:
+        robot: what is simulated.
+        start: state from which the timed steps begin.
+        pose: q that the PD holds.
+        gain: of the PD [N m/rad].
+        steps: from `start` on; one means that the same step is taken again and again.
+    """
+
+    robot: Robot
+    start: SimState
+    pose: np.ndarray
+    gain: float
+    steps: int
+
+    def torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return what a PD that holds the pose asks of the rotors (m,) [N m]."""
+        gears, at = self.robot.transmission, self.robot.actuated_position
+        error = q[at] - self.pose[at] + 0.025 * v[self.robot.actuated]
+        return -self.gain * error / gears.gear_ratio
 
 
-def shares(case: Case) -> dict[str, float]:
-    """Return the share of the step's time per module; library calls count for their caller."""
-    run, _ = plant_run(case)
-    profiler = cProfile.Profile()
-    profiler.runcall(run)
-    found: dict[str, float] = {}
-    for (file, _, _), (_, _, own, _, callers) in pstats.Stats(profiler).stats.items():
-        if "/wbc/" in file:
-            parts = [(file, own)]
-        else:
-            parts = [(who[0], part[2]) for who, part in callers.items()]
-        for place, time in parts:
-            inside = "/wbc/" in place
-            module = place.split("/wbc/")[1].removesuffix(".py") if inside else "other"
-            found[module] = found.get(module, 0.0) + time
-    total = sum(found.values())
-    return {name: time / total for name, time in sorted(found.items(), key=lambda i: -i[1])}
+def held(robot: Robot, pose: np.ndarray, gain: float, steps: int, settle: int = 20) -> Case:
+    """Return the case of a robot that has held `pose` for some steps."""
+    plant = Plant(robot)
+    found = Case(robot, plant.state(pose), pose, gain, steps)
+    state = found.start
+    for _ in range(settle):
+        state = plant.step(state, found.torque(state.position, state.velocity), DT).state
+    return Case(robot, state.replace(time=0.0), pose, gain, steps)
 
 
-def where_it_goes(timed: dict[str, Case]) -> Table:
-    """Return the table of the modules that take most of a step."""
-    table = Table("module", title="share of a step's time, profiled [%]")
-    found = {name: shares(timed[name]) for name in ("planar leg, stance", "solo12, stance")}
-    for name in found:
-        table.add_column(name, justify="right")
-    first = next(iter(found.values()))
-    for module in list(first)[:12]:
-        table.add_row(module, *(f"{100.0 * part.get(module, 0.0):.0f}" for part in found.values()))
-    return table
+def before_impact(robot: Robot, pose: np.ndarray, gain: float) -> Case:
+    """Return the case of the one step in which the robot, falling from `pose`, lands."""
+    plant = Plant(robot)
+    found = Case(robot, plant.state(pose), pose, gain, 1)
+    state = found.start
+    while True:
+        result = plant.step(state, found.torque(state.position, state.velocity), DT)
+        if result.impacts:
+            return Case(robot, state.replace(time=0.0), pose, gain, 1)
+        state = result.state
 
 
-def main() -> dict[str, float]:
-    """Print the tables; return the plant's seconds per step."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--profile", action="store_true", help="print every function's time too")
-    console, timed = Console(), cases()
-    beside, floor, seconds = rates(timed)
-    for table in (beside, floor, loop_table()[0], where_it_goes(timed)):
-        console.print(table)
-    growth()
-    if parser.parse_args().profile:
-        for name, case in timed.items():
-            profiler = cProfile.Profile()
-            profiler.runcall(plant_run(case)[0])
-            console.print(name)
-            pstats.Stats(profiler).sort_stats("tottime").print_stats(20)
-    return seconds
+def cases() -> dict[str, Case]:
+    """Return what is timed, by name."""
+    leg, solo, talos = load_robot("planar_leg_strong"), load_robot("solo12"), load_robot("talos")
+    bent = {"hip": -0.5, "knee": 1.0}
+    height = 0.8 * np.cos(0.5)
+    high, low = np.array(solo.pose()), np.array(solo.pose())
+    high[2], low[2] = high[2] + 50.0, low[2] + 0.05
+    return {
+        "planar leg, stance": held(leg, leg.configuration(**bent, base_z=height), 400.0, 200),
+        "planar leg, flight": held(leg, leg.configuration(**bent, base_z=50.0), 400.0, 200),
+        "planar leg, impact": before_impact(
+            leg, leg.configuration(**bent, base_z=height + 0.05), 400.0
+        ),
+        "solo12, stance": held(solo, solo.pose(), 8.0, 120),
+        "solo12, flight": held(solo, high, 8.0, 120),
+        "solo12, impact": before_impact(solo, low, 8.0),
+        "talos, stance": held(talos, talos.pose(), 2000.0, 80),
+    }
+
+
+def plant_run(case: Case) -> tuple[Callable[[], None], int]:
+    """Return a function that steps the plant through the case, and how many steps it takes."""
+    plant, repeats = Plant(case.robot), max(1, 60 // case.steps)
+
+    def run() -> None:
+        for _ in range(repeats):
+            state = case.start
+            for _ in range(case.steps):
+                state = plant.step(state, case.torque(state.position, state.velocity), DT).state
+
+    return run, repeats * case.steps
+
+
+def mujoco_run(case: Case) -> tuple[Callable[[], None], int]:
+    """Return the same for mj_step under the same PD, called from Python."""
+    robot, model = case.robot, mujoco_model(case.robot, DT)
+    data, position = mujoco.MjData(model), np.array(case.start.position)
+    if robot.has_free_flyer:
+        position[3:7] = position[[6, 3, 4, 5]]
+    repeats, to_joint = max(1, 60 // case.steps), robot.transmission.distribution
+
+    def run() -> None:
+        for _ in range(repeats):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:] = position, case.start.velocity
+            for _ in range(case.steps):
+                data.qfrc_applied[robot.actuated] = to_joint @ case.torque(data.qpos, data.qvel)
+                mujoco.mj_step(model, data)
+
+    return run, repeats * case.steps
+
+
+def best_in_turns(*runs: tuple[Callable[[], None], int]) -> list[float]:
+    """Return the least CPU time [s] per step of several runs that take turns.
+
+    What else the machine does meanwhile then slows all of them alike.
+    """
+    best = [float("inf")] * len(runs)
+    for _ in range(ROUNDS):
+        for k, (run, count) in enumerate(runs):
+            began = process_time()
+            run()
+            best[k] = min(best[k], (process_time() - began) / count)
+    return best
+
+
+def main() -> None:
+    """Print the table."""
+    table = Table("case", "plant [us]", "MuJoCo [us]", "ratio", title=f"steps of {DT * 1e3:g} ms")
+    for name, case in cases().items():
+        own, peer = best_in_turns(plant_run(case), mujoco_run(case))
+        table.add_row(name, f"{1e6 * own:.1f}", f"{1e6 * peer:.1f}", f"{own / peer:.1f}")
+    Console().print(table)
+    print(machine("mujoco"))
 
 
 if __name__ == "__main__":

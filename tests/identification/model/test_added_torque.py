@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
-from benchmarks.unexplained_costs import arm, quadruped
 from wbc.effects import (
     EFFECTS,
     CurrentLimit,
@@ -24,15 +23,39 @@ from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
 ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
-CASES: dict[str, Callable[[], tuple[Robot, list[Log]]]] = {
-    "an arm with a coupled wrist": lambda: arm(load_robot("staubli_tx40"), 4.0, 100.0, 1, 0.0),
-    "a quadruped on its feet": lambda: quadruped(4.0, 100.0, 0.0),
-}
 
 
-@pytest.fixture(scope="module", params=CASES)
+def waving(robot: Robot) -> Log:
+    """Return a log in which joints and base wave, and torques and forces are any."""
+    time, random = np.arange(400) / 100.0, np.random.default_rng(1)
+    columns: dict[str, np.ndarray] = {}
+
+    def wave(size: float, mean: float = 0.0) -> np.ndarray:
+        angle = np.outer(time, random.uniform(1.0, 9.0, 3)) + random.uniform(0.0, 6.0, 3)
+        return mean + size * np.sin(angle).sum(axis=1)
+
+    usual = robot.pose() if robot.poses else np.full(robot.model.nq, 0.3)
+    for joint, place in zip(robot.transmission.joints, robot.actuated_position, strict=True):
+        columns[f"{joint}.position"] = wave(0.1, usual[place])
+        columns[f"{joint}.rotor_torque"] = wave(0.2)
+    if robot.has_free_flyer:
+        names = [f"position.{x}" for x in "xyz"] + [f"orientation.{x}" for x in "xyzw"]
+        for name, mean in zip(names, usual[:7], strict=True):
+            columns[f"base.{name}"] = wave(0.02, mean)
+        norm = np.linalg.norm([columns[f"base.{name}"] for name in names[3:]], axis=0)
+        for name in names[3:]:
+            columns[f"base.{name}"] = columns[f"base.{name}"] / norm
+        for contact in robot.contacts:
+            for axis, mean in zip("xyz", (0.0, 0.0, 6.0), strict=True):
+                columns[f"{contact.name}.force.{axis}"] = wave(0.5, mean)
+    return Log(time, columns)
+
+
+# An arm with a coupled wrist; a quadruped on its feet.
+@pytest.fixture(scope="module", params=["staubli_tx40", "solo12"])
 def problem(request: pytest.FixtureRequest) -> EstimationProblem:
-    return EstimationProblem.from_logs(*CASES[request.param]())
+    robot = load_robot(request.param).without_effects().lossless()
+    return EstimationProblem.from_logs(robot, [waving(robot)])
 
 
 def _some(robot: Robot, kind: type[Effect]) -> Effect:
