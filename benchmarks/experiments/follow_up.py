@@ -10,7 +10,6 @@ import numpy as np
 
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.excitation import Excitation, PlannedExcitation
-from benchmarks.corpus.experiments import following_runs
 from wbc.arrays import FloatArray
 from wbc.design.experiment import (
     Aim,
@@ -23,10 +22,7 @@ from wbc.design.experiment import (
     expected,
     informing,
     random_paths,
-    tied_rivals,
 )
-from wbc.errors import DesignError
-from wbc.identification import Diagnosis
 from wbc.robot import Robot
 
 DURATION = 10.0  # [s] of one planned run
@@ -36,19 +32,6 @@ BEST = "designed, values known"
 ARMS = (WORDS, RANDOM, CLASSIC, DESIGNED)
 # The corpus' own runs stay within these: strokes of 1 rad, 6 rad/s, 60 rad/s^2 (shaking).
 _SPAN, _SPEED, _ACCELERATION = 1.0, 6.0, 60.0
-
-
-def follow_ups(
-    case: Case, robot: Robot, diagnosis: Diagnosis
-) -> tuple[dict[str, tuple[Excitation, ...]], str]:
-    """Return the runs of every arm, and why there are no planned ones where there are none."""
-    arms = {WORDS: following_runs(case, diagnosis)}
-    try:
-        rivals = tied_rivals(diagnosis.to_json(), robot, noise_of(case))
-        runs, _ = planned_runs(case, rivals)
-    except DesignError as reason:
-        return arms, str(reason)
-    return {**arms, **runs}, ""
 
 
 def planned_runs(

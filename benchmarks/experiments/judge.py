@@ -8,26 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.corpus.verdicts import judge_result, named_set
 from wbc.identification.choice.weighing.odds import TIED
 
 Result = dict[str, Any]
-
-
-def resolved(result: Result) -> bool:
-    """Whether a diagnosis covers the causes and names nothing beside them.
-
-    What stands for a cause, or equals it on all runs of this robot, counts as the cause.
-    """
-    allowed = {name for _, name in result["merged"]}
-    for cause in result["causes"]:
-        allowed |= {cause["effect"], *cause["stand_ins"], *cause.get("equals", ())}
-    return judge_result(result).covered and named_set(result) <= allowed
-
-
-def single(result: Result) -> bool:
-    """Whether a right diagnosis names one effect for every cause, without an alternative."""
-    return resolved(result) and not any(entry["alternatives"] for entry in result["found"])
 
 
 def kept(nats: Sequence[float]) -> tuple[bool, tuple[int, ...]]:

@@ -8,8 +8,9 @@ seldom ties, and any lively run decides it. So each machine gets four first runs
 life (2 to 4 s; slow, holding, one joint, or of a fifth to all of the usual stroke), and in each up
 to two causes of the list, so small that along this run the closest rival, refitted, leaves 2 nats
 in white noise, while the cause is worth 60 or more beside no cause at all. Everything is drawn by
-the seed. The run is recorded, and the rivals within 3 nats of the true cause tie. The same four
-follow-ups as in `benchmarks.experiments` are recorded, with the sensors' noise and rounding, and
+the seed. The run is recorded, and the rivals within 3 nats of the true cause tie. Four follow-ups
+are recorded, with the sensors' noise and rounding: the runs that the advice in words asks for, and
+one run along a random, a D-optimal and a designed motion within the same limits. Then
 every tied cause is fitted to both runs. The evidence of the true one minus that of its best rival
 is what counts. *Decided*: more than 3 nats, so that a diagnosis names the true cause alone;
 *misled*: less than -3. *Resolved*: the names kept, all within 3 nats of the best, hold the truth,
