@@ -121,7 +121,7 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
     if lapack.dpotrf(inertia)[1] != 0:
         raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
     barriers, drive = Barriers(robot, terrain, space), Drivetrain.of(robot)
-    return Setup(
+    setup = Setup(
         robot,
         space,
         drive,
@@ -139,3 +139,33 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         flies=bool(len(free_bases(robot))),
         waits=bool(robot.effects) or robot.rotors_turn_with_links,
     )
+    _check_rotors(setup)
+    return setup
+
+
+def _check_rotors(setup: Setup) -> None:
+    """Refuse rotors that spin more inertia than the links that carry them have.
+
+    The links' inertia holds that of their rotors at standstill. Without it, H - C' I_r^-1 C with
+    the rows C of the coupling, nothing negative may be left: the kinetic energy would be.
+
+    Raises:
+        SimulationError: the kinetic energy can be negative; it names the heaviest rotor.
+    """
+    robot, at_rest = setup.robot, np.zeros(setup.space.model.nv)
+    found = setup.coupling(robot.neutral(), at_rest)
+    if found is None:
+        return
+    spin = robot.transmission.rotor_inertia
+    turning = found.inertia[spin > 0.0] / np.sqrt(spin[spin > 0.0])[:, None]
+    inertia = pin.crba(setup.space.model, setup.space.data, robot.neutral())
+    shares = turning @ np.linalg.solve(np.triu(inertia) + np.triu(inertia, 1).T, turning.T)
+    if np.linalg.eigvalsh(shares).max(initial=0.0) >= 1.0:
+        names = [j for j, own in zip(robot.transmission.joints, spin, strict=True) if own > 0.0]
+        worst = int(np.argmax(np.diag(shares)))
+        raise SimulationError(
+            f"'{robot.name}': the rotor of '{names[worst]}' has {shares[worst, worst]:.3g} times "
+            "the inertia that its housing has about the rotor's axis, all rotors together more "
+            "than their housings: the kinetic energy can be negative. Links contain the inertia "
+            "of their rotors at standstill: give the links more, or the rotors less."
+        )

@@ -214,6 +214,23 @@ def gear_laws(
         law[7], law[8] = np.inf, 0.0
 
 
+@compiled(Nothing, Row, Number, OutRow, counted=False)
+def rotor_brings(gear: FloatArray, brought: float, law: FloatArray) -> None:
+    """Write what a rotor brings along an impact's path, in its direction and in the other one.
+
+    Ending up in the other direction it brings eta_f eta_b M w_before, where a step, which only
+    knows its end, takes all of M w_before. So the law is monotone, whatever is brought.
+
+    Args:
+        gear: (9,) columns RATIO to PLAY.
+        brought: M w_before, less what the housing takes [N m s].
+        law: (9,) whose first two numbers are written, see `RowSystem`.
+    """
+    kept = max(gear[BACKWARD], 0.0) / gear[INVERSE] * brought
+    law[0] = brought if brought > 0.0 else kept
+    law[1] = brought if brought < 0.0 else kept
+
+
 @compiled(several(Number, Number, Number, Flag), Row, Number, Number, Number, Number, counted=False)
 def flanks_at(
     gear: FloatArray, place: float, rate: float, step: float, end: float

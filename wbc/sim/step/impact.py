@@ -28,7 +28,7 @@ from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import SYSTEM, RowSystem
 from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, world_pushes
-from wbc.sim.step.gears import motor_speeds
+from wbc.sim.step.gears import motor_speeds, rotor_brings
 from wbc.sim.step.motion import look
 from wbc.sim.step.part import (
     NO_INERTIA,
@@ -61,10 +61,8 @@ def impact_laws(plant: Opened, motor: FloatArray, laws: FloatArray) -> None:
     """Write the laws (m, 9) of the gears along the velocity path of an impact.
 
     Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
-    N^2 I_r / eta_b while it grows, from its speed before on. What the rotor brings along when it
-    ends up turning the other way is therefore eta_f eta_b M w_before, where a step, which only
-    knows its end, takes all of M w_before. Coulomb levels and springs are forces and give no
-    impulse: loose gears pass none.
+    N^2 I_r / eta_b while it grows, from its speed before on, see `rotor_brings`. Coulomb levels
+    and springs are forces and give no impulse: loose gears pass none.
 
     Args:
         plant: with the gears.
@@ -77,10 +75,7 @@ def impact_laws(plant: Opened, motor: FloatArray, laws: FloatArray) -> None:
         if plant.gears.at[i, 1] == 1:
             law[2] = law[3] = law[4] = 1.0
             continue
-        brought = gear[INERTIA] * motor[i]
-        kept = max(gear[BACKWARD], 0.0) / gear[INVERSE] * brought
-        law[0] = brought if brought > 0.0 else kept
-        law[1] = brought if brought < 0.0 else kept
+        rotor_brings(gear, gear[INERTIA] * motor[i], law)
         law[2], law[3], law[4], law[7] = gear[INERTIA], gear[INVERSE], gear[BACKWARD], np.inf
 
 

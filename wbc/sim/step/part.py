@@ -37,7 +37,7 @@ from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
 from wbc.mechanics.tree import Tree
 from wbc.sim.step.arrival import arrive
 from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, lowest_speeds, world_pushes
-from wbc.sim.step.gears import FLANKS, gear_laws, motor_speeds, solve_gripped
+from wbc.sim.step.gears import FLANKS, gear_laws, motor_speeds, rotor_brings, solve_gripped
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.tables import (
     ACCURACY,
@@ -354,7 +354,7 @@ def lag_coupling(
         last: v (nv,) of the last iterate.
         free: (nv,) without coupling.
         step: h [s], zero for an impact.
-        laws: (m, 9) without coupling; those of the system are changed.
+        laws: (m, 9) without coupling, over a step; those of the system are changed.
         shifted: v (nv,) without the rows, to write.
     """
     gears, n, m = plant.gears, len(speed), len(plant.gears.rows)
@@ -367,7 +367,11 @@ def lag_coupling(
             taken += gears.coupling[i, c] * (last[c] - speed[c])
         for c in range(n):
             shifted[c] -= gears.coupling[i, c] * turned
-        system.laws[i, 0], system.laws[i, 1] = laws[i, 0] - taken, laws[i, 1] - taken
+        if step > 0.0:
+            system.laws[i, 0], system.laws[i, 1] = laws[i, 0] - taken, laws[i, 1] - taken
+        elif gears.at[i, 1] == 0:
+            brought = gears.numbers[i, INERTIA] * rows.motor[i] - taken
+            rotor_brings(gears.numbers[i], brought, system.laws[i])
     halfway(rows.lower, shifted.reshape(-1, 1))
     rest_of_way(rows.lower, shifted)
     for c in range(n):
