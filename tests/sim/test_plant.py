@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from sims.leg import balanced_pose
 from wbc import Robot, load_robot
 from wbc.control import RotorTorqueLimit
 from wbc.errors import SimulationError
@@ -264,6 +265,18 @@ def test_bad_input_is_refused() -> None:
         Plant(robot, restitution=1.5)
     with pytest.raises(SimulationError, match="two ticks"):
         simulate(plant, lambda s: np.zeros(2), state, 1e-4)
+
+
+def test_ends_that_miss_laws_are_counted_and_named() -> None:
+    plant = Plant(load_robot("planar_leg_strong"))
+    pose = balanced_pose(plant.robot, 0.001)
+    state = plant.state(pose, [0.0, -2.0, *np.zeros(plant.robot.model.nv - 2)])
+    result = plant.step(state, np.zeros(plant.robot.transmission.size), 1e-3)
+    assert result.impacts
+    assert result.unsettled == 0
+    missed = replace(result, impacts=tuple(replace(i, missed=0.25) for i in result.impacts))
+    assert missed.unsettled == len(result.impacts)
+    assert ("unsettled", 0.25) in [(event.kind, event.size) for event in missed.events]
 
 
 def test_restitution_with_friction_never_makes_energy() -> None:

@@ -220,6 +220,7 @@ def solve_in_velocities(
         if i >= first and sliding[contact, 2] >= 0.0:
             along = frictions[contact] * sliding[contact, (i - first) % tangents]
             solved[i] = along * impulse[first - contacts + contact] - impulse[i]
+            solved[i] += system.grips[contact] * sliding[contact, (i - first) % tangents]
     for _ in range(_ROUNDS):
         gathered(ways, change, y)
         spread(ways, y, turned)

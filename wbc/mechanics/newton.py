@@ -3,8 +3,8 @@
 Semi-smooth Newton with full steps is exact in one step once the pieces are the right ones, which
 those of the step before usually are. Steps that more rigid rows than freedoms (two flat feet, stuck
 gears) make singular are solved with a little compliance in every row about the last iterate, which
-carries nothing at the fixed point (proximal points). Sweeps over single rows always go downhill;
-they find the pieces where both others turn in circles.
+carries nothing at the fixed point (proximal points). Where both turn in circles, rounds with the
+friction that the impulses before allow lead to the laws, or to a passive end near them.
 """
 
 from __future__ import annotations
@@ -28,15 +28,14 @@ from wbc.mechanics.in_velocities import solve_in_velocities
 from wbc.mechanics.rows import (
     SYSTEM,
     RowSystem,
-    branch_of,
     pieces_at,
     solve_pieces,
 )
 
-NEWTON, PROXIMAL, SWEEPS, UNSOLVED = range(4)
-"""What found a solution, or that nothing did."""
+NEWTON, PROXIMAL, FRICTION, PASSIVE, UNSOLVED = range(5)
+"""What found a solution, that only a passive end was found, or nothing."""
 
-WAYS = ("newton", "proximal", "sweeps")
+WAYS = ("newton", "proximal", "friction", "passive")
 """The same as words."""
 
 _FULL_STEPS = 20
@@ -48,8 +47,8 @@ _SOFTEST, _HARDEST, _FIRST = 1.0, 1e-9, 1e-6
 _HARDER, _SOFTER = 0.3, 30.0
 _ROUNDS = 60
 _INNER = 10
-_SWEEPS = 160
 _NEAR = 1e3
+_FRICTION_ROUNDS, _PLAIN_ROUNDS, _PASSIVE_SYSTEMS = 40, 15, 100
 _WORK = 1e8
 """Multiplications and additions, r^3 per linear system, after which no other way is begun."""
 
@@ -182,7 +181,7 @@ def softened(system: RowSystem, compliance: float, about: FloatArray) -> RowSyst
         slope[i] /= 1.0 + compliance
     return RowSystem(
         system.half, np.empty((0, 0)), delassus, free, spring, slope,
-        system.laws, system.targets, system.frictions, system.tangents,
+        system.laws, system.targets, system.frictions, system.grips, system.tangents,
     )  # fmt: skip
 
 
@@ -216,48 +215,30 @@ def proximal(
     return -used - 1
 
 
-@compiled(Nothing, SYSTEM, OutRow, counted=False)
-def sweep(system: RowSystem, impulse: FloatArray) -> None:
-    """Change row impulses (r,) one by one (non-smooth Gauss-Seidel).
-
-    An element or a normal is solved exactly with all others held; a contact's tangents by one
-    projection onto the disc that its normal impulse allows.
-    """
-    delassus, slope, tangents = system.delassus, system.slope, system.tangents
-    m, count, contacts = len(system.laws), len(system.targets), len(system.frictions)
-    size = len(impulse)
-    for i in range(m + count):
-        speed = system.free[i]
-        for j in range(size):
-            speed += delassus[i, j] * impulse[j]
-        if i < m:
-            law, own = system.laws[i], delassus[i, i]
-            line = 1.0 / own if own > 0.0 else slope[i]
-            point = -line * (speed - own * impulse[i])
-            if law[7] < np.inf:
-                point = (law[7] * point + line * law[8]) / (law[7] + line)
-                line *= law[7] / (law[7] + line)
-            sign, gain, bring = branch_of(law, point, line)
-            impulse[i] = point
-            if sign != 0.0:
-                total = law[2] + gain * (law[6] + line)
-                impulse[i] += line * (bring - gain * (point + sign * law[5])) / total
-            continue
-        impulse[i] = max(impulse[i] - slope[i] * (speed - system.targets[i - m]), 0.0)
-        contact = i - m - count + contacts
-        if contact < 0:
-            continue
-        first, length = m + count + contact * tangents, 0.0
-        for a in range(first, first + tangents):
-            slip = system.free[a]
-            for j in range(size):
-                slip += delassus[a, j] * impulse[j]
-            impulse[a] -= slope[a] * slip
-            length += impulse[a] * impulse[a]
-        bound = system.frictions[contact] * impulse[i]
-        if length > bound * bound:
-            for a in range(first, first + tangents):
-                impulse[a] *= bound / np.sqrt(length)
+@compiled(several(Count, Count), SYSTEM, Row, Number, Count, OutRow)
+def solve_plainly(
+    system: RowSystem, start: FloatArray, tolerance: float, most: int, impulse: FloatArray
+) -> tuple[int, int]:
+    """Write row impulses (r,) by Newton's iteration, or proximal rounds; see `solve_system`."""
+    # With more rows than freedoms shortened steps crawl along directions that move nothing.
+    limit = 0 if len(start) > len(system.half) else 12
+    used, none, good = newton(system, start, tolerance, limit, impulse), np.zeros(len(start)), 0.0
+    if used > 0:
+        return used, NEWTON
+    used = -used - 1
+    # The last step's pieces lead astray: start from none.
+    count = newton(system, none, tolerance, limit, impulse)
+    used += abs(count)
+    if count > 0:
+        return used, NEWTON
+    for i in range(len(start)):
+        good += system.free[i] + system.delassus[i, i]
+    for fresh in range(2 if np.isfinite(good) else 0):
+        count = proximal(system, none if fresh else start, tolerance, most - used, impulse)
+        used += abs(count)
+        if count > 0:
+            return used, PROXIMAL
+    return used, UNSOLVED
 
 
 @compiled(several(Count, Count), SYSTEM, Row, Number, Number, OutRow)
@@ -266,61 +247,59 @@ def solve_system(
 ) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
+    Where Newton and proximal rounds fail, contacts get the friction that the impulses found so far
+    allow, whatever they press then, and gears that lock themselves pass nothing back. That is a
+    convex program, and every row of its solution takes energy. Rounds with the friction that each
+    solution allows come nearer to the laws (Haslinger's iteration); where none meets them, the last
+    one is a passive end.
+
     Args:
         system: of the rows.
         start: (r,) impulses of the step before, or zeros.
         tolerance: largest accepted residual.
-        work: share of `_WORK` beyond which nothing more is tried.
-        impulse: to write; where nothing is found, the nearest.
+        work: share of `_WORK` beyond which nothing more is tried; below one for what may fail, and
+            has no such rounds.
+        impulse: to write.
 
     Returns:
-        the number of linear systems solved, and NEWTON to UNSOLVED.
+        the number of linear systems solved, and NEWTON to UNSOLVED: PASSIVE ends miss some laws,
+        and there is none where ground squeezes or nothing is a number.
     """
     size = len(start)
     if size == 0:
         return 0, NEWTON
-    # With more rows than freedoms shortened steps crawl along directions that move nothing.
-    limit = 0 if size > len(system.half) else 12
-    used = newton(system, start, tolerance, limit, impulse)
-    if used > 0:
-        return used, NEWTON
-    used, none, most = -used - 1, np.zeros(size), int(work * _WORK / size**3)
-    # The last step's pieces lead astray: start from none.
-    count = newton(system, none, tolerance, limit, impulse)
-    used += abs(count)
-    if count > 0:
-        return used, NEWTON
-    good = 0.0
-    for i in range(size):
-        good += system.free[i] + system.delassus[i, i]
-    if not np.isfinite(good):
-        return used, UNSOLVED
-    for fresh in range(2):
-        count = proximal(system, none if fresh else start, tolerance, most - used, impulse)
-        used += abs(count)
-        if count > 0:
-            return used, PROXIMAL
-    swept, nearest, least = np.zeros(size), np.zeros(size), np.inf
-    done, aim = 0, 5
-    while aim <= _SWEEPS and (used <= most or done == 0):
-        while done < aim:
-            sweep(system, swept)
-            done += 1
-        aim *= 2
-        for way in range(2):
-            if way == 0:
-                count = newton(system, swept, tolerance, 15, impulse)
-            else:
-                count = proximal(system, swept, tolerance, most - used, impulse)
+    most = int(work * _WORK / size**3)
+    used, way = solve_plainly(system, start, tolerance, most, impulse)
+    if way < UNSOLVED or work < 1.0:
+        return used, way
+    laws, grips = system.laws.copy(), np.zeros(len(system.frictions))
+    first = len(laws) + len(system.targets) - len(grips)
+    for i in range(len(laws)):
+        laws[i, 4] = max(laws[i, 4], 0.0)
+    convex = RowSystem(
+        system.half, system.ways, system.delassus, system.free, system.spring, system.slope,
+        laws, system.targets, np.zeros(len(grips)), grips, system.tangents,
+    )  # fmt: skip
+    found, passive, least = np.zeros(size), UNSOLVED, np.inf
+    for turn in range(_FRICTION_ROUNDS):
+        count, way = solve_plainly(convex, found, 0.1 * tolerance, _PASSIVE_SYSTEMS, impulse)
+        used += count
+        if way == UNSOLVED:
+            break
+        passive, found[:] = PASSIVE, impulse
+        least = distance(system, found)
+        if least > tolerance:
+            count = newton(system, found, tolerance, 0, impulse)
             used += abs(count)
             if count > 0:
-                return used, SWEEPS
-        off = distance(system, swept)
-        if off < least:
-            least = off
-            nearest[:] = swept
-    impulse[:] = nearest
-    return used, SWEEPS if least <= _NEAR * tolerance else UNSOLVED
+                return used, FRICTION
+        if least <= tolerance or (turn > 0 and used > most):
+            break
+        for i in range(len(grips)):
+            fresh = system.frictions[i] * max(found[first + i], 0.0)
+            grips[i] = fresh if turn < _PLAIN_ROUNDS else 0.5 * (grips[i] + fresh)
+    impulse[:] = found
+    return used, FRICTION if least <= _NEAR * tolerance else passive
 
 
 @compiled(Nothing, SYSTEM, Dense, Row, Row, OutRow, counted=False)

@@ -47,6 +47,7 @@ class RowSystem(NamedTuple):
             and preload of the spring in series.
         targets: (l + k,) lowest speeds of limits and normals.
         frictions: mu (k,) of the contacts.
+        grips: (k,) friction impulse that contacts have whatever they press, see `end_passively`.
         tangents: d per contact.
     """
 
@@ -59,12 +60,11 @@ class RowSystem(NamedTuple):
     laws: FloatArray
     targets: FloatArray
     frictions: FloatArray
+    grips: FloatArray
     tangents: int
 
 
-SYSTEM = group(
-    RowSystem, OutDense, OutDense, OutDense, OutRow, OutRow, OutRow, OutDense, OutRow, OutRow, Count
-)
+SYSTEM = group(RowSystem, *(OutDense,) * 3, *(OutRow,) * 3, OutDense, *(OutRow,) * 3, Count)
 
 
 @compiled(Flag, Count, Count, counted=False)
@@ -141,7 +141,10 @@ def system_of(
     products(half, delassus)
     lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
     ways = np.ascontiguousarray(half.T) if fewer_products(size, n) else np.empty((0, 0))
-    return RowSystem(half, ways, delassus, own, spring, slope, laws, targets, frictions, tangents)
+    grips = np.zeros(len(frictions))
+    return RowSystem(
+        half, ways, delassus, own, spring, slope, laws, targets, frictions, grips, tangents
+    )
 
 
 @compiled(several(Number, Number, Number), Row, Number, Number, counted=False)
@@ -270,18 +273,18 @@ def pieces_at(
             piece[3] = -impulse[row] / slope[row]
         if i < count - contacts:
             continue
-        contact, bound = i - count + contacts, 0.0
-        sliding[contact, 2] = -1.0
+        contact = i - count + contacts
+        sliding[contact, 2], bound = -1.0, system.grips[contact]
         first = m + count + contact * tangents
         if push > 0.0:
-            bound = frictions[contact] * push
+            bound += frictions[contact] * push
         wish = local(2)
         wish[:] = 0.0
         for j in range(tangents):
             wish[j] = impulse[first + j] - slope[first + j] * speed[first + j]
         # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
         size = math.hypot(wish[0], wish[1])
-        if push > 0.0 and size < bound:
+        if size < bound:
             for j in range(first, first + tangents):
                 pieces[j, 0], pieces[j, 1], pieces[j, 2] = 1.0, 0.0, -speed[j]
                 pieces[j, 3] = -speed[j]
@@ -291,7 +294,7 @@ def pieces_at(
             short = share * wish[j] - impulse[first + j]
             pieces[first + j, 0], pieces[first + j, 1], pieces[first + j, 2] = 0.0, 1.0, short
             pieces[first + j, 3] = short / slope[first + j]
-        if push > 0.0 and tangents > 0:
+        if (push > 0.0 or bound > 0.0) and tangents > 0:
             for j in range(2):
                 sliding[contact, j] = wish[j] / size if size > 0.0 else wish[j]
             sliding[contact, 2] = share
@@ -331,14 +334,15 @@ def solve_pieces(
         turning = sliding[contact, 2]
         if turning < 0.0:
             continue
-        # p_t = mu p_n direction, and how the direction turns with the slip. What the rows miss was
-        # taken at the bound mu times the projected normal impulse; the piece is linear in p_n.
+        # p_t = (mu p_n + grip) direction, and how the direction turns with the slip. What the rows
+        # miss was taken at the projected normal impulse; the piece is linear in p_n.
         first = size - (contacts - contact) * tangents
         normal = size - contacts * (tangents + 1) + contact
         for a in range(tangents):
             row, along = first + a, frictions[contact] * sliding[contact, a]
             total[row, normal] -= along
             change[row] = along * impulse[normal] - impulse[row]
+            change[row] += system.grips[contact] * sliding[contact, a]
             for b in range(tangents if tangents == 2 else 0):
                 turn = -sliding[contact, a] * sliding[contact, b] + (1.0 if a == b else 0.0)
                 turn *= turning

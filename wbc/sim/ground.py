@@ -40,7 +40,7 @@ class Terrain(ABC):
         return (self,)
 
     def numbers(self) -> FloatArray | None:
-        """Return the solid (20,) as compiled loops know it (`contacts`); None where they do not.
+        """Return the solid's numbers for compiled loops (`contacts`); None where they have none.
 
         The plant then asks `gap` itself, once for all contact points.
         """

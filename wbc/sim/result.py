@@ -30,11 +30,13 @@ class StepEvent:
     Attributes:
         kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
             where the step's energy balance gained more than a hundredth of the energy in play,
-            which a shorter step mends; "overlap", where a barrier was overrun further than the
-            plant's return speed takes back in one step; "sunk", where a joint of a robot with a
-            free base is under the ground, because its link has no contact there.
+            which a shorter step mends; "unsettled", where the budget of work ended before all laws
+            were met, and friction is that of the impulses found so far; "overlap", where a barrier
+            was overrun further than the plant's return speed takes back in one step; "sunk", where
+            a joint of a robot with a free base is under the ground, because its link has no contact
+            there.
         time: [s], at the end of the part it happened in.
-        size: [J], or depth [m, rad].
+        size: [J], depth [m, rad], or speed [m/s, rad/s] by which laws are missed.
         text: the same as a sentence.
     """
 
@@ -87,6 +89,11 @@ class StepResult:
     def rotor_torque(self) -> FloatArray:
         """(m,) [N m] that the drives delivered, mean over the step."""
         return np.asarray(_sum([part.rotor_impulse for part in self.parts]) / self.duration)
+
+    @property
+    def unsettled(self) -> int:
+        """How many parts and impacts ended passively, without meeting all laws."""
+        return sum(one.missed > 0.0 for one in (*self.parts, *self.impacts))
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -158,6 +165,8 @@ def events_of(
         end: what `survey` found at its end.
     """
     found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1], *end[1:])]
+    found += _unsettled([(part.state.time, part.missed) for part in parts])
+    found += _unsettled([(impact.time, impact.missed) for impact in impacts])
     kinetic = max((float(part.end.books[KINETIC]) for part in parts), default=0.0)
     play = kinetic + abs(balance.flow.work) + balance.flow.lost
     if -balance.residual > _COARSE * play + 1e-9:
@@ -172,6 +181,17 @@ def events_of(
             )
         )
     return tuple(found)
+
+
+def _unsettled(ends: Sequence[tuple[float, float]]) -> Iterator[StepEvent]:
+    """Yield the ends (time, speed) that miss laws."""
+    for time, missed in ends:
+        if missed > 0.0:
+            text = (
+                f"laws are missed by {missed:.3g} m/s (rad/s): friction is that of the impulses "
+                "that were found until the budget of work ended; the step is passive"
+            )
+            yield StepEvent("unsettled", time, missed, text)
 
 
 def _overlaps(setup: Setup, parts: Sequence[Flow]) -> Iterator[StepEvent]:

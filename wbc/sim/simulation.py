@@ -35,7 +35,7 @@ class Simulation:
         events: what steps had to say: energy made, overlaps left (`StepEvent`).
         audit: where the energy went.
         residuals: the worst of every step.
-        fallbacks: how many step programs neither Newton nor proximal rounds solved.
+        unsettled: how many parts of steps and impacts ended passively, see `StepResult.unsettled`.
     """
 
     log: Log
@@ -43,7 +43,7 @@ class Simulation:
     impacts: tuple[Impact, ...]
     audit: EnergyAudit
     residuals: Residuals
-    fallbacks: int
+    unsettled: int
     events: tuple[StepEvent, ...]
 
     @property
@@ -95,7 +95,7 @@ def simulate(
             "ticks and one substep are needed."
         )
     recorder = Recorder(plant.robot, plant.temperature)
-    flow, residuals, fallbacks, heat = EnergyFlow(), Residuals(), 0, 0.0
+    flow, residuals, unsettled, heat = EnergyFlow(), Residuals(), 0, 0.0
     copper = plant.robot.transmission.copper_loss
     impacts: list[Impact] = []
     events: list[StepEvent] = []
@@ -112,10 +112,10 @@ def simulate(
             impacts.extend(result.impacts)
             events.extend(result.events)
             residuals = worst(residuals, *(s.residuals for s in result.solutions))
-            fallbacks += sum(s.method in ("sweeps", "qp") for s in result.solutions)
+            unsettled += result.unsettled
             if watch and tick % 100 == 99:
                 watch(tick + 1, ticks)
     audit = EnergyAudit(flow, plant.mechanical_energy(state) - before, heat)
     return Simulation(
-        recorder.log(), state, tuple(impacts), audit, residuals, fallbacks, tuple(events)
+        recorder.log(), state, tuple(impacts), audit, residuals, unsettled, tuple(events)
     )

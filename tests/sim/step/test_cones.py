@@ -17,6 +17,7 @@ CORPORA = {
     "more rows than freedoms": ((3, 9), (0, 4), (2, 7), 1.0),
     "one body": ((6, 7), (0, 1), (1, 9), 1.2),
     "many gears": ((12, 19), (6, 13), (2, 5), 1.0),
+    "one body on many points": ((6, 13), (0, 5), (60, 110), 1.0),
 }
 # Found by searching: on most of these Newton's iteration fails, and proximal rounds, too, on those
 # from 2000 on. Which of them fail changes with the last bits of the sums, so there are several.
@@ -90,7 +91,7 @@ def worst_violation(program: StepProgram, velocity: np.ndarray, impulse: np.ndar
 
 @pytest.mark.parametrize("corpus", CORPORA)
 def test_every_step_is_solved_and_obeys_the_laws(corpus: str) -> None:
-    for seed in (*range(150), *HARD[corpus]):
+    for seed in (*range(150 if corpus in HARD else 12), *HARD.get(corpus, ())):
         program = random_step(corpus, seed)
         found = solve_program(program)
         scale = (1.0 + np.abs(found.impulse).max()) * (1.0 + np.abs(program.rows()).max())
@@ -169,7 +170,26 @@ def test_a_step_without_numbers_is_refused_at_once() -> None:
 def test_the_solution_says_which_way_found_it() -> None:
     methods = {
         solve_program(random_step(corpus, seed)).method
-        for corpus in CORPORA
+        for corpus in HARD
         for seed in (*range(20), *HARD[corpus])
     }
-    assert methods == {"newton", "proximal", "sweeps"}
+    assert methods == {"newton", "proximal", "friction"}
+
+
+def test_where_no_step_meets_all_laws_friction_alone_gives_way() -> None:
+    """Steep friction and points that must open leave no solution: a passive end instead."""
+    passive = 0
+    for seed in range(40):
+        program = random_step("legs", seed)
+        u = program.unilateral
+        target = np.random.default_rng(seed).uniform(0.0, 1.0, len(u.target))
+        found = solve_program(
+            replace(program, unilateral=replace(u, target=target, friction=4.0 * u.friction))
+        )
+        exact = 1e-8 * (1.0 + np.abs(found.impulse).max())
+        assert found.residuals.law < exact
+        assert found.residuals.complementarity < exact
+        rubbed = found.speed[found.normal_rows.stop :].reshape(-1, 2) * found.tangent_impulse
+        assert rubbed.sum(axis=1).max() < exact
+        passive += found.method == "passive"
+    assert passive > 1

@@ -23,10 +23,11 @@ from wbc.compiled import (
     compiled,
     local,
 )
+from wbc.sim.step.field import field_gap
 from wbc.sim.step.tables import OPENED, Opened, point_of_reference
 
-PLANE, BOX, BALL = 0.0, 1.0, 2.0
-"""Kinds of solids, first of the numbers of a solid (20,).
+PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
+"""Kinds of solids, first of the numbers of a solid; zeros may follow them.
 
 After it: PLANE normal (3), distance from the world's origin; BOX centre (3), rotation by rows (9),
 lowest and highest place along its own axes (3 and 3), infinite where it has no face; BALL centre
@@ -70,7 +71,7 @@ def box_gap(box: FloatArray, point: FloatArray, normal: FloatArray) -> float:
 
 @compiled(Number, Row, Row, OutRow, counted=False)
 def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float:
-    """Return the distance of a point (3,) from a solid (20,), and write the normal out of it."""
+    """Return the distance of a point (3,) from a solid, and write the normal (3,) out of it."""
     if solid[0] == PLANE:
         for k in range(3):
             normal[k] = solid[1 + k]
@@ -78,6 +79,8 @@ def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float
         return gap
     if solid[0] == BOX:
         return box_gap(solid, point, normal)
+    if solid[0] == FIELD:
+        return field_gap(solid, point, normal)
     square = 0.0
     for k in range(3):
         normal[k] = point[k] - solid[1 + k]
@@ -95,7 +98,7 @@ def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float
 def solid_gaps(
     solid: FloatArray, points: FloatArray, gaps: FloatArray, normals: FloatArray
 ) -> None:
-    """Write the distances (k,) of points (k, 3) from a solid (20,), and the normals (k, 3)."""
+    """Write the distances (k,) of points (k, 3) from a solid, and the normals (k, 3)."""
     for i in range(len(points)):
         gaps[i] = solid_gap(solid, points[i], normals[i])
 

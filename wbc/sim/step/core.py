@@ -124,7 +124,7 @@ class Ended:
 
     @property
     def books(self) -> FloatArray:
-        """(10,) work and losses [J], MOTOR to KINETIC of `part`."""
+        """(11,) work and losses [J], MOTOR to MISSED of `part`."""
         return self._out[self._ends[9] : self._ends[10]]
 
     @property
@@ -152,7 +152,7 @@ class Struck(NamedTuple):
         contact_impulse: (k, 3) [N s] on the robot, world axes.
         impulse: (r,) of the rows.
         aims: (l + k,) speeds at which they part.
-        found: numbers MESH to WAY of `impact`.
+        found: numbers MESH to LEFT of `impact`.
     """
 
     kind: int
@@ -163,6 +163,14 @@ class Struck(NamedTuple):
     impulse: FloatArray
     aims: FloatArray
     found: FloatArray
+
+
+def _padded(rows: list[FloatArray]) -> FloatArray:
+    """Return rows of numbers as one array, with zeros behind the shorter ones."""
+    found = np.zeros((len(rows), max(map(len, rows), default=0)))
+    for own, row in zip(found, rows, strict=True):
+        own[: len(row)] = row
+    return found
 
 
 class Core:
@@ -201,7 +209,7 @@ class Core:
             asked = int(ctypes.cast(self._answer, ctypes.c_void_p).value or 0)
         obstacles = Obstacles(
             *barriers.tables(tree),
-            np.reshape(known, (-1, 20)),
+            _padded(known),
             np.zeros((points, 3)),
             np.zeros((barriers.contacts, 7)),
             np.zeros((barriers.contacts, 3)),
@@ -210,7 +218,7 @@ class Core:
             asked,
         )
         stored = m + nv + size + tangents * barriers.contacts
-        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 10, 1, nq, nv, size)
+        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 11, 1, nq, nv, size)
         ends = np.cumsum(sizes)
         self._ends, self._most = tuple(ends.tolist()), m + size * (1 + tangents)
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH
@@ -388,7 +396,7 @@ class Core:
         fresh, after_closed = np.empty((2, size), dtype=np.bool_)
         after, aims = np.empty(self._nv), np.empty(size)
         pushes = np.empty(self._ends[8] - self._ends[7])
-        impulse, found = np.empty(self._most), np.empty(8)
+        impulse, found = np.empty(self._most), np.empty(9)
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         before = *self.packed, closed, kept, back, q, v, state.time, slow, left
         written = after, pushes, impulse, aims, found, fresh, after_closed

@@ -16,7 +16,7 @@ from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.core import Struck
 from wbc.sim.step.flow import Flow, PartInput, flow
-from wbc.sim.step.impact import APART, CONTACT, ENERGY, MESH, RESTING, SHARE, WORK
+from wbc.sim.step.impact import APART, CONTACT, ENERGY, LEFT, MESH, RESTING, SHARE, WORK
 from wbc.sim.step.program import StepSolution
 
 _TRIES = 40
@@ -38,6 +38,7 @@ class Impact:
         details: returns the solution of the impact's program; called when asked for.
         ground_work: energy that a moving ground gave [J].
         kinetic: energy before [J], of rotors included.
+        missed: speed [m/s, rad/s] by which a passive end misses the laws, else zero.
     """
 
     time: float
@@ -50,6 +51,7 @@ class Impact:
     details: Callable[[], StepSolution]
     ground_work: float = 0.0
     kinetic: float = 0.0
+    missed: float = 0.0
 
     @cached_property
     def solution(self) -> StepSolution:
@@ -264,6 +266,7 @@ def settle(
         lambda: _impact_solution(setup, state, together, struck),
         float(found[WORK]),
         float(found[ENERGY]),
+        float(found[LEFT]),
     )
     return _with(state, struck.after, struck.closed), impact, struck.fresh
 

@@ -15,7 +15,7 @@ from wbc.sim.state import SimState
 from wbc.sim.step.core import Ended
 from wbc.sim.step.energy import EnergyFlow
 from wbc.sim.step.forces import EffectForces
-from wbc.sim.step.part import CONTACT, FRICTION, GEAR, GROUND, MESH, MOTOR, ROTOR
+from wbc.sim.step.part import CONTACT, FRICTION, GEAR, GROUND, MESH, MISSED, MOTOR, ROTOR
 from wbc.sim.step.program import StepSolution
 
 _MESH_ROUNDS = 40
@@ -72,6 +72,11 @@ class Flow:
     def landed(self) -> bool:
         """Whether a barrier that is not closed is passed at its end."""
         return self.end.landed
+
+    @property
+    def missed(self) -> float:
+        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
+        return float(self.end.books[MISSED])
 
     @property
     def gap(self) -> FloatArray:

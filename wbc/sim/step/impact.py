@@ -43,9 +43,10 @@ from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opene
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
-MESH, CONTACT, USED, ROWS_OF, SHARE, WORK, ENERGY, WAY = range(8)
+MESH, CONTACT, USED, ROWS_OF, SHARE, WORK, ENERGY, WAY, LEFT = range(9)
 """Numbers of an impact: losses of gears and contacts [J], linear systems solved, rows, share of the
-restitution, what a moving ground gave, the kinetic energy before [J], what `Solved.way` says."""
+restitution, what a moving ground gave, the kinetic energy before [J], what `Solved.way` says, and
+the speed by which a passive end misses the laws."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
 _ROUNDING = 1e-9
@@ -203,7 +204,7 @@ def bounce(
         least, opening, share: see above.
         laws: those of the gears (9 m,).
         given: (r,) impulses where they are known already, else empty.
-        found: numbers MESH to WAY to write.
+        found: numbers MESH to LEFT to write.
     """
     m, n = len(rows.motor), len(v)
     for i in range(len(least)):
@@ -217,6 +218,7 @@ def bounce(
     solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
     found[USED] += solved.used
     found[WAY], found[SHARE], found[ROWS_OF] = solved.way, share, len(solved.impulse)
+    found[LEFT] = solved.missed
     if solved.way < UNSOLVED:
         following, carried = rows.motor.copy(), 0.0
         for i in range(m):
@@ -276,7 +278,7 @@ def impact_at(
         pushes: (3 k,) impulses on the contact points, world, to write.
         impulse: of the rows, one after the other, to write; more than there are.
         aims: speeds at which the barriers that take part are to part, in their order, to write.
-        found: (8,) numbers MESH to WAY to write.
+        found: (9,) numbers MESH to LEFT to write.
         fresh: (2 j + c,) barriers that are reached, to write.
         closed: (2 j + c,) barriers that are closed afterwards, to write.
 

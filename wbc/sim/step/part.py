@@ -32,7 +32,14 @@ from wbc.compiled import (
 from wbc.mechanics.inertia import bias_at
 from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
-from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at, velocity_after
+from wbc.mechanics.newton import (
+    PASSIVE,
+    UNSOLVED,
+    distance,
+    solve_system,
+    speeds_at,
+    velocity_after,
+)
 from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
 from wbc.mechanics.tree import Tree
 from wbc.sim.step.arrival import arrive
@@ -135,6 +142,7 @@ class Solved(NamedTuple):
         damped: (m,) what soft gears pass beside their springs [N m s].
         used: linear systems solved.
         way: that found it; UNSOLVED, FLANKS, UNDECIDED or UNSETTLED where none did.
+        missed: speed by which a PASSIVE end misses the laws, else zero.
     """
 
     impulse: FloatArray
@@ -144,6 +152,7 @@ class Solved(NamedTuple):
     damped: FloatArray
     used: int
     way: int
+    missed: float
 
 
 ACTING = group(Acting, Flags, Flags, *(Row,) * 5, Number, Number)
@@ -151,7 +160,7 @@ ROWS = group(
     PartRows, OutDense, OutDense, OutDense, *(OutRow,) * 5, OutDense, OutPlaces, OutPlaces,
     OutRow, OutRow,
 )  # fmt: skip
-SOLVED = group(Solved, *(OutRow,) * 5, Count, Count)
+SOLVED = group(Solved, *(OutRow,) * 5, Count, Count, Number)
 MIDDLE = several(OutRow, OutRow, OutRow)
 
 UNDECIDED, UNSETTLED, NO_INERTIA = FLANKS + 1, FLANKS + 2, FLANKS + 3
@@ -161,8 +170,9 @@ does not settle; H_l is not positive definite."""
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
 
-MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION, CONTACT, NORMAL, TRAFFIC, KINETIC = range(10)
-"""Work and losses of a part [J]: see `EnergyFlow`; what normals made; bounds of what moved."""
+MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION, CONTACT, NORMAL, TRAFFIC, KINETIC, MISSED = range(11)
+"""Work and losses of a part [J]: see `EnergyFlow`; what normals made; bounds of what moved; and the
+speed by which a passive end misses the laws."""
 
 _COUPLING_ROUNDS = 200
 _COUPLING_TOLERANCE = 1e-13
@@ -459,7 +469,8 @@ def solve_part(
         good += after[c]
     if way < UNSOLVED and not np.isfinite(good):
         way = UNSOLVED
-    return Solved(impulse, row_speed, after, end, damped, used, way)
+    missed = distance(system, impulse) if way == PASSIVE else 0.0
+    return Solved(impulse, row_speed, after, end, damped, used, way, missed)
 
 
 @compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, OutRow, OutRow, OutRow, counted=False)
@@ -564,7 +575,7 @@ def books_of(
     mesh: FloatArray,
     books: FloatArray,
 ) -> None:
-    """Write work and losses of a part, MOTOR to KINETIC, see `EnergyFlow`.
+    """Write work and losses of a part, MOTOR to MISSED, see `EnergyFlow`.
 
     Args:
         plant: whose memory stands in the middle.
@@ -574,10 +585,11 @@ def books_of(
         speed: v (nv,) in the middle, before.
         motor: (m,) speeds of the motor outputs after.
         mesh: (m,) T.
-        books: (10,) to write.
+        books: (11,) to write.
     """
     step, m, n = acting.step, len(motor), len(speed)
     books[:] = 0.0
+    books[MISSED] = solved.missed
     for i in range(m):
         gear, size = plant.gears.numbers[i], abs(motor[i])
         turned = 0.5 * step * gear[RATIO] * (rows.motor[i] + motor[i])

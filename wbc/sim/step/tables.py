@@ -35,7 +35,7 @@ class Obstacles(NamedTuple):
         limit_range: (j, 2) least and greatest value.
         contact_at: (k, 2) joint (-1 for the world), and its last row of v (-1).
         contacts: (k, 5) place on the joint (3), radius, friction.
-        solids: (s, 20) see `solid_gap`; empty where Python knows the ground alone.
+        solids: (s, w) see `solid_gap`; empty where Python knows the ground alone.
         points: (k, 3) memory: places of the contact points, world.
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
         ground: (c, 3) memory: speed of the ground where they touch, world.
