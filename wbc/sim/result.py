@@ -93,7 +93,8 @@ class StepResult:
     @property
     def unsettled(self) -> int:
         """How many parts and impacts ended passively, without meeting all laws."""
-        return sum(one.missed > 0.0 for one in (*self.parts, *self.impacts))
+        ends = [part.missed for part in self.parts] + [impact.missed for impact in self.impacts]
+        return sum(missed > 0.0 for missed in ends)
 
     @cached_property
     def energy(self) -> EnergyFlow:

@@ -17,8 +17,8 @@ CORPORA = {
     "more rows than freedoms": ((3, 9), (0, 4), (2, 7), 1.0),
     "one body": ((6, 7), (0, 1), (1, 9), 1.2),
     "many gears": ((12, 19), (6, 13), (2, 5), 1.0),
-    "one body on many points": ((6, 13), (0, 5), (60, 110), 1.0),
 }
+_MANY = {"one body on many points": ((6, 13), (0, 5), (60, 110), 1.0)}
 # Found by searching: on most of these Newton's iteration fails, and proximal rounds, too, on those
 # from 2000 on. Which of them fail changes with the last bits of the sums, so there are several.
 HARD = {
@@ -30,7 +30,7 @@ HARD = {
 
 
 def random_step(corpus: str, seed: int) -> StepProgram:
-    sizes, gears, contacts, steepest = CORPORA[corpus]
+    sizes, gears, contacts, steepest = (CORPORA | _MANY)[corpus]
     rng = np.random.default_rng(seed)
     n, m, k = (int(rng.integers(*span)) for span in (sizes, gears, contacts))
     root = rng.normal(size=(n, n))
@@ -89,7 +89,7 @@ def worst_violation(program: StepProgram, velocity: np.ndarray, impulse: np.ndar
     return float(max(errors))
 
 
-@pytest.mark.parametrize("corpus", CORPORA)
+@pytest.mark.parametrize("corpus", CORPORA | _MANY)
 def test_every_step_is_solved_and_obeys_the_laws(corpus: str) -> None:
     for seed in (*range(150 if corpus in HARD else 12), *HARD.get(corpus, ())):
         program = random_step(corpus, seed)
@@ -170,7 +170,7 @@ def test_a_step_without_numbers_is_refused_at_once() -> None:
 def test_the_solution_says_which_way_found_it() -> None:
     methods = {
         solve_program(random_step(corpus, seed)).method
-        for corpus in HARD
+        for corpus in CORPORA
         for seed in (*range(20), *HARD[corpus])
     }
     assert methods == {"newton", "proximal", "friction"}

@@ -103,5 +103,6 @@ def field_gap(field: FloatArray, point: FloatArray, normal: FloatArray) -> float
     surface_at(field, x, y, at)
     size = sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
     normal[0], normal[1], normal[2] = -at[1] / size, -at[2] / size, 1.0 / size
-    gap: float = (point[0] - x) * normal[0] + (point[1] - y) * normal[1]
-    return gap + (point[2] - at[0]) * normal[2]
+    gap: float = (point[2] - at[0]) * normal[2]
+    gap += (point[0] - x) * normal[0] + (point[1] - y) * normal[1]
+    return gap

@@ -469,8 +469,8 @@ def solve_part(
         good += after[c]
     if way < UNSOLVED and not np.isfinite(good):
         way = UNSOLVED
-    missed = distance(system, impulse) if way == PASSIVE else 0.0
-    return Solved(impulse, row_speed, after, end, damped, used, way, missed)
+    short = distance(system, impulse) if way == PASSIVE else 0.0
+    return Solved(impulse, row_speed, after, end, damped, used, way, short)
 
 
 @compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, OutRow, OutRow, OutRow, counted=False)
