@@ -59,7 +59,8 @@ def _doubt(findings: Sequence[Finding]) -> str:
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
-    found = _sum_up([f for f in diagnosis.findings if f.support.group_probability >= EVEN])
+    likely = [f for f in diagnosis.findings if f.support.group_probability >= EVEN]
+    found = _sum_up(likely)
     match diagnosis.verdict:
         case "none":
             floors = plain(diagnosis.error.after, 2)
@@ -80,8 +81,10 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             sure = certain_findings(diagnosis)
             certain = _sum_up(sure)
             what = "missing or different" if _replaced(sure) else "missing"
+            others = _sum_up([f for f in likely if f not in sure])
+            rest = f"Likely, or in place of something else: {others}. " if others else ""
             return (
-                f"Certainly {what} in the model: {certain}. {_progress(diagnosis)}. More is "
+                f"Certainly {what} in the model: {certain}. {_progress(diagnosis)}. {rest}More is "
                 "missing that no known effect explains."
             )
         case "unknown":

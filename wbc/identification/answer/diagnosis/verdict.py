@@ -21,6 +21,7 @@ from wbc.robot import Effect
 _SUBSTANTIAL = 0.5
 _ASKED = 2  # experiments for what is left, the worst output first
 _MOTIONS = 3  # motions at a place to tell rivals apart: of the cause, then of the likeliest rivals
+_SEVERAL = 2  # names that are likely and not certain, beside certain ones: something else is there
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 
 
@@ -33,11 +34,14 @@ def verdict_of(
 ) -> Verdict:
     """Return the verdict.
 
+    Several names that are likely and not certain, beside a certain one, are a sign of a cause that
+    is not in the list: each takes a part of it.
+
     Args:
         problem: the logs.
         first: the robot as given.
         final: what was found.
-        support: of its causes.
+        support: of its causes, in their order.
         more: whether something is left that nothing found explains.
     """
     if more:
@@ -49,6 +53,10 @@ def verdict_of(
     if not likely:
         return "unknown"
     certain = any(s.group_probability >= CERTAIN for s in likely)
+    pairs = zip(final.effects, support, strict=True)
+    open_names = {e.name for e, s in pairs if EVEN <= s.group_probability < CERTAIN}
+    if certain and len(open_names) >= _SEVERAL:
+        return "partial"
     return "named" if certain and not any(s.group > s.odds for s in likely) else "ambiguous"
 
 
