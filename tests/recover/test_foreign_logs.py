@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wbc import load_robot, save_robot
-from wbc.identification import compare, diagnose
+from wbc.identification import compare, diagnose, rank_robots
 from wbc.identification.choice.weighing.certainty import CERTAIN
 from wbc.measurement import Log, load_logs
 
@@ -47,8 +47,11 @@ def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
     again = load_robot(save_robot(found.robot, tmp_path / "fitted.toml"))
     delays = again.transmission.target_delay
     np.testing.assert_array_equal(delays, found.robot.transmission.target_delay)
-    for output in compare(again, runs_of(folder, "fresh")).outputs:
+    fresh = runs_of(folder, "fresh")
+    for output in compare(again, fresh).outputs:
         assert output.rms < 1.5 * output.floor
+    given = load_robot(str(folder / "robot.toml"))
+    assert rank_robots({"given": given, "found": again}, fresh)[0].name == "found"
 
 
 def test_a_sound_arm_lacks_nothing() -> None:

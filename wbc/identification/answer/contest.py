@@ -60,8 +60,9 @@ class Contestant:
 def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Contestant, ...]:
     """Return robots by their error on logs, best first; nothing is fitted.
 
-    All are judged in the same band, by the same weights and the noise floor of the first one. The
-    comparison is fair only on logs that none of them was fitted to.
+    All are judged in the same band, by the same weights and the noise floor of the first one. Where
+    drives follow targets, the times that the first of them states are those of all. The comparison
+    is fair only on logs that none of them was fitted to.
 
     Args:
         robots: by name; they have the same joints in the same order.
@@ -80,7 +81,12 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
                 f"'{name}' and '{first[0]}' have different joints and cannot be compared: "
                 f"{', '.join(robot.model.names)} and {', '.join(first[1].model.names)}."
             )
-    problem = EstimationProblem.from_logs(first[1], logs)
+    reference = first[1]
+    drives = [robot.transmission for robot in robots.values()]
+    if known := [gears for gears in drives if np.isfinite(gears.target_delay).any()]:
+        times = known[0].target_delay, known[0].velocity_lag
+        reference = reference.with_drive_times(*times)
+    problem = EstimationProblem.from_logs(reference, logs)
     squares = {name: _squares(problem, robot) for name, robot in robots.items()}
     order = sorted(squares, key=lambda name: float(squares[name].mean()))
     return tuple(
