@@ -92,7 +92,7 @@ class Command:
         expected_speed: (m,) [rad/s] of the motor outputs that the directions were judged by.
         certainty: sigma (m,), -1 to 1, how surely each gear turns and which way.
         status: how the tick ended.
-        message: what was in the way, empty when nothing was.
+        message: what was in the way, empty when nothing was; of a solved tick the limit passed.
         solve_time: [s] in the solver; of a usual tick from the state to the torques, one call.
         tick_time: [s] of the whole tick.
         rounds: programs solved; more than one where a predicted direction was revised.
@@ -100,6 +100,8 @@ class Command:
         solution: of the last program, None where none was solved.
         prospect: what `forces`, `position` and `velocity` are worked out from.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
+        passed: limit of a joint or distance -> by how much [rad/s^2, m/s^2] the acceleration is
+            beyond it, because nothing that the motors and the ground can do keeps it.
     """
 
     rotor_torque: FloatArray
@@ -118,6 +120,7 @@ class Command:
     solution: QPSolution | None
     prospect: Prospect = field(repr=False)
     refused: Refused | None = None
+    passed: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, **fields: Any) -> Command:

@@ -192,6 +192,7 @@ class Fallback:
             solution=None if found is None else found.solution,
             prospect=KnownProspect({}, self._place(motion), np.zeros(m)),
             refused=refused,
+            passed={},
         )
 
     def _place(self, motion: Motion | None) -> FloatArray:

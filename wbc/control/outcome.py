@@ -94,4 +94,5 @@ def command_of(
         solution=answer.solution,
         prospect=ExpectedProspect(drivetrain.robot, program, block, dt),
         refused=None,
+        passed=answer.passed,
     )

@@ -55,6 +55,7 @@ SOLVER = Structure(
     C=OutDense,
     lower=OutRow,
     upper=OutRow,
+    give=OutRow,
     inverse=OutRow,
     free=OutRow,
     force=OutRow,
@@ -67,8 +68,9 @@ SOLVER = Structure(
 """A program in blocks (`BlockProblem`), and memory for its solution.
 
 Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
-do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `force` (..,) are
-the multipliers of all rows, `active` the numbers of the bounds that stand among them.
+do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
+softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
+all rows, `active` the numbers of the bounds that stand among them.
 """
 
 
@@ -102,7 +104,7 @@ def _try_rows(solver: Any, first: int, known: int, base: int, size: int, x: Floa
     if not _factorise(solver, first, known, size):
         return False
     for i in range(known, size):
-        half, whole = right[i], 0.0
+        half, whole = right[i], solver.softness[first + i]
         for j in range(n):
             half -= G[i, j] * free[j]
             whole += scaled[i, j] * G[i, j]
@@ -178,7 +180,7 @@ def _place_bound(solver: Any, first: int, place: int, row: int) -> int:
     """Write a bound that binds into a place of G; return the next one."""
     at = first + place
     solver.right[at] = solver.upper[row] if solver.taken[row] > 0 else solver.lower[row]
-    solver.softness[at] = 0.0
+    solver.softness[at] = solver.give[row]
     for j in range(solver.rows.shape[1]):
         solver.rows[at, j] = solver.C[row, j]
     return place + 1
@@ -241,7 +243,7 @@ def _most_violated(
     for i in range(bounds[0], bounds[1]):
         if solver.taken[i] != 0:
             continue
-        value, length = 0.0, 0.0
+        value, length = 0.0, solver.give[i]
         for j in range(len(x)):
             value += C[i, j] * x[j]
             length += C[i, j] * C[i, j] * inverse[j]
@@ -322,7 +324,7 @@ def climb(
         as `settle`.
     """
     base, taken, active, row = last - first, solver.taken, solver.active, -1
-    push, trial = np.zeros(len(x)), np.empty(len(x))
+    push, trial = np.zeros(len(taken)), np.empty(len(x))
     taken[:] = 0
     size, known, fresh = base, 0, True
     if not _try_rows(solver, first, known, base, size, x):
@@ -334,7 +336,7 @@ def climb(
                 if _meet_rows(solver, first, size - size % 2, size, tolerance, x):
                     return size
                 break
-            if size - base == len(x):
+            if first + size == len(solver.right):
                 break
             known = size - size % 2
             taken[row], active[size - base], push[size - base] = side, row, 0.0
@@ -378,6 +380,7 @@ def settle(
     """
     diagonal, pull, inverse, free = solver.diagonal, solver.pull, solver.inverse, solver.free
     (start, stop), freedoms, base, known = bounds, len(x), last - first, 0
+    active = solver.active
     for j in range(len(x)):
         inverse[j] = 1.0 / diagonal[j]
         free[j] = inverse[j] * pull[j]
@@ -389,7 +392,10 @@ def settle(
         size = _place_active(solver, first, base, start, stop)
         # more hard rows than variables depend on one another; of the starts that do not settle,
         # two thirds on Talos and Solo12 end so, on a system twice as large as a good one's
-        if size < 0 or size - base > freedoms:
+        hard = 0
+        for k in range(size - base):
+            hard += solver.give[active[k]] == 0.0
+        if size < 0 or hard > freedoms:
             break
         if not _meet_rows(solver, first, known, size, tolerance, x):
             break

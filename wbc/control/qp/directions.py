@@ -28,6 +28,7 @@ from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_efforts
 _ACTIVE = 1e-6
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
 _EMPTY = np.zeros(0)
+CONTRADICTORY = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.INFEASIBLE, 0)
 NOTHING = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.FAILED, 0)
 
 
@@ -75,7 +76,7 @@ class ProgramSolver:
         """
         self._program, self._names, self._guesses = program, names, guesses
         self._tolerance, self._most = numbers
-        self._made: dict[tuple[str, int, int], Solver] = {}
+        self._made: dict[tuple[str, int, int, int], Solver] = {}
         self.start_tick()
 
     def start_tick(self) -> None:
@@ -93,25 +94,32 @@ class ProgramSolver:
         """Whether the iterations are spent."""
         return self.iterations >= self._most
 
-    def solve(self, *, directed: bool = False, starts_over: bool = False) -> QPSolution:
+    def solve(
+        self, *, directed: bool = False, starts_over: bool = False, confirms: bool = True
+    ) -> QPSolution:
         """Return the solution of the program as it stands, or one that is not SOLVED.
 
         Args:
             directed: whether every gear has two rows.
             starts_over: whether the rows that bound the last solution are not worth a try.
+            confirms: whether a solver has to agree that bounds contradict.
         """
         start = perf_counter()
         self.count += 1
         if starts_over:
             self._program.memory.solver.taken[:] = 0
-        found = self._guessed(directed) if self._guesses else None
-        if found is None:
+        found = self._guessed(directed) if self._guesses else NOTHING
+        sure = found.status is QPStatus.INFEASIBLE and not confirms
+        if found.status is not QPStatus.SOLVED and not sure:
             found = self._asked(directed)
         self.spent += perf_counter() - start
         return found
 
-    def _guessed(self, directed: bool) -> QPSolution | None:
-        """Return the solution from the rows taken as binding, None where they do not lead to it."""
+    def _guessed(self, directed: bool) -> QPSolution:
+        """Return the solution from the rows taken as binding, where they lead to it.
+
+        INFEASIBLE where bounds contradict as far as rounding tells: a solver has to confirm it.
+        """
         program, solver, counts = (
             self._program,
             self._program.memory.solver,
@@ -122,11 +130,11 @@ class ProgramSolver:
         bounds = len(solver.lower) if directed else program.plain
         x = np.empty(program.n)
         size = settle(solver, first, last, (0, bounds), self._tolerance, x)
-        if size == CONTRADICTION:  # as far as rounding tells: a solver has to confirm it
+        if size == CONTRADICTION:
             row = int(solver.active[0])
             self.blocking = row if row < program.plain else row - program.plain
         if size < 0:
-            return None
+            return CONTRADICTORY if size == CONTRADICTION else NOTHING
         y, z = np.empty(hard), np.empty(bounds)
         place_multipliers(solver, last - first, last - first - hard, size, y, z)
         y = program.with_hard_tasks(y)
@@ -137,20 +145,23 @@ class ProgramSolver:
         dense = self._program.blocks(directed=directed).dense()
         n, found = len(dense.g), NOTHING
         for name in self._names:
-            key = name, len(dense.b), len(dense.lower)
+            key = name, n, len(dense.b), len(dense.lower)
             if key not in self._made:
                 self._made[key] = make_solver(
-                    name, n, *key[1:], tolerance=self._tolerance, max_iterations=self._most
+                    *key, tolerance=self._tolerance, max_iterations=self._most
                 )
             found = self._made[key].solve(dense)
+            found = found._replace(x=found.x[: self._program.n])
             self.iterations += found.iterations
-            # alone ProxQP calls programs infeasible that leave hardly any room
-            sure = name == "daqp" or self.blocking >= 0
+            # alone ProxQP calls programs infeasible that leave hardly any room, and daqp some whose
+            # limits give way, which always have a solution but for contacts that contradict
+            sure = (name == "daqp" and n == self._program.n) or self.blocking >= 0
             if found.status is QPStatus.SOLVED or (sure and found.status is QPStatus.INFEASIBLE):
                 break
         if found.status is QPStatus.SOLVED and self._guesses:
             place_pushing(found.z, 10.0 * self._tolerance, self._program.memory.solver.taken)
-            return self._guessed(directed) or found
+            exact = self._guessed(directed)
+            return exact if exact.status is QPStatus.SOLVED else found
         return found
 
 
@@ -171,9 +182,9 @@ class DirectionSearch:
     in the direction that the node's own torque has; then it takes the node of least bound first.
     """
 
-    def __init__(self, program: Program, solver: ProgramSolver, rounds: int) -> None:
-        """Take a program, what solves it, and how many programs may be solved in one tick."""
-        self._program, self._solver, self._rounds = program, solver, rounds
+    def __init__(self, program: Program, solver: ProgramSolver) -> None:
+        """Take a program, and what solves it."""
+        self._program, self._solver, self._rounds = program, solver, 0
         m = program.memory.gears.driven.shape[0]
         self._positive, self._negative = np.empty(m), np.empty(m)
         self._output, self._share = np.empty(m), np.empty(m)
@@ -206,20 +217,22 @@ class DirectionSearch:
             slack = REACH * program.memory.numbers[3]
             let_pass(program.memory, program.lock, self._passing, slack, rows.start, rows.stop)
 
-    def solve(self, first: FloatArray, *, starts_over: bool) -> DirectedSolution:
+    def solve(self, first: FloatArray, rounds: int, *, quick: bool = False) -> DirectedSolution:
         """Return the solution with directions that agree with it; call after `lay_out`.
 
         Args:
             first: T (m,) whose signs are the first guess.
-            starts_over: whether the rows that bound the last solution are not worth a try.
+            rounds: how many programs there may be since the solver's `start_tick`.
+            quick: whether the first contradiction is an answer: no solver has to confirm it, and
+                no other directions are tried.
         """
-        program, positive = self._program, first > 0.0
-        self._solver.start_tick()
-        for _ in range(min(GUESSES, self._rounds)):
+        program, positive, self._rounds = self._program, first > 0.0, rounds
+        for _ in range(max(min(GUESSES, rounds - self._solver.count), 1)):
             self.direct(positive)
-            solution = self._solver.solve(starts_over=starts_over)
-            starts_over = False
+            solution = self._solver.solve(confirms=not quick)
             solved = solution.status is QPStatus.SOLVED
+            if solution.status is QPStatus.INFEASIBLE and quick:
+                return self._found(solution, settled=True)
             if not solved:
                 break
             turned, contested = self._doubtful(positive, solution)
@@ -239,6 +252,11 @@ class DirectionSearch:
         what = "" if row < 0 else self._program.labels[row]
         taken = solver.count, solver.iterations, solver.spent
         return DirectedSolution(solution, *taken, settled, what)
+
+    def output_of(self, solution: QPSolution) -> FloatArray:
+        """Return T (m,) of a solution, which the next one overwrites."""
+        self._beyond(solution)
+        return self._output
 
     def _beyond(self, solution: QPSolution) -> BoolArray:
         """Return the gears (m,) whose torque by the mesh law is beyond their limits."""

@@ -43,6 +43,7 @@ _BINDS = 1e-6
 _ACCURATE = 1e-4
 _FEW = 4
 _SOLVED: Complaint = (Status.SOLVED, "")
+_NOTHING_PASSED: Mapping[str, float] = {}
 
 
 class PendingTick(NamedTuple):
@@ -78,6 +79,7 @@ class SolvedLevel(NamedTuple):
         verdict: how usable it is.
         exact: whether no limit bent the torques.
         time: [s] it took.
+        passed: limit -> by how much it is passed, as it could not be kept.
     """
 
     level: Level
@@ -87,6 +89,7 @@ class SolvedLevel(NamedTuple):
     verdict: Complaint
     exact: bool
     time: float
+    passed: Mapping[str, float] = _NOTHING_PASSED
 
     @property
     def gears(self) -> FloatArray:
@@ -135,7 +138,7 @@ class Level:
         self._guesses = settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
         names = solver_names(settings.solver)
         self._solver = ProgramSolver(program, names, numbers, self._guesses)
-        self._search = DirectionSearch(program, self._solver, settings.max_rounds)
+        self._search, self._rounds = DirectionSearch(program, self._solver), settings.max_rounds
         self._block, self._passing = np.zeros(program.size), np.zeros(0)
         self.forget()
 
@@ -214,8 +217,12 @@ class Level:
         passing = None if above is None else above.solution.x
         self._search.lay_out(gears[SIGMA], passing)
         first = asked.output if above is None else above.gears[OUTPUT]
-        found = self._search.solve(first, starts_over=False)
+        self._solver.start_tick()
+        may_give = above is None and program.may_give
+        found, passed = self._search.solve(first, self._rounds, quick=may_give), _NOTHING_PASSED
         verdict = _judged(found, program)
+        if may_give and not verdict[0].usable:
+            found, verdict, passed = self._giving_way(first)
         if not verdict[0].usable:
             return Refusal(verdict, found, self)
         solution = found.solution
@@ -224,7 +231,27 @@ class Level:
         if not exact:
             self._stage.solve(gears)
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
-        return SolvedLevel(self, block, solution, found, verdict, exact, perf_counter() - start)
+        elapsed = perf_counter() - start
+        return SolvedLevel(self, block, solution, found, verdict, exact, elapsed, passed)
+
+    def _giving_way(
+        self, first: FloatArray
+    ) -> tuple[DirectedSolution, Complaint, Mapping[str, float]]:
+        """Return a solution that passes limits, or one in its directions that need not."""
+        program, search = self.program, self._search
+        with program.giving_way():
+            found = search.solve(first, self._rounds - 1)
+            verdict = _judged(found, program)
+        if not verdict[0].usable:
+            return found, verdict, _NOTHING_PASSED
+        output = search.output_of(found.solution)
+        if ((output > 0.0) != (first > 0.0)).any():
+            kept = search.solve(output, self._rounds, quick=True)
+            if kept.solution.status is QPStatus.SOLVED:
+                return kept, _judged(kept, program), _NOTHING_PASSED
+        passed, stops = program.passed(found.solution)
+        told = _told(passed, stops)
+        return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed
 
     @property
     def corrected(self) -> FloatArray:
@@ -245,6 +272,13 @@ class Level:
         ended = self._pass(asked, None, self._block)
         self._saturated = saturated
         return ended != TOO_LARGE
+
+
+def _told(passed: Mapping[str, float], stops: str) -> str:
+    """Return what a tick says whose limits or tasks of infinite weight could not be kept."""
+    worst = max(passed, key=lambda label: passed[label])
+    others = f", and {len(passed) - 1} more" if len(passed) > 1 else ""
+    return f"{worst} is passed by {passed[worst]:.3g} per s^2{others}: {stops} leaves no more."
 
 
 def _judged(found: DirectedSolution, program: Program) -> Complaint:
@@ -277,6 +311,8 @@ def descend(levels: Sequence[Level], asked: PendingTick) -> SolvedLevel | Refusa
         deeper = level.step(asked, answer)
         if isinstance(deeper, Refusal) and deeper.complaint is not None:
             return answer.without_lower(deeper.complaint)
+        if answer.passed and isinstance(deeper, SolvedLevel):
+            deeper = deeper._replace(verdict=answer.verdict, passed=answer.passed)
         answer = deeper
     return answer
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.compiled import (
     Count,
@@ -19,7 +21,7 @@ from wbc.compiled import (
 )
 from wbc.control.qp.linalg import extend_basis, factorise, remove, substitute
 from wbc.control.qp.problem import INFINITE
-from wbc.control.tick import BOUNDS, COST, HARD, PROGRAM, REGULAR, TASKS, TORQUE
+from wbc.control.tick import BOUNDS, COST, HARD, JOINT, PROGRAM, REGULAR, TASKS, TORQUE
 from wbc.structures import Structure
 
 _HALF = 0.5
@@ -242,8 +244,10 @@ def let_pass(program: Any, lock: Any, x: FloatArray, slack: float, start: int, s
     Then the solution of the level above is one of this level, and no gap of the tolerance's size
     parts bounds that meet. A bound that has become an equality is none any more.
     """
-    solver, size = program.solver, len(lock.decided)
+    solver, size, counts = program.solver, len(lock.decided), program.counts
     for i in range(start, stop):
+        # limits of joints and distances may have given way above
+        room = np.inf if counts[JOINT] <= i < counts[BOUNDS] else slack
         # of the second row of a gear that has two the first one knows whether it is decided
         if lock.decided[i if i < size else i - size] != 0:
             solver.lower[i], solver.upper[i] = -INFINITE, INFINITE
@@ -251,8 +255,8 @@ def let_pass(program: Any, lock: Any, x: FloatArray, slack: float, start: int, s
         low, high, value = program.stated_lower[i], program.stated_upper[i], 0.0
         for j in range(len(x)):
             value += solver.C[i, j] * x[j]
-        solver.upper[i] = high + min(max(value - high, 0.0), slack)
-        solver.lower[i] = low - min(max(low - value, 0.0), slack)
+        solver.upper[i] = high + min(max(value - high, 0.0), room)
+        solver.lower[i] = low - min(max(low - value, 0.0), room)
 
 
 @compiled(Nothing, PROGRAM.kind, LOCK.kind, Row, Flag, Count, Number)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Flag, Number, Row, Vector, compiled
+from wbc.compiled import Flag, Vector, compiled
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -65,7 +65,8 @@ class BlockProblem(NamedTuple):
     """A program that keeps its structure: a diagonal, and rows that are soft or hard.
 
         min   1/2 x'D x - p'x + 1/2 sum over the soft rows of (G x - t)^2 / s
-        s.t.  G x = t in the hard rows, lower <= C x <= upper
+                              + 1/2 sum over the bounds that give of (beyond)^2 / s
+        s.t.  G x = t in the hard rows, lower <= C x <= upper in all other bounds
 
     Attributes:
         diagonal: D (n,).
@@ -78,7 +79,7 @@ class BlockProblem(NamedTuple):
         C: (r, n).
         lower: (r,); -INFINITE or less is no bound.
         upper: (r,); INFINITE or more is no bound.
-        hardens: whether a soft row may have a softness of zero.
+        give: softness s (r,) of the bounds, zero for one that must be kept.
     """
 
     diagonal: FloatArray
@@ -90,61 +91,58 @@ class BlockProblem(NamedTuple):
     C: FloatArray
     lower: FloatArray
     upper: FloatArray
-    hardens: bool = False
+    give: FloatArray
 
     def dense(self) -> QPProblem:
-        """Return the same program with its Hessian and gradient written out."""
-        k = self.soft
-        hard = self.hard
-        rows, right, softness = self.rows[:k], self.right[:k], self.softness[:k]
-        if len(hard):
-            kept = softness > 0.0
-            rows, right, softness = rows[kept], right[kept], softness[kept]
-        weighted = rows / softness[:, None]
-        H = weighted.T @ rows
-        H.reshape(-1)[:: len(H) + 1] += self.diagonal
-        g = -(right @ weighted) - self.pull
+        """Return the same program with its Hessian and gradient written out.
+
+        Behind x (n,) stands, for every bound that gives, by how much it is passed.
+        """
+        k, hard, gives = self.soft, self.hard, np.flatnonzero(self.give)
+        kept = np.setdiff1d(np.arange(k), hard, assume_unique=True)
+        rows, right = self.rows[kept], self.right[kept]
+        weighted = rows / self.softness[kept, None]
+        n, more = len(self.diagonal), len(gives)
+        H, g, C = np.zeros((n + more, n + more)), np.zeros(n + more), self.C
+        H[:n, :n], g[:n] = weighted.T @ rows, -(right @ weighted) - self.pull
+        H.reshape(-1)[:: n + more + 1] += np.concatenate([self.diagonal, 1.0 / self.give[gives]])
         A = np.vstack([self.rows[k:], self.rows[hard]])
         b = np.concatenate([self.right[k:], self.right[hard]])
-        return QPProblem(H, g, A, b, self.C, self.lower, self.upper)
+        if more:
+            A = np.hstack([A, np.zeros((len(b), more))])
+            C = np.hstack([C, np.zeros((len(C), more))])
+            C[gives, n + np.arange(more)] = -1.0
+        return QPProblem(H, g, A, b, C, self.lower, self.upper)
 
     @property
     def hard(self) -> IntArray:
         """Which rows among the soft ones have no softness left: hard tasks."""
-        return np.flatnonzero(self.softness[: self.soft if self.hardens else 0] == 0.0)
+        return np.flatnonzero(self.softness[: self.soft] == 0.0)
 
-    def nearest_to(self, x: FloatArray) -> BlockProblem:
-        """Return the program of the point that keeps the constraints and is nearest to x (n,).
-
-        Distances count by the diagonal; the soft rows are left out.
-        """
-        k, hard = self.soft, self.hard
-        rows, right, softness = self.rows[k:], self.right[k:], self.softness[k:]
-        if len(hard):
-            rows = np.vstack([self.rows[hard], rows])
-            right = np.concatenate([self.right[hard], right])
-            softness = np.concatenate([self.softness[hard], softness])
-        pull = self.diagonal * x
-        return self._replace(
-            pull=pull, rows=rows, right=right, softness=softness, soft=0, hardens=False
-        )
+    def beyond(self, x: FloatArray) -> FloatArray:
+        """Return how far x (n,) is beyond each bound (r,), 0 within."""
+        rows = self.C @ x
+        return np.maximum(np.maximum(rows - self.upper, self.lower - rows), 0.0)
 
     def violation(self, x: FloatArray) -> float:
         """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none."""
-        _, _, rows, right, softness, soft, C, lower, upper, hardens = self
-        first = 0 if hardens else soft
-        return worst_miss(rows, right, softness, first, soft, C, lower, upper, x)
+        hard = np.concatenate([self.hard, np.arange(self.soft, len(self.right))])
+        misses = np.abs(self.rows[hard] @ x - self.right[hard])
+        return max(_largest(misses), _largest(self.beyond(x)[self.give == 0.0]))
 
     def copied(self) -> BlockProblem:
         """Return a copy that the next tick does not overwrite."""
-        D, p, rows, right, softness, soft, C, lower, upper, hardens = self
-        own = D.copy(), p.copy(), rows.copy(), right.copy(), softness.copy()
-        return BlockProblem(*own, soft, C.copy(), lower.copy(), upper.copy(), hardens)
+        arrays: Any = {k: v.copy() for k, v in self._asdict().items() if isinstance(v, np.ndarray)}
+        return self._replace(**arrays)
 
     def cost(self, x: FloatArray) -> float:
-        """Return the cost of x (n,)."""
-        soft = self.rows, self.right, self.softness, self.soft
-        return cost_at(self.diagonal, self.pull, *soft, x)
+        """Return the cost of x (n,); hard rows, and bounds that must be kept, cost nothing."""
+        kept, gives = self.softness[: self.soft] > 0.0, self.give > 0.0
+        misses = (self.rows[: self.soft] @ x - self.right[: self.soft])[kept]
+        passed = self.beyond(x)[gives]
+        cost = (0.5 * self.diagonal * x - self.pull) @ x
+        cost += 0.5 * misses @ (misses / self.softness[: self.soft][kept])
+        return float(cost + 0.5 * passed @ (passed / self.give[gives]))
 
 
 @compiled(Flag, Vector)
@@ -154,63 +152,6 @@ def is_finite(values: FloatArray) -> bool:
     for i in range(len(values)):
         found = found and np.isfinite(values[i])
     return found
-
-
-@compiled(Number, *(Row, Row, Dense, Row, Row, Count, Row))
-def cost_at(
-    diagonal: FloatArray,
-    pull: FloatArray,
-    rows: FloatArray,
-    right: FloatArray,
-    softness: FloatArray,
-    soft: int,
-    x: FloatArray,
-) -> float:
-    """Return the cost of x (n,), arguments as in `BlockProblem`; hard rows cost nothing."""
-    cost = 0.0
-    for j in range(len(x)):
-        cost += (0.5 * diagonal[j] * x[j] - pull[j]) * x[j]
-    for i in range(soft):
-        if softness[i] > 0.0:
-            miss = -right[i]
-            for j in range(len(x)):
-                miss += rows[i, j] * x[j]
-            cost += 0.5 * miss * miss / softness[i]
-    return cost
-
-
-@compiled(Number, *(Dense, Row, Row, Count, Count, Dense, Row, Row, Row))
-def worst_miss(
-    rows: FloatArray,
-    right: FloatArray,
-    softness: FloatArray,
-    first: int,
-    soft: int,
-    C: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    x: FloatArray,
-) -> float:
-    """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none.
-
-    Args:
-        rows, right, softness, soft, C, lower, upper: as in `BlockProblem`.
-        first: row from which those without softness are constraints.
-        x: (n,).
-    """
-    worst = 0.0
-    for i in range(first, len(right)):
-        if i >= soft or softness[i] == 0.0:
-            miss = -right[i]
-            for j in range(len(x)):
-                miss += rows[i, j] * x[j]
-            worst = max(worst, abs(miss))
-    for i in range(len(lower)):
-        value = 0.0
-        for j in range(len(x)):
-            value += C[i, j] * x[j]
-        worst = max(worst, value - upper[i], lower[i] - value)
-    return worst
 
 
 class QPStatus(Enum):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.gear_rows import LIMITED
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
-from wbc.control.qp.problem import INFINITE, BlockProblem
+from wbc.control.qp.problem import INFINITE, BlockProblem, QPSolution
 from wbc.control.reference import Reference
 from wbc.control.rows.collision import CollisionRows
 from wbc.control.rows.contact_set import ContactSet
@@ -33,6 +34,13 @@ _WEAK = 1e-6
 # Tolerances by which a level may at most be beyond a bound, which the next one then lets pass, and
 # within which a bound counts as reached.
 REACH = 30.0
+# Tasks of infinite weight that give way cost _RIGID times the heaviest other, limits _FIRM times
+# the heaviest task of all. What costs less than that task over _FIRM is raised to it: with costs
+# that span more than six decades daqp and the dual method call programs infeasible that are not,
+# and with 1e2 to 1e4 the passings are the same to three digits (Solo12, a joint at its stop at 1 to
+# 30 rad/s).
+_FIRM, _RIGID = 1e3, 10.0
+_TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +192,7 @@ class Program:
             C=C,
             lower=lower,
             upper=upper,
+            give=np.zeros(bounds),
             inverse=np.zeros(n),
             free=np.zeros(n),
             force=np.zeros(size),
@@ -304,6 +313,58 @@ class Program:
         right[:count] = np.linalg.lstsq(jacobian @ basis.T, target, rcond=_WEAK)[0]
         softness[:count], softness[count:] = 0.0, 1.0
 
+    @property
+    def may_give(self) -> bool:
+        """Whether it has limits of joints or distances, or tasks of infinite weight."""
+        return self.hardens or self.joint.start < self.plain
+
+    @contextmanager
+    def giving_way(self) -> Iterator[None]:
+        """Let tasks of infinite weight and limits of joints and distances be passed, at a cost.
+
+        Torque limits, cones, contacts at rest and the balance are what the motors and the ground
+        can do; they stay.
+        """
+        solver, counts = self.memory.solver, self.memory.counts
+        diagonal, pull, softness = solver.diagonal, solver.pull, solver.softness
+        tasks = softness[counts[FIRST] : counts[COST]]
+        kept = diagonal.copy(), pull.copy(), tasks.copy()
+        heaviest = max(np.max(1.0 / tasks[tasks > 0.0], initial=0.0), diagonal.max())
+        if (tasks == 0.0).any():
+            heaviest *= _RIGID
+            tasks[tasks == 0.0] = 1.0 / heaviest
+        raised = np.maximum(diagonal, heaviest / _FIRM)
+        pull *= raised / diagonal
+        diagonal[:] = raised
+        solver.give[self.joint.start : self.plain] = 1.0 / (_FIRM * heaviest)
+        try:
+            yield
+        finally:
+            diagonal[:], pull[:], tasks[:] = kept
+            solver.give[:] = 0.0
+
+    def passed(self, solution: QPSolution) -> tuple[dict[str, float], str]:
+        """Return what a solution passes, by how much [rad/s^2 or m/s^2], and what is in the way."""
+        blocks, gives = self.blocks(), slice(self.joint.start, self.plain)
+        beyond, (rigid, misses) = blocks.beyond(solution.x)[gives], self._missed(solution.x)
+        least = _TOLD * max(beyond.max(initial=0.0), misses.max(initial=0.0))
+        labels, sizes = [*self.labels[gives], *rigid], [*beyond, *misses]
+        found = {a: float(b) for a, b in zip(labels, sizes, strict=True) if b > least}
+        push = np.abs(solution.z[: self.plain]) * np.linalg.norm(blocks.C, axis=1)
+        share = _TOLD * push.max(initial=0.0)
+        push[gives][beyond > least] = 0.0
+        stops = int(np.argmax(push)) if push.size else 0
+        if push.size and push[stops] > share:
+            return found, self.labels[stops]
+        return found, "what rests on the ground" if self.contacts.rows else "the balance of forces"
+
+    def _missed(self, x: FloatArray) -> tuple[list[str], FloatArray]:
+        """Return the rows of tasks of infinite weight by name, and what x (n,) misses of them."""
+        tasks, k = self.stack.memory, len(self.stack.memory.rows.jacobian)
+        rows = np.flatnonzero(np.isinf(tasks.weights[:k]))
+        misses = tasks.rows.jacobian[rows] @ x[: self.nv] - tasks.wanted[rows]
+        return [f"task '{self.stack.names[row]}'" for row in rows], np.abs(misses)
+
     def blocks(self, *, directed: bool = False) -> BlockProblem:
         """Return the program as it stands, in views; `directed` with two rows for every gear."""
         solver, counts = self.memory.solver, self.memory.counts
@@ -319,7 +380,7 @@ class Program:
             C=solver.C[bounds],
             lower=solver.lower[bounds],
             upper=solver.upper[bounds],
-            hardens=self.hardens,
+            give=solver.give[bounds],
         )
 
     def with_hard_tasks(self, y: FloatArray) -> FloatArray:

@@ -62,6 +62,7 @@ class TaskStack:
     Attributes:
         tasks: of one level.
         memory: the TASKS.
+        names: of the task of every row.
     """
 
     def __init__(self, robot: Robot, tasks: Sequence[Task], model: pin.Model) -> None:
@@ -133,6 +134,7 @@ class TaskStack:
         self._packed: dict[str, Target] = {}
         self._held: dict[str, Target] = {}
         self._pending: dict[str, Target] = {}
+        self.names = [entry.name for entry in self._entries for _ in range(entry.size)]
         self._by_name = {entry.name: entry for entry in self._entries}
         self._missing: list[_Entry] = []
         self._stale = self._moves = self._drops = True
