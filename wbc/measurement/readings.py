@@ -13,8 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.measurement.evidence import LogRows, Need, Report, report
+from wbc.measurement.evidence import Report, report
 from wbc.measurement.log import Log
+from wbc.measurement.log_rows import LogRows, Need
 from wbc.measurement.map_lines import ENCODER_UNITS, Mend, in_degrees
 from wbc.robot.coordinates import slides
 
@@ -78,11 +79,13 @@ class Reading:
     def torque(self, rows: LogRows) -> FloatArray:
         """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
         factor = self.torque_factor * rows.conversion / rows.conversion[self.torque_order]
-        torque = rows.late[self.lag] if self.lag else rows.torque
+        torque = rows.late(self.lag) if self.lag else rows.torque
         return np.asarray(torque[:, self.torque_order] * factor)
 
 
-def readings(rows: LogRows, log: Log, lost: BoolArray, doubtful: bool) -> Iterator[Reading]:
+def readings(
+    rows: LogRows, log: Log, lost: BoolArray, doubtful: bool, lag: float
+) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
     Args:
@@ -90,8 +93,9 @@ def readings(rows: LogRows, log: Log, lost: BoolArray, doubtful: bool) -> Iterat
         log: names the columns.
         lost: (m,) driven joints whose report does not follow the need as the log stands; only
             theirs may be exchanged.
-        doubtful: whether any report leaves more than physics usually does; only then gravity, lags
-            and zeros are asked about.
+        doubtful: whether any report leaves more than physics usually does; only then gravity and
+            zeros are asked about.
+        lag: that all torques share [s], 0 for none.
     """
     as_is = as_it_stands(rows)
     yield as_is
@@ -99,6 +103,8 @@ def readings(rows: LogRows, log: Log, lost: BoolArray, doubtful: bool) -> Iterat
     yield from _units(rows, log, as_is)
     yield from _sides(rows, as_is)
     yield from _exchanges(rows, log, lost, as_is)
+    if lag:
+        yield _late(rows, as_is, lag)
     if doubtful:
         yield from _left_out(rows, as_is)
         yield from _zeros(rows, log, as_is)
@@ -106,10 +112,8 @@ def readings(rows: LogRows, log: Log, lost: BoolArray, doubtful: bool) -> Iterat
 
 def as_it_stands(rows: LogRows) -> Reading:
     """Return the reading that changes nothing."""
-    single, driven = len(rows.robot.single_joints), rows.robot.transmission.size
-    return Reading(
-        "", "", ln(0.8), np.arange(single), np.ones(single), np.arange(driven), np.ones(driven), {}
-    )
+    driven = rows.robot.transmission.size
+    return Reading("", "", ln(0.8), *rows.as_read, np.arange(driven), np.ones(driven), {})
 
 
 def _signs(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
@@ -278,10 +282,7 @@ def _exchanges(rows: LogRows, log: Log, lost: BoolArray, as_is: Reading) -> Iter
 
 
 def _left_out(rows: LogRows, as_is: Reading) -> Iterator[Reading]:
-    """Yield torques without what gravity needs, and torques that are late.
-
-    A low-pass is a delay for what is slower than it.
-    """
+    """Yield torques without what gravity needs, and robots that hang upside down."""
     names = _torque_columns(rows)
     if rows.weighs:
         yield replace(
@@ -299,15 +300,20 @@ def _left_out(rows: LogRows, as_is: Reading) -> Iterator[Reading]:
             prior=_SOMEWHERE,
             weight=-1.0,
         )
-    for lag in rows.late:
-        yield replace(
-            as_is,
-            kind="torque_late",
-            text=f"{listed(names)} lag by {1e3 * lag:.0f} ms: a delay, or a low-pass as long",
-            prior=_SOMEWHERE - ln(len(rows.late)),
-            lag=lag,
-            **_with({name: {"lag": lag} for name in names}),
-        )
+
+
+def _late(rows: LogRows, as_is: Reading, lag: float) -> Reading:
+    """Return torques that are late. A low-pass is a delay for what is slower than it."""
+    names = _torque_columns(rows)
+    lag = float(f"{lag:.1g}")  # joints and logs differ in the next digit
+    return replace(
+        as_is,
+        kind="torque_late",
+        text=f"{listed(names)} lag by {1e3 * lag:.0f} ms: a delay, or a low-pass as long",
+        prior=_SOMEWHERE,
+        lag=lag,
+        **_with({name: {"lag": lag} for name in names}),
+    )
 
 
 def _zeros(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:

@@ -10,9 +10,10 @@ from math import factorial
 import numpy as np
 from scipy.special import logsumexp
 
-from wbc.measurement.evidence import evidence, rows_of
+from wbc.measurement.evidence import evidence
 from wbc.measurement.findings import LogFinding
 from wbc.measurement.log import Log
+from wbc.measurement.log_rows import rows_of
 from wbc.measurement.map_lines import Mend, say_so
 from wbc.measurement.names import unread_columns, unread_map
 from wbc.measurement.read import mended

@@ -1,0 +1,349 @@
+"""One log held against a robot: its motion and its torques on a few hundred rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy import stats
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from wbc.measurement.filters import derivative, differentiate, low_pass, residual_noise
+from wbc.measurement.log import Log
+from wbc.measurement.torque import rotor_torques, torque_quantity
+from wbc.robot import Motion, Robot
+
+_ROUNDING = 1e-9  # of a torque, below which one is nothing
+_ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
+_MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
+_HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
+_MOVES = 5.0  # times the noise of an encoder: white noise itself has one
+_ORDER = 4  # of each pass: what is above the cut-off must not count as motion
+_MOST_RATIO = 300.0  # of gears in robots: a judgement
+_BASE = 6  # coordinates of a free flyer, the first ones
+_CHANCE = 1e-3  # that a report of white noise is taken for one that follows the motion
+_EDGE = 0.05  # share of the log at either end, where the filter has not settled
+
+
+@dataclass(frozen=True, eq=False)
+class LogRows:
+    """What one log says about a robot.
+
+    Attributes:
+        label: of the log.
+        robot: without effects that act on torques; bodies and gears are as given.
+        position: q (N, nq), smoothed.
+        velocity: v (N, nv).
+        acceleration: a (N, nv).
+        whole: (n, m) reported torque on all rows of an even clock, N times that on the rotor [N m].
+        kept: (N,) those of its rows that the motion is on.
+        rate: of that clock [Hz].
+        conversion: (m,) `torque` over the column of the log.
+        forces: contact -> (N, 3) [N].
+        quantities: (m,) which column each torque was read from.
+        samples: (m,) independent samples that each report amounts to.
+        sensed: (N, m) what a torque sensor behind the gear measured [N m], NaN where none is: then
+            it stands for the need of the links.
+    """
+
+    label: str
+    robot: Robot
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    whole: FloatArray
+    kept: IntArray
+    rate: float
+    conversion: FloatArray
+    forces: Mapping[str, FloatArray]
+    quantities: tuple[str, ...]
+    samples: FloatArray
+    sensed: FloatArray
+
+    @cached_property
+    def torque(self) -> FloatArray:
+        """Reported torque (N, m), N times that on the rotor [N m]."""
+        return self.late(0.0)
+
+    def late(self, lag: float) -> FloatArray:
+        """Return the reported torque (N, m) read as if it were late by `lag` [s]."""
+        place, rows = np.arange(len(self.whole)), self.kept + lag * self.rate
+        return np.stack([np.interp(rows, place, column) for column in self.whole.T], axis=1)
+
+    @property
+    def as_read(self) -> tuple[IntArray, FloatArray]:
+        """Order and factor of the single joints' columns as they stand (see `need`)."""
+        single = len(self.robot.single_joints)
+        return np.arange(single), np.ones(single)
+
+    @cached_property
+    def weighs(self) -> bool:
+        """Whether gravity is part of what the links need, and no sensor stands for them."""
+        robot = self.robot
+        still = Motion(self.position, 0.0 * self.velocity, 0.0 * self.velocity)
+        held = link_torque(robot, still)[:, robot.actuated]
+        known = np.isnan(self.sensed).all() and not robot.floating_size
+        return bool(known and np.any(np.std(held, axis=0) > _ROUNDING))
+
+    def need(
+        self,
+        order: np.ndarray,
+        factor: FloatArray,
+        weight: float = 1.0,
+        offset: FloatArray | None = None,
+    ) -> Need:
+        """Return what the motion needs if the single joints' columns are read differently.
+
+        Args:
+            order: (n,) single joint i has the column of single joint order[i] ...
+            factor: (n,) ... times this.
+            weight: share of gravity that is part of the need.
+            offset: (n,) added to the positions of the single joints; None for nothing.
+        """
+        robot = self.robot
+        q, v, a = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
+        at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
+        to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
+        q[:, at] = factor * self.position[:, at[order]] + (0.0 if offset is None else offset)
+        v[:, to] = factor * self.velocity[:, to[order]]
+        a[:, to] = factor * self.acceleration[:, to[order]]
+        contacts = contact_torque(robot, q, self.forces)
+        motion = Motion(q, v, a)
+        if robot.has_free_flyer:
+            motion = Motion(q, v, _as_the_base_must(robot, motion, contacts))
+        links = link_torque(robot, motion)
+        if weight != 1.0:
+            links = links - (1.0 - weight) * link_torque(robot, Motion(q, 0.0 * v, 0.0 * a))
+        rotor, _ = rotor_torque(robot, motion, links, contacts)
+        gears = robot.transmission
+        lift = gears.motor_from_joint.T
+        speed, change = v[:, robot.actuated] @ lift, a[:, robot.actuated] @ lift
+        links = rotor * gears.gear_ratio - gears.reflected_inertia * change
+        return Need(np.where(np.isnan(self.sensed), links, self.sensed), speed, change)
+
+
+@dataclass(frozen=True, eq=False)
+class Need:
+    """What a motion needs at the motors' outputs, without their rotors.
+
+    Attributes:
+        links: (N, m) torque [N m].
+        speed: (N, m) of the motors behind their gears [rad/s].
+        change: (N, m) their acceleration [rad/s^2].
+    """
+
+    links: FloatArray
+    speed: FloatArray
+    change: FloatArray
+
+
+def rows_of(robot: Robot, log: Log) -> LogRows | None:
+    """Return the rows of a log, None where it cannot be held against the robot.
+
+    That is so for a log without the positions and torques that the robot has, for one without the
+    forces on a robot that stands on them, for one too short to be filtered, for one without motion,
+    for links that need no torque, such as the shaft of a bench without a torque sensor, and for
+    drives that report nothing but noise: then every reading explains next to nothing, and the one
+    that needs least torque, such as degrees, would be called the best.
+    """
+    robot = robot if log.machine is None else log.machine.of(robot)
+    joints = robot.transmission.joints
+    if not joints or not _has_all(robot, log) or len(log) < 50:
+        return None
+    forces = {c.name: c.name for c in robot.contacts if c.name in log.contacts}
+    flagged = any(log.has(f"{c.name}.active") and c.name not in forces for c in robot.contacts)
+    if robot.floating_size and robot.contacts and (flagged or not forces):
+        return None
+    grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
+    if not _moves(robot, log):
+        return None
+    raw = _positions(robot, log)
+    position = np.stack([np.interp(grid, log.time, column) for column in raw.T], axis=1)
+    cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
+    if not 1.0 / log.duration < cutoff < 0.45 / log.sample_time:
+        return None
+    q, v, a = _motion(robot, grid, position, cutoff)
+    reported = rotor_torques(log, robot.transmission) * robot.transmission.gear_ratio
+    on_grid = np.stack([np.interp(grid, log.time, column) for column in reported.T], axis=1)
+    rate = 1.0 / float(grid[1] - grid[0])
+    torque = low_pass(on_grid, cutoff, rate, _ORDER)
+
+    def slow(columns: Sequence[FloatArray]) -> FloatArray:
+        even = np.stack([np.interp(grid, log.time, column) for column in columns], axis=1)
+        return low_pass(even, cutoff, rate, _ORDER)
+
+    held = {name: slow(_force(log, name)) for name in forces}
+    sensed = np.full_like(torque, np.nan)
+    sensors = [k for k, joint in enumerate(joints) if log.has(f"{joint}.joint_torque")]
+    if sensors and np.array_equal(robot.transmission.topology, np.eye(len(joints))):
+        sensed[:, sensors] = slow([log.column(f"{joints[k]}.joint_torque") for k in sensors])
+    inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
+    pairs = zip(on_grid[inside].T, torque[inside].T, strict=True)
+    if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
+        return None
+    thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
+    quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
+    rows = LogRows(
+        label=log.source.label,
+        robot=robot.with_acting(()),
+        position=q[thin],
+        velocity=v[thin],
+        acceleration=a[thin],
+        whole=torque,
+        kept=thin,
+        rate=rate,
+        conversion=_conversion(robot, quantities),
+        forces={name: force[thin] for name, force in held.items()},
+        quantities=quantities,
+        samples=np.array([_samples(column) for column in torque[inside].T]),
+        sensed=sensed[thin],
+    )
+    need = rows.need(*rows.as_read).links
+    if np.all(np.std(need, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
+        return None
+    return _behind_unknown_gears(rows)
+
+
+def _follows(reported: FloatArray, slow: FloatArray, band: float) -> bool:
+    """Whether a report holds more in the band of the motion than white noise would.
+
+    Noise of a drive has the same power at all frequencies, so what lies above the band tells how
+    much of it lies in the band. The two variances then have the ratio of Fisher's F. (Where filters
+    have not settled the ratio is up to 1.5 times as large: the ends of the log are left out.)
+
+    Args:
+        reported: (N,) torque.
+        slow: (N,) its part in the band.
+        band: of the motion, as a share of half the sample rate.
+    """
+    inside, outside = float(np.var(slow)), float(np.var(reported - slow))
+    counts = band * slow.size, (1.0 - band) * slow.size
+    limit = float(stats.f.isf(_CHANCE, *counts))
+    return inside / band > limit * outside / (1.0 - band)
+
+
+def _behind_unknown_gears(rows: LogRows) -> LogRows:
+    """Return rows whose torque is scaled to the need where nobody has described the gear.
+
+    A gear ratio of one and no rotor inertia is what `wbc init` writes where it knows neither.
+    Torque on such a rotor is smaller than the need by a factor that nobody has stated; without
+    that, positions in degrees, which need less, explain it better.
+    """
+    gears = rows.robot.transmission
+    unknown = (np.abs(gears.gear_ratio) == 1.0) & (gears.reflected_inertia == 0.0)
+    unknown &= np.array([quantity != "motor_torque" for quantity in rows.quantities])
+    if not unknown.any():
+        return rows
+    size = np.std(rows.need(*rows.as_read).links, axis=0)
+    factor = np.clip(size / np.maximum(np.std(rows.torque, axis=0), 1e-300), 1.0, _MOST_RATIO)
+    factor[~unknown] = 1.0
+    return replace(rows, whole=rows.whole * factor, conversion=rows.conversion * factor)
+
+
+def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> FloatArray:
+    """Return the acceleration (N, nv) with that of a free base by its own equation of motion.
+
+    No motor drives the base: H_bb a_b + H_bj a_j + c_b = J_b' f. In flight gravity and the measured
+    acceleration cancel; what noise and filters leave of 9.81 m/s^2 outweighs what small motions
+    of the joints need.
+    """
+    change = np.zeros_like(motion.velocity)
+    if motion.acceleration is not None:
+        change += motion.acceleration
+    missing = (link_torque(robot, motion) - contacts)[:, :_BASE]
+    data = robot.model.createData()
+    for row, (q, wrench) in enumerate(zip(motion.position, missing, strict=True)):
+        inertia = pin.crba(robot.model, data, q)[:_BASE, :_BASE]
+        whole = np.triu(inertia) + np.triu(inertia, 1).T
+        change[row, :_BASE] -= np.linalg.solve(whole, wrench)
+    return change
+
+
+def _has_all(robot: Robot, log: Log) -> bool:
+    if not log.has(*(f"{name}.position" for name in robot.single_joints)):
+        return False
+    if robot.has_free_flyer and not log.has(
+        *(f"base.position.{axis}" for axis in "xyz"),
+        *(f"base.orientation.{axis}" for axis in "xyzw"),
+    ):
+        return False
+    constant = robot.transmission.torque_constant
+    for k, joint in enumerate(robot.transmission.joints):
+        if log.has(f"{joint}.rotor_torque") or log.has(f"{joint}.motor_torque"):
+            continue
+        if not log.has(f"{joint}.current") or not np.isfinite(constant[k]):
+            return False
+    return True
+
+
+def _moves(robot: Robot, log: Log) -> bool:
+    """Whether any joint moves by more than the noise of its encoder."""
+    channels = [log.column(f"{name}.position") for name in robot.single_joints]
+    return any(np.std(q) > _MOVES * residual_noise(log.time, q) for q in channels)
+
+
+def _positions(robot: Robot, log: Log) -> FloatArray:
+    position = np.tile(robot.neutral(), (len(log), 1))
+    for name in robot.single_joints:
+        position[:, robot.position_index(name)] = log.column(f"{name}.position")
+    if robot.has_free_flyer:
+        position[:, :3] = np.stack([log.column(f"base.position.{axis}") for axis in "xyz"], axis=1)
+        turn = np.stack([log.column(f"base.orientation.{axis}") for axis in "xyzw"], axis=1)
+        position[:, 3:7] = turn
+    return position
+
+
+def _force(log: Log, contact: str) -> list[FloatArray]:
+    zero = np.zeros(len(log))
+    names = [f"{contact}.force.{axis}" for axis in "xyz"]
+    return [log.column(name) if log.has(name) else zero for name in names]
+
+
+def _cutoff(position: FloatArray, grid: FloatArray) -> float:
+    """Return twice the frequency [Hz] below which the joints' motion lies."""
+    window = np.hanning(grid.size)[:, None]
+    power = np.abs(np.fft.rfft((position - position.mean(axis=0)) * window, axis=0)) ** 2
+    total = power.sum(axis=0)
+    moving = total > 0.0
+    if not moving.any():
+        return _HIGHEST
+    share = np.cumsum((power[:, moving] / total[moving]).mean(axis=1))
+    frequency = np.fft.rfftfreq(grid.size, float(grid[1] - grid[0]))
+    found = 2.0 * float(frequency[int(np.searchsorted(share, _MOTION_SHARE))])
+    return float(np.clip(found, 4.0 / (grid[-1] - grid[0]), min(_HIGHEST, 0.4 * frequency[-1])))
+
+
+def _motion(
+    robot: Robot, grid: FloatArray, position: FloatArray, cutoff: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q (N, nq), v and a (N, nv) of a low-passed motion."""
+    rate = 1.0 / float(grid[1] - grid[0])
+    q = low_pass(position, cutoff, rate, _ORDER)
+    if robot.has_free_flyer:
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    v = differentiate(q, rate, robot.model)
+    return q, v, derivative(v, rate)
+
+
+def _conversion(robot: Robot, quantities: tuple[str, ...]) -> FloatArray:
+    gears = robot.transmission
+    factors = {
+        "rotor_torque": gears.gear_ratio,
+        "motor_torque": np.ones(gears.size),
+        "current": gears.gear_ratio * gears.torque_constant,
+    }
+    return np.array([factors[quantity][k] for k, quantity in enumerate(quantities)])
+
+
+def _samples(values: FloatArray) -> float:
+    """Return the degrees of freedom of a signal: (sum of power)^2 / sum of squared power.
+
+    Power per line of the spectrum; a line has two (Bendat & Piersol, Random Data, section 8.5).
+    """
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+    total = float(np.sum(power**2))
+    return 2.0 * float(np.sum(power)) ** 2 / total if total > 0.0 else 0.0
