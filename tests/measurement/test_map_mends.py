@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from wbc.measurement import merged, parse_column_map, write_map
-from wbc.measurement.map_lines import lines, read_table
+from wbc.measurement.findings import lines, read_table
 
 
 @pytest.mark.parametrize(

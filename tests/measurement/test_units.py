@@ -11,7 +11,7 @@ from wbc.effects import load_robot
 from wbc.errors import IdentificationError
 from wbc.identification.arguments import require_readable
 from wbc.measurement import Log, check_log, in_degrees, load_log
-from wbc.measurement.map_lines import lines
+from wbc.measurement.findings import lines
 from wbc.measurement.names import guess_name
 
 

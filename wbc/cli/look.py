@@ -16,7 +16,7 @@ from wbc.files import write_text
 from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
 from wbc.measurement.filters import jumps
-from wbc.measurement.map_lines import read_table
+from wbc.measurement.findings import read_table
 from wbc.measurement.names import guess_name
 from wbc.measurement.read import split_path
 from wbc.measurement.schema import TIME

@@ -22,9 +22,17 @@ from wbc.measurement.filters import (
     residual_noise,
     unsmooth,
 )
-from wbc.measurement.findings import LogFinding, LogQuality
+from wbc.measurement.findings import (
+    LogFinding,
+    LogQuality,
+    in_degrees,
+    merged,
+    read_table,
+    say_so,
+    together,
+    write_map,
+)
 from wbc.measurement.log import Log, LogSource
-from wbc.measurement.map_lines import in_degrees, merged, read_table, say_so, together, write_map
 from wbc.measurement.mistakes import (
     SuspiciousLogError,
     find_suspicions,

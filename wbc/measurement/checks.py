@@ -17,9 +17,8 @@ from wbc.measurement.channel_checks import (
 )
 from wbc.measurement.clocks import CUT_FROM, GAP_STEPS, find_duplicates, gaps
 from wbc.measurement.filters import VelocityFit, velocity_fits
-from wbc.measurement.findings import LogFinding, LogQuality, by_severity
+from wbc.measurement.findings import LogFinding, LogQuality, Mend, by_severity, in_degrees, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.map_lines import Mend, in_degrees, say_so
 from wbc.measurement.mistakes import find_suspicions, motionless, single_ratios
 from wbc.measurement.robot_checks import check_robot
 from wbc.robot import Robot

@@ -12,8 +12,8 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
 from wbc.measurement.filters import residual_noise
+from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.map_lines import Mend, say_so
 
 GAP_STEPS = 5.0
 """A distance of two time stamps is a gap from this multiple of the median distance."""

@@ -50,7 +50,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.map_lines import RULE_KEYS, column_entries, read_table
+from wbc.measurement.findings import RULE_KEYS, column_entries, read_table
 from wbc.measurement.schema import (
     TIME,
     column_units,

@@ -14,9 +14,8 @@ from scipy.special import logsumexp
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.clocks import gaps
 from wbc.measurement.filters import fit_velocity, jumps
-from wbc.measurement.findings import LogFinding
+from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.map_lines import Mend, say_so
 from wbc.measurement.torque import REPORTED
 
 _SAME_JUMP = 0.1  # share by which jumps of one wrap differ: the joint moves on meanwhile

@@ -19,9 +19,8 @@ from wbc.files import write_text
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
 from wbc.measurement.column_map import parse_column_map
 from wbc.measurement.column_mistakes import mirrored
-from wbc.measurement.findings import LogFinding
+from wbc.measurement.findings import LogFinding, Mend, merged, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.map_lines import Mend, merged, say_so
 from wbc.measurement.mistakes import LIKELY, find_suspicions, single_ratios
 from wbc.measurement.names import NameGuess, guess_name, joints_of
 from wbc.measurement.read import clock_of, read_logs, split_path

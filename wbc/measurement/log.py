@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, frozen, remade
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.map_lines import say_so
+from wbc.measurement.findings import say_so
 from wbc.measurement.schema import (
     FORCE_QUANTITIES,
     JOINT_QUANTITIES,

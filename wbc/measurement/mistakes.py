@@ -23,10 +23,9 @@ from wbc.measurement.column_mistakes import (
     wraps,
 )
 from wbc.measurement.evidence import GAIN_SPREAD, Report, common_lag, evidence, ratio_evidence
-from wbc.measurement.findings import LogFinding
+from wbc.measurement.findings import LogFinding, Mend, say_so, together
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import rows_of
-from wbc.measurement.map_lines import Mend, say_so, together
 from wbc.measurement.read import mended
 from wbc.measurement.readings import Bench, Reading, as_it_stands, listed, readings
 from wbc.robot import Robot

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from wbc.measurement.map_lines import Mend, say_so
+from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, split_column
 
 _KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)} - {"1"}

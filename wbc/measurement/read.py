@@ -24,8 +24,8 @@ from wbc.measurement.column_map import (
     read_column_map,
 )
 from wbc.measurement.filters import align_velocity
+from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.log import Log, LogSource
-from wbc.measurement.map_lines import Mend, say_so
 from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, known_as, likely_meant
 from wbc.measurement.tables import Table, digest, open_table
 

@@ -14,9 +14,9 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.evidence import Report, report
+from wbc.measurement.findings import ENCODER_UNITS, Mend, in_degrees
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import LogRows, Need
-from wbc.measurement.map_lines import ENCODER_UNITS, Mend, in_degrees
 from wbc.robot.coordinates import slides
 
 # How often a set of logs has a mistake of a kind: a judgement, nobody counted. A factor 3 moves a

@@ -11,10 +11,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.measurement.evidence import evidence
-from wbc.measurement.findings import LogFinding
+from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import rows_of
-from wbc.measurement.map_lines import Mend, say_so
 from wbc.measurement.names import unread_columns, unread_map
 from wbc.measurement.read import mended
 from wbc.measurement.readings import Bench, as_it_stands

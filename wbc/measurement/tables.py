@@ -23,8 +23,8 @@ from wbc.arrays import FloatArray
 from wbc.errors import LogError, unknown_name
 from wbc.extras import INSTALLED_BY, needs
 from wbc.files import atomic_write
+from wbc.measurement.findings import say_so
 from wbc.measurement.log import Log
-from wbc.measurement.map_lines import say_so
 from wbc.measurement.names import guess_name
 from wbc.measurement.schema import TIME, is_column
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from wbc.errors import LogError
 from wbc.extras import needs
-from wbc.measurement.map_lines import say_so
+from wbc.measurement.findings import say_so
 from wbc.measurement.schema import named_unit
 from wbc.measurement.tables import Table, columns_of
 
