@@ -20,7 +20,7 @@ from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
 from wbc.measurement import Log, check_log, load_logs, read_logs
-from wbc.measurement import map_lines as mend
+from wbc.measurement import findings as mend
 from wbc.measurement import mistakes as suspicions
 from wbc.measurement.guess import guess_names
 
@@ -351,4 +351,4 @@ def test_every_place_that_prints_a_map_is_tried_here(
 def test_maps_are_printed_in_one_way() -> None:
     """So that nothing that `printed_maps` does not see is offered as a map to copy."""
     said = [p.name for p in (ROOT / "wbc").rglob("*.py") if "MAP.toml)" in p.read_text()]
-    assert sorted(said) == ["map_lines.py", "robot_checks.py"]
+    assert sorted(said) == ["findings.py", "robot_checks.py"]
